@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The files of a bag, found and opened: what topics they hold, over what time, and what is unusual about them.
+The files of a bag: finding and opening them, their topics and time span, and notes on anything unusual.
 
 A bag is a rosbag2 directory, or a bare ``.mcap`` or ``.db3`` file; files that are compressed as a whole are
 decompressed first.
@@ -35,16 +35,16 @@ from mwd_surface.bags.topic_info import CDR, PACKED, REMEDY, ROS1, TopicInfo, cd
 
 __all__ = ["BagError", "BagFiles", "TopicInfo"]
 
-# How a file of each storage begins, and the endings of files that are looked for in a folder.
+# First bytes of the files of each storage, and the file name endings that are looked for in a folder.
 _BEGINNINGS = {MAGIC: "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ros1"}
-# Messages of a channel that must all be of another encoding than declared, and spans looked through for them.
+# A channel is not in its declared encoding if its first _PROBED messages all contradict it; spans searched for them.
 _PROBED, _PROBED_SPANS = 3, 8
-_SAID = 4  # contradictions of metadata.yaml that are told
+_SAID = 4  # largest number of contradictions of metadata.yaml that are reported
 
 
 class BagError(Exception):
-    """A bag that cannot be used: what is wrong in one sentence, and in `hint` what to do about it."""
+    """A bag cannot be used: one sentence says what is wrong, and `hint` says what to do."""
 
     def __init__(self, sentence: str, hint: str = "") -> None:
         super().__init__(f"{sentence}; {hint}" if hint else sentence)
@@ -63,22 +63,22 @@ class BagFiles:
     Attributes
     ----------
     topics, unreadable, start_ns, end_ns, notes, files, size_bytes, storage, custom, complete, lost_bytes
-        As `bag_reader.Bag` has them.
+        See `bag_reader.Bag`.
     message_compression : bool
-        Each message of it is compressed by itself.
+        Whether each message is compressed separately.
     mcap : list of (McapFile, Contents)
-        The files themselves, of MCAP storage.
+        The opened files, for MCAP storage.
     names : list of dict of int to str
-        Of each of them: channel number to topic.
+        For each MCAP file: channel number to topic.
     ros1 : list of dict of int to str
-        Of each of them: channel number to the type of channels in the encoding of ROS 1.
+        For each MCAP file: channel number to message type, for channels in the ROS 1 encoding.
     other : DatabaseFiles, Ros1Bag or None
         Reader of any other storage.
 
     Raises
     ------
     BagError
-        There is nothing at `path`, it is no bag, or it holds no message.
+        `path` does not exist, is not a bag, or holds no message.
     """
 
     def __init__(self, path: Path) -> None:
@@ -144,7 +144,7 @@ class BagFiles:
         raise BagError(f"{self.path} holds no message" + (f" ({reason})" if reason else ""), "record it again")
 
     def _directory(self) -> tuple[list[Path], BagMetadata | None]:
-        """Return the files to read, those that metadata.yaml names and others that are there, and what it says."""
+        """Return the files to read, from metadata.yaml and the folder, and the contents of metadata.yaml."""
         there = files_of(self.path)
         if self.path.is_file():
             return there, None
@@ -161,7 +161,7 @@ class BagFiles:
         missing = [file.name for file in named if not file.is_file()]
         if missing:
             self.notes.append(f"missing: {', '.join(missing)}, named in metadata.yaml")
-        # A file is there packed and unpacked where a player has unpacked it.
+        # A player that decompressed a file leaves both the compressed and the plain file in the folder.
         plain = {_plain_name(file) for file in listed}
         extra: list[Path] = []
         copies: list[Path] = []
@@ -175,7 +175,7 @@ class BagFiles:
         return listed + extra, about
 
     def _of_one_storage(self, files: list[Path], stated: str) -> list[Path]:
-        """Return the files of one storage, the stated one if there are any, else that of most; note the others."""
+        """Return the files of one storage: the stated storage, else the one with most files; note the other files."""
         found = {file: storage_of(file) for file in files}
         storages = [storage for storage in found.values() if storage]
         if not storages:
@@ -190,7 +190,7 @@ class BagFiles:
         return [file for file in files if file not in other]
 
     def _compare_counts(self, about: BagMetadata) -> None:
-        """Note where metadata.yaml says something else of the topics than the files, which are believed."""
+        """Note contradictions between metadata.yaml and the files; the files are believed."""
         said = []
         for topic in about.topics:
             found = self.topics.get(topic.name) or self.unreadable.get(topic.name)
@@ -225,7 +225,7 @@ class BagFiles:
             self.complete = False
         bad = [self._join_topics(file, contents) for file, contents in self.mcap]
         for name in self.topics.keys() & self.unreadable.keys():
-            # One topic in two encodings: the messages that can be read are the topic.
+            # One topic has messages in two encodings: keep those that can be read.
             left = self.unreadable.pop(name)
             self.notes.append(f"{left.count} messages of {name} are left out: {left.problem}")
         for names, numbers in zip(self.names, bad, strict=True):
@@ -243,8 +243,8 @@ class BagFiles:
             self.notes.append("messages are compressed one by one: read slowly")
 
     def _join_topics(self, file: McapFile, contents: Contents) -> set[int]:
-        """Add the channels of a file to the topics; return the numbers of those that cannot be read."""
-        # The first file of a topic tells for all of them: a day in a hundred files opens as fast as one.
+        """Add the channels of a file to the topics; return the channel numbers that cannot be read."""
+        # Probe a topic only in its first file, so that a day in a hundred files opens as fast as a single file.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
         problems = _probed(file, contents, fresh)
         filled = [k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].encoding.lower() == CDR]
@@ -299,7 +299,7 @@ class BagFiles:
                 check_regular(file, budgets.ROS1 if self.storage == "ros1" else budgets.DATABASE)
             self.other = Ros1Bag(plain[0]) if self.storage == "ros1" else DatabaseFiles(plain, self._scratch_folder)
         except Exception as error:
-            # rosbags, sqlite and its YAML parser each raise their own kinds.
+            # rosbags, sqlite and the YAML parser each raise errors of their own.
             hint = "`mwd recover` may save parts of it" if self.storage == "sqlite3" else "was it recorded to the end?"
             raise BagError(f"{self.path} cannot be read: {error}", hint) from error
         self.topics, self.unreadable = self.other.topics, self.other.unreadable
@@ -321,7 +321,7 @@ class BagFiles:
                 self.unreadable[name] = dataclasses.replace(self.topics.pop(name), problem=problem)
 
     def _all_packed(self, problems: list[str]) -> bool:
-        """Whether the messages of all topics are compressed one by one, whatever metadata.yaml says or does not say."""
+        """Return whether the messages of all topics are compressed one by one, even if metadata.yaml says otherwise."""
         packed = bool(problems) and all(problem == PACKED for problem in problems)
         if self.message_compression and problems and PACKED not in problems:
             self.message_compression = False
@@ -361,7 +361,7 @@ def _plain_name(path: Path) -> str:
 
 
 def _same(file: Path, other: Path) -> bool:
-    """Whether two files have the same contents."""
+    """Return whether two files have the same contents."""
     return file.stat().st_size == other.stat().st_size and filecmp.cmp(file, other, shallow=False)
 
 
@@ -376,7 +376,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def storage_of(path: Path) -> str:
-    """Return the storage of a file by its first bytes, else by its ending; empty if the file is of no known storage."""
+    """Return the storage of a file by its first bytes, else by its ending; "" if the storage is unknown."""
     if path.suffix != ".zstd":
         try:
             with os.fdopen(open_regular(path), "rb") as file:
@@ -390,7 +390,7 @@ def storage_of(path: Path) -> str:
 
 
 def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, str]:
-    """Return why messages of channels declared as CDR are not, by channel, from the first messages of each."""
+    """Return, by channel, why the first messages of channels declared as CDR are not CDR."""
     waiting = {
         number
         for number in numbers

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-metadata.yaml of a rosbag2 directory (version 9, as Jazzy writes it) and the quality of service recorded with a topic.
+Reading and writing metadata.yaml of a rosbag2 directory (version 9, as in Jazzy) and a topic's quality of service.
 
-Readers match the topic in metadata.yaml with the channel in the file by name, type *and* quality of service; both are
-therefore written from one parsed list.
+Readers match a topic in metadata.yaml with a channel in the file by name, type *and* quality of service. Both are
+therefore written from the same parsed list.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ VERSION = 9
 NO_TIME = 2**63 - 1
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
-# The policies of rmw, by the numbers that bags of version 8 and older carry.
+# The rmw policies, in the order of the numbers used by bags of version 8 and older.
 _POLICIES = {
     "history": ("system_default", "keep_last", "keep_all", "unknown"),
     "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
@@ -37,7 +37,7 @@ _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class MetadataError(ValueError):
-    """metadata.yaml is missing, unreadable or not of a bag."""
+    """metadata.yaml is missing, unreadable, or does not describe a bag."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Topic:
 
 @dataclasses.dataclass(frozen=True)
 class File:
-    """One file of a bag; times in ns since the epoch, `start_ns` None when it holds no message."""
+    """One file of a bag; times in ns since the epoch, `start_ns` is None if the file holds no message."""
 
     path: str
     start_ns: int | None
@@ -64,7 +64,7 @@ class File:
 
 @dataclasses.dataclass(frozen=True)
 class BagMetadata:
-    """What metadata.yaml says of a bag."""
+    """Contents of the metadata.yaml of a bag."""
 
     files: Sequence[File]
     topics: Sequence[Topic]
@@ -76,7 +76,7 @@ class BagMetadata:
 
     @property
     def count(self) -> int:
-        """Messages in all files."""
+        """Number of messages in all files."""
         return sum(file.count for file in self.files)
 
 
@@ -84,12 +84,12 @@ def qos_profile(
     reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10
 ) -> dict[str, Any]:
     """
-    One quality-of-service profile in rosbag2's words.
+    Return one quality-of-service profile in the words of rosbag2.
 
     Raises
     ------
     ValueError
-        A policy that rmw does not have.
+        A policy value that rmw does not define.
     """
     given = {"history": history, "reliability": reliability, "durability": durability}
     for policy, value in given.items():
@@ -110,14 +110,14 @@ def qos_profile(
 
 def parse_qos(given: str | Sequence[Mapping[str, Any]] | None) -> list[dict[str, Any]]:
     """
-    Profiles of a topic, normalised, from YAML text, a list of tables, or nothing.
+    Return the profiles of a topic in normal form, from YAML text, a list of tables, or nothing.
 
-    Numbers of old bags become names, missing entries get rmw's defaults.
+    Numbers of old bags become names; missing entries get the defaults of rmw.
 
     Raises
     ------
     ValueError
-        Neither a list of tables nor YAML of one.
+        The argument is neither a list of tables nor YAML of one.
     """
     if isinstance(given, str):
         try:
@@ -147,22 +147,22 @@ def parse_qos(given: str | Sequence[Mapping[str, Any]] | None) -> list[dict[str,
 
 
 def qos_text(profiles: Sequence[Mapping[str, Any]]) -> str:
-    """Profiles as the text of a channel's metadata; empty for none."""
+    """Return the profiles as the text for a channel's metadata; "" if there are none."""
     return _dump([dict(profile) for profile in profiles]).strip() if profiles else ""
 
 
 def to_text(bag: BagMetadata) -> str:
-    """The whole of metadata.yaml."""
+    """Return the text of metadata.yaml."""
     return _dump({"rosbag2_bagfile_information": _information(bag)})
 
 
 def serialized(bag: BagMetadata) -> str:
-    """The same table without its root, as the ``rosbag2`` metadata record inside an MCAP file holds it."""
+    """Return the same table without its root key, in the form of the ``rosbag2`` metadata record of an MCAP file."""
     return _dump(_information(bag))
 
 
 def write(folder: Path, bag: BagMetadata) -> None:
-    """Write or replace metadata.yaml of a folder: the old one or the new one is there at every moment."""
+    """Write metadata.yaml atomically: at every moment the folder holds either the old or the new file."""
     write_whole(folder / FILE_NAME, to_text(bag))
 
 
@@ -173,7 +173,7 @@ def read(folder: Path) -> BagMetadata:
     Raises
     ------
     MetadataError
-        It is missing, not YAML, or lacks what a bag must say.
+        The file is missing, is not YAML, or lacks a required entry.
     """
     path = folder / FILE_NAME
     try:
@@ -192,7 +192,7 @@ def read(folder: Path) -> BagMetadata:
             compression_mode=str(info.get("compression_mode") or "").lower(),
         )
     except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
-        # The folder is a parameter of the replay node, which logs what is wrong.
+        # The replay node takes the folder as a parameter and logs the reason.
         raise MetadataError(without_contents(path, error)) from error
 
 
@@ -257,7 +257,8 @@ def _information(bag: BagMetadata) -> dict[str, Any]:
 
 
 def _dump(value: Any) -> str:
-    # Without references: rosbag2's parser knows none, and equal tables would otherwise become anchors.
+    # Write equal tables in full: YAML would otherwise replace them by anchors, which the parser of rosbag2 does not
+    # support.
     class Plain(_Dumper):  # type: ignore[misc]
         def ignore_aliases(self, _data: Any) -> bool:
             return True

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
+Reading a bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 
-Messages are gathered as rows of arrays. sqlite3 storage, messages compressed singly, and big-endian or irregular
-messages are read through `rosbags`, and `Bag.notes` says so.
+Messages are gathered as rows of arrays. sqlite3 storage, messages compressed one by one, and big-endian or irregular
+messages are read through `rosbags`, which is slower; `Bag.notes` then says so.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of
 
-# Types that users of a bag need, importable from here.
+# Types that users of a bag need can be imported from this module.
 __all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
 
 Message = tuple[int, str, str, bytes]
@@ -44,30 +44,30 @@ class Bag:
     Attributes
     ----------
     topics : dict of str to TopicInfo
-        Those whose messages can be read.
+        Topics whose messages can be read.
     unreadable : dict of str to TopicInfo
-        Those whose messages are in an encoding that cannot be read here; each says why.
+        Topics whose messages cannot be read; each says why.
     start_ns, end_ns : int
-        Log time of the first and of the last message; both 0 when there is none.
+        Log time of the first and the last message; both 0 if there is no message.
     notes : list of str
-        What was unusual or damaged, one sentence each; grows while reading.
+        One sentence for each thing that was unusual or damaged; the list grows while reading.
     files : list of Path
-        The files read, as they lie on the disk.
+        The files that are read, as found on the disk.
     size_bytes : int
-        Of these files.
+        Total size of these files.
     storage : str
         ``mcap``, ``sqlite3`` or ``ros1``.
     custom : dict of str
-        ``custom_data`` of metadata.yaml.
+        The table ``custom_data`` of metadata.yaml.
     complete : bool
-        False for a recording that was cut off or is damaged, as far as known.
+        False if the recording is known to be cut off or damaged.
     lost_bytes : int
-        Bytes of a ROS 1 recording behind the place where its reading ended.
+        Bytes of a ROS 1 recording after the place where reading ended.
 
     Raises
     ------
     BagError
-        There is nothing at `path`, it is no bag, or it holds no message.
+        `path` does not exist, is not a bag, or holds no message.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -90,7 +90,7 @@ class Bag:
 
     @property
     def message_count(self) -> int:
-        """Messages in all topics, as the bag's index says."""
+        """Number of messages in all topics, from the index of the bag."""
         return sum(topic.count for topic in self.topics.values())
 
     @property
@@ -100,23 +100,23 @@ class Bag:
 
     @property
     def carried(self) -> dict[str, TopicInfo]:
-        """Topics that a copy of the bag has: those of an MCAP file that cannot be read are copied as they are."""
+        """Topics that a copy of the bag contains; topics of an MCAP file that cannot be read are copied unchanged."""
         return self.topics | self.unreadable if self.storage == "mcap" else self.topics
 
     def unread(self, *type_names: str) -> str:
-        """Return the topics of some types whose messages cannot be read, and why, in words; empty for none."""
+        """Return a text on the topics of some types that cannot be read, with the reason; "" if all can be read."""
         return listed([one for one in self.unreadable.values() if one.count and one.type_name in type_names])
 
     def find_topic(self, type_name: str, suffix: str = "") -> str:
         """
-        The topic of a type whose name ends like this, in whatever namespace.
+        Return the only topic of a type whose name ends with a suffix, in any namespace.
 
-        suffix : relative name, for example ``imu/data_raw``, matched from a slash on; empty matches every name.
+        suffix : relative name, for example ``imu/data_raw``, that must follow a slash; "" matches every name.
 
         Raises
         ------
         BagError
-            There is none, or more than one; both list what there is.
+            No topic or several topics match; the message lists the candidates.
         """
         tail = suffix.strip("/")
         of_type = [topic for topic in self.topics.values() if topic.type_name == type_name]
@@ -147,7 +147,7 @@ class Bag:
         fields: Fields | None = None,
     ) -> Iterator[Block]:
         """
-        Samples in log-time order, block by block, in constant memory.
+        Yield samples in log-time order, block by block, in constant memory.
 
         Parameters
         ----------
@@ -156,23 +156,23 @@ class Bag:
         start_ns, end_ns : int, optional
             Log time from (inclusive) and to (exclusive).
         block_messages : int
-            A block ends after about so many messages of all topics together.
+            Approximate number of messages per block, of all topics together.
         fields : mapping of str to tuple of str, optional
-            By type name, which fields to read besides the stamp; types that are not named are read whole.
+            By type name, the fields to read in addition to the stamp; types not named here are read completely.
 
         Yields
         ------
         dict of str to (log_ns, samples)
             Only topics with a message in the block. log_ns, shape (n,), int64, not decreasing. Samples: a structured
-            array of the type's layout in `wire.LAYOUTS`, or a list of bytes for types without one (see `decode`).
-            A topic of bursts gives the samples they carry, one of vectors whose quantity is known those of an IMU or of
-            a magnetometer.
-            Everything in one block was logged before, or at the same time as, everything in the next.
+            array of the type's layout in `wire.LAYOUTS`, or a list of bytes for types without a layout (see `decode`).
+            A topic of bursts yields the samples inside the bursts. A topic of vectors whose quantity is known yields
+            samples of an IMU or a magnetometer. Every message of a block was logged before, or at the same time as,
+            every message of the next block.
 
         Raises
         ------
         BagError
-            A topic the bag doesn't have.
+            A topic does not exist in the bag.
         """
         wanted = self._checked(topics)
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
@@ -201,9 +201,9 @@ class Bag:
         fields: Fields | None = None,
     ) -> Iterator[tuple[Block, list[Originals]]]:
         """
-        As `blocks`, and with each block every message of the bag of its time, those of other topics too, as it lies.
+        Yield the same blocks as `blocks`, each with the unchanged messages of all topics logged in its time span.
 
-        A block has no upper size but that of the chunks of one time, and may be without a sample.
+        The size of a block is limited only by the chunks that overlap in time. A block may have no sample.
         """
         wanted = set(self._checked(topics))
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
@@ -225,40 +225,44 @@ class Bag:
         self, topics: Sequence[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[Message]:
         """
-        (log_ns, topic, type, bytes) of every message in log-time order, in constant memory.
+        Yield (log_ns, topic, type, bytes) of every message in log-time order, in constant memory.
 
-        Messages with the same log time come in the order of the file. Arguments and errors as `blocks`.
+        Messages with the same log time come in the order of the file. Arguments and errors as in `blocks`.
         """
         wanted = self._checked(topics)
         for group in self._stream.groups(wanted, start_ns, end_ns, lambda part: part):
             yield from self._in_order(group)
 
     def use_frame(self, topic: str, frame: str) -> None:
-        """Read only messages of a topic in one frame as samples, because another unit publishes the topic too."""
+        """Read only those messages of a topic that have this frame, because another unit publishes on the topic too."""
         self._decoder.frames[topic] = frame
 
     @property
     def frames_used(self) -> Mapping[str, str]:
-        """By topic, the frame whose messages alone are read as samples."""
+        """Topics restricted to one frame by `use_frame`, with that frame."""
         return self._decoder.frames
 
     def decode(self, topic: str, data: bytes) -> Any:
         """
-        A message as an object with the fields of its type.
+        Return a message as an object with the fields of its type.
 
         Raises
         ------
         BagError
-            The type is unknown here and in the bag, or the bytes are not of it.
+            The type is unknown here and in the bag, or the bytes are not a message of the type.
         """
         return self._decoder.decode(topic, data)
 
     def attachments(self) -> list[Attachment]:
-        """Files kept inside the bag; damaged ones are noted and left out."""
+        """Return the files stored inside the bag; damaged ones are noted and left out."""
         return [parse_attachment(body) for body in self._extra("attachments", Opcode.ATTACHMENT)]
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Named tables kept inside the bag; a later file's table of the same name replaces an earlier one's."""
+        """
+        Return the named tables stored inside the bag.
+
+        A later file's table replaces an earlier one of the same name.
+        """
         return dict(parse_metadata(body) for body in self._extra("metadata", Opcode.METADATA))
 
     def close(self) -> None:
@@ -341,7 +345,7 @@ class Bag:
         self.notes.append(note)
 
     def _note_once(self, note: str) -> None:
-        # One note per kind and topic, not one per message.
+        # Keep one note per kind and topic, not one per message.
         key = note.split("(")[0].split(": it ")[0][:80]
         if key not in self._noted:
             self._noted.add(key)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A rosbag2 directory of MCAP files, written message by message or a million rows at a time.
+Writing a rosbag2 directory of MCAP files, message by message or a million rows at a time.
 
-The recorder, the simulator and the offline estimator all write through here, so that every bag of this project opens
-in `ros2 bag`, `rosbags`, `mcap` and Foxglove alike.
+The recorder, the simulator and the offline estimator all write through this class, so that every bag of this project
+opens in `ros2 bag`, `rosbags`, `mcap` and Foxglove.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ROSBAG2_RECORD = "rosbag2"
 
 @dataclasses.dataclass
 class _Track:
-    """One topic of one type, with its counts over all files of the bag."""
+    """One topic of one type, with its message count over all files of the bag."""
 
     channel: Channel
     schema: Schema
@@ -40,28 +40,28 @@ class _Track:
 
 class BagWriter:
     """
-    Writes a bag: ``<path>/<name>_0.mcap``, ``_1.mcap``... and ``metadata.yaml``.
+    Writer of a bag: ``<path>/<name>_0.mcap``, ``_1.mcap``... and ``metadata.yaml``.
 
     Parameters
     ----------
     path : Path
         Folder of the bag; must not exist.
     definitions : Definitions, optional
-        Where schema texts come from; by default this installation's.
+        Source of the schema texts; by default this installation.
     in_place : bool
-        False: all is written beside `path` and appears under it, complete, on `close`; a failure leaves nothing.
-        True: the folder is `path` from the beginning, and metadata.yaml follows each file's end (a recorder's way).
+        False: write to a temporary folder next to `path` and rename it to `path` on `close`; a failure leaves nothing.
+        True: write in `path` from the beginning and update metadata.yaml at the end of each file, as a recorder needs.
     compression, level, chunk_bytes
-        As `McapWriter`.
+        See `McapWriter`.
     custom : mapping of str, optional
-        ``custom_data`` of metadata.yaml: whatever a person may want to know of the bag.
+        Table ``custom_data`` of metadata.yaml, for information that people may need about the bag.
 
     Raises
     ------
     FileExistsError
         `path` exists already.
     OSError
-        From every method that writes.
+        Writing fails; every method that writes may raise this.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class BagWriter:
         self._folder.mkdir(parents=True)
         self._tracks: dict[int, _Track] = {}
         self._by_name: dict[tuple[str, str], int] = {}
-        # By type and definition: topics that are copied may have an older one.
+        # Keyed by type and definition, because copied topics may have an older definition of the same type.
         self._schemas: dict[tuple[str, bytes], Schema] = {}
         self._open = True
         self._finished_bytes = 0
@@ -99,7 +99,7 @@ class BagWriter:
 
     @property
     def messages(self) -> int:
-        """Messages taken so far."""
+        """Number of messages accepted so far."""
         return sum(file.count for file in self.files) + (self.file.messages if self._open else 0)
 
     @property
@@ -117,7 +117,7 @@ class BagWriter:
         need_definition: bool = True,
     ) -> int:
         """
-        Channel number of a topic, declared on first use.
+        Return the channel number of a topic and declare the topic on first use.
 
         Parameters
         ----------
@@ -126,11 +126,11 @@ class BagWriter:
         type_name : str
             ``package/msg/Name``.
         qos : YAML text or list of tables
-            Offered profiles, as `bag_metadata.parse_qos` takes them.
+            Offered profiles, in a form that `bag_metadata.parse_qos` accepts.
         type_hash : str
-            RIHS01 hash as the middleware reports it; by default computed.
+            RIHS01 hash reported by the middleware; by default computed.
         need_definition : bool
-            False records a type whose definition is unknown here without one, as rosbag2 does.
+            False: record a type whose definition is unknown here without a definition, as rosbag2 does.
 
         Raises
         ------
@@ -162,15 +162,15 @@ class BagWriter:
         self, name: str, type_name: str, encoding: str, definition: str, type_hash: str, qos: str, serialization: str
     ) -> int:
         """
-        Channel number of a topic taken over from another bag with the definition it has there.
+        Return the channel number of a topic copied from another bag, with the definition that the topic has there.
 
-        encoding, definition : of the schema; both empty where that bag has none, and then the one known here is used.
-        type_hash, qos : as that bag states them.
+        encoding, definition : schema of the topic; both are empty if that bag has none, and the definition known here
+        is used. type_hash, qos : as stated in that bag.
 
         Raises
         ------
         ValueError
-            A topic of that name and type is there already.
+            A topic of that name and type exists already.
         """
         if (name, type_name) in self._by_name:
             raise ValueError(f"name: {name} of {type_name} was declared already")
@@ -183,14 +183,14 @@ class BagWriter:
         try:
             profiles = bag_metadata.parse_qos(qos)
         except ValueError:
-            # Whatever it means stays with the channel, as it was; metadata.yaml can do without.
+            # Keep the unparsed text with the channel and omit it from metadata.yaml, which does not need it.
             profiles = []
         self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
         self._by_name[name, type_name] = channel.id
         return channel.id
 
     def _schema(self, type_name: str, encoding: str, text: str) -> Schema:
-        """Schema of a type as this text defines it, declared on first use."""
+        """Return the schema of a type for this definition text, and declare it on first use."""
         data = text.encode()
         schema = self._schemas.get((type_name, data))
         if schema is None:
@@ -206,11 +206,11 @@ class BagWriter:
         channel: NDArray[np.uint16],
         log_ns: NDArray[np.int64],
     ) -> None:
-        """Write finished MCAP message records as `McapWriter.write_records` takes them; their channels are declared."""
+        """Write complete MCAP message records, see `McapWriter.write_records`; their channels must be declared."""
         self.file.write_records(records, offset, channel, log_ns)
 
     def has_definition(self, channel: int) -> bool:
-        """Whether the type of a channel is recorded with its definition."""
+        """Return whether the recording contains the definition of a channel's type."""
         return bool(self._tracks[channel].schema.data)
 
     def write(self, channel: int, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
@@ -220,7 +220,7 @@ class BagWriter:
         Raises
         ------
         ValueError
-            A stamp before 1970 or an unknown channel.
+            The stamp is before 1970 or the channel is unknown.
         """
         self._check(channel, log_ns)
         self.file.write(channel, data, log_ns, log_ns if publish_ns is None else max(publish_ns, 0))
@@ -231,12 +231,12 @@ class BagWriter:
         """
         Write many serialised messages of one size.
 
-        rows, shape (n, size), uint8: one message each. log_ns, publish_ns, shape (n,), int64: ns since the epoch.
+        rows, shape (n, size), uint8: one message per row. log_ns, publish_ns, shape (n,), int64: ns since the epoch.
 
         Raises
         ------
         ValueError
-            Shapes that do not match, a stamp before 1970 or an unknown channel.
+            The shapes do not match, a stamp is before 1970 or the channel is unknown.
         """
         rows = np.asarray(rows, dtype=np.uint8)
         log = np.asarray(log_ns, dtype=np.int64)
@@ -249,21 +249,25 @@ class BagWriter:
         self.file.write_rows(channel, rows, log, publish)
 
     def attach(self, name: str, media_type: str, data: bytes, log_ns: int) -> None:
-        """Keep a file (a report, a scenario, a calibration) inside the bag."""
+        """Store a file (a report, a scenario, a calibration) inside the bag."""
         self.file.attach(Attachment(log_ns, log_ns, name, media_type, data))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Keep a named table of strings (versions, parameters) inside the bag."""
+        """Store a named table of strings (versions, parameters) inside the bag."""
         self.file.add_metadata(name, values)
 
     def split(self, sync: bool = False) -> Path:
-        """Finish the file at hand and go on in a new one with the same topics; returns the finished file."""
+        """Finish the current file and continue in a new one with the same topics; return the finished file."""
         done = self.finish_file(sync)
         self.begin_file()
         return done
 
     def finish_file(self, sync: bool = False) -> Path:
-        """Finish the file at hand; the next call must be `begin_file` or `close`. May be repeated when it fails."""
+        """
+        Finish the current file; after a failure it may be called again.
+
+        The next call must be `begin_file` or `close`.
+        """
         if self._open:
             self.file.close_chunk()
             if not self._noted:
@@ -280,7 +284,11 @@ class BagWriter:
         return self.file.path
 
     def begin_file(self) -> None:
-        """Open the next file and declare every topic in it; a failure leaves no file and may be repeated."""
+        """
+        Open the next file and declare every topic in it.
+
+        After a failure no file is left and the call may be repeated.
+        """
         file = self._new_file()
         try:
             for schema in self._schemas.values():
@@ -297,9 +305,9 @@ class BagWriter:
 
     def give_up_file(self) -> int:
         """
-        Leave the file at hand as it is, without an end, for recovery; the next call must be `begin_file` or `close`.
+        Leave the current file without an end, for later recovery; the next call must be `begin_file` or `close`.
 
-        Returns the messages that never reached the file.
+        Returns the number of messages that never reached the file.
         """
         if not self._open:
             return 0
@@ -310,7 +318,7 @@ class BagWriter:
         return lost
 
     def close(self, sync: bool = False) -> Path:
-        """Finish the bag; returns its folder."""
+        """Finish the bag and return its folder."""
         if self._open:
             self.finish_file(sync)
         if not self._in_place:
@@ -319,14 +327,18 @@ class BagWriter:
         return self.path
 
     def abandon(self) -> None:
-        """Give up: nothing is left of a bag written aside; one written in place stays for recovery."""
+        """
+        Stop without finishing: delete a bag written to a temporary folder.
+
+        Keep one written in place for recovery.
+        """
         self.file.close()
         self._open = False
         if not self._in_place:
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def metadata(self) -> BagMetadata:
-        """What metadata.yaml says of the files finished so far."""
+        """Contents of metadata.yaml for the files finished so far."""
         return BagMetadata(
             files=list(self.files),
             topics=[
@@ -363,7 +375,7 @@ class BagWriter:
         return File(self.file.path.name, self.file.start_ns, self.file.end_ns, self.file.messages)
 
     def _note_metadata(self) -> None:
-        # As rosbag2 does: each file alone can restore the table of the bag that it belongs to.
+        # Each file carries the table of the whole bag, as in rosbag2, so that a single file can restore it.
         topics = [
             Topic(track.channel.topic, track.schema.name, self.file.counts[number], track.type_hash, track.qos)
             for number, track in self._tracks.items()

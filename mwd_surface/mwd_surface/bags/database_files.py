@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The ``.db3`` files of a bag (sqlite3 storage), read through `rosbags` and merged by time.
+Reading the ``.db3`` files of a bag (sqlite3 storage) through `rosbags`, merged by time.
 
-A file whose recorder was not closed has its last messages in a write-ahead log, or its last sound state in a journal,
-in the same folder. Such a file is completed in a temporary copy, so that nothing of the user's is changed and read-only
-media can be read too.
+If the recorder was not closed, the last messages of a file are in a write-ahead log, or its last consistent state in a
+journal, in the same folder. Such a file is completed in a temporary copy, so that the user's files stay unchanged and
+read-only media can be read.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class DatabaseFiles:
     ----------
     files : list of Path
     scratch : callable
-        Returns a temporary folder that lives as long as the bag is open.
+        Returns a temporary folder that exists as long as the bag is open.
 
     Attributes
     ----------
     topics, unreadable, start_ns, end_ns, notes, complete
-        As `ros1_bag.Ros1Bag` has them; not complete: one of several files cannot be read.
+        See `ros1_bag.Ros1Bag`; `complete` is false if one of several files cannot be read.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class DatabaseFiles:
         self.end_ns = max((one.end_time - 1 for one in filled), default=0)
 
     def messages(self, topics: list[str], start: int | None, stop: int | None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, log time, ns, and the bytes of each message, in the order of time over all files."""
+        """Yield topic, log time in ns, and bytes of each message, in time order over all files."""
 
         def of(reader: Sqlite3Reader) -> Iterator[tuple[str, int, bytes]]:
             chosen = [
@@ -98,7 +98,7 @@ class DatabaseFiles:
         self._readers = []
 
     def _completed(self, path: Path, number: int, scratch: Callable[[], Path]) -> Path:
-        """Return the file, or a copy of it that holds what its log holds."""
+        """Return the file, or a copy of it that includes the messages of its log."""
         logs = [path.with_name(path.name + suffix) for suffix in _LOGS]
         logs = [log for log in logs if log.is_file() and log.stat().st_size]
         if not logs:
@@ -108,7 +108,7 @@ class DatabaseFiles:
             shutil.copyfile(source, copy.with_name(copy.name + source.name.removeprefix(path.name)))
         connection = sqlite3.connect(copy)
         try:
-            # Opening rolls a journal back; the checkpoint moves the messages of the log into the file.
+            # Opening the copy rolls a journal back; the checkpoint moves the messages of the log into the file.
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             connection.execute("PRAGMA journal_mode=DELETE")
         finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looks at an SQLite recording before `rosbags` opens it: its rows must lie in the file, not be computed from it."""
+"""Check of an SQLite recording before `rosbags` opens it: its rows must be stored in the file, not computed."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ _COMPUTED = {"VIRTUAL", "GENERATED", "AS"}
 
 def check_database(path: Path) -> None:
     """
-    Refuse a database whose tables are views, virtual or computed: a few hundred bytes of them make rows without end.
+    Refuse a database with views, virtual or computed tables, which yield endless rows from a few hundred bytes.
 
     Raises
     ------
     OSError
-        It is not a regular file.
+        The path is not a regular file.
     FormatError
-        It is no database, or one of its tables is not a plain one.
+        The file is not a database, or one of its tables is not a plain table.
     """
     check_regular(path, budgets.DATABASE)
     try:
         with contextlib.closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as database:
             rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchmany(1000)
     except sqlite3.Error as error:
-        raise FormatError(f"it is no database that can be read: {error}") from error
+        raise FormatError(f"it is not a database that can be read: {error}") from error
     for kind, name, sql in rows:
         if kind == "index" or (kind == "table" and not _COMPUTED & set(str(sql or "").upper().split())):
             continue

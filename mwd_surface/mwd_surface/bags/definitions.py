@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Message definitions without middleware: schema text and type hash of every type this graph or a user's bag carries.
+Message definitions without middleware: schema text and type hash of every type that a node or a bag uses.
 
-The common ROS 2 types come from the table of Jazzy inside `rosbags`; all others, `mwd_msgs` among them, from the
+The common ROS 2 types come from the table of Jazzy inside `rosbags`. All others, such as `mwd_msgs`, come from the
 ``.msg`` files of installed packages (``<prefix>/share/<package>/msg``) or of the source tree.
 """
 
@@ -24,20 +24,20 @@ _RULE = "=" * 80
 
 
 class DefinitionError(LookupError):
-    """A message type without a definition on this machine; says where it was looked for and what to install."""
+    """A message type has no definition on this machine; the message says where it was searched and what to install."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Definition:
     """
-    One message type as a recording carries it.
+    Definition of one message type for a recording.
 
     Attributes
     ----------
     type_name : str
         ``package/msg/Name``.
     text : str
-        The ``ros2msg`` schema: the type's own definition, then those of every type it uses.
+        The ``ros2msg`` schema: the definition of the type, then the definitions of all types that it uses.
     type_hash : str
         RIHS01 hash (REP-2016).
     """
@@ -48,10 +48,10 @@ class Definition:
 
 
 def share_folders() -> list[Path]:
-    """Folders that hold packages: every ``share`` of AMENT_PREFIX_PATH, this Python's, and a source tree around us."""
+    """Return the folders of packages: each ``share`` of AMENT_PREFIX_PATH and of this Python, and the source tree."""
     prefixes = [Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
     folders = [prefix / "share" for prefix in (*prefixes, Path(sys.prefix))]
-    # <root>/mwd_surface/mwd_surface/bags/definitions.py: beside it lies <root>/mwd_msgs/msg in a checkout.
+    # In a source tree, this file is <root>/mwd_surface/mwd_surface/bags/definitions.py, and mwd_msgs/msg is in <root>.
     folders.append(Path(__file__).resolve().parents[3])
     return list(dict.fromkeys(folder for folder in folders if folder.is_dir()))
 
@@ -73,12 +73,12 @@ class Definitions:
 
     def definition(self, type_name: str) -> Definition:
         """
-        Schema text and hash of a type.
+        Return the schema text and hash of a type.
 
         Raises
         ------
         DefinitionError
-            Neither the type nor the package it belongs to is known here, or its file cannot be parsed.
+            Neither the type nor its package is known here, or its file cannot be parsed.
         """
         if type_name not in self._known:
             self.load(type_name)
@@ -91,12 +91,12 @@ class Definitions:
 
     def load(self, type_name: str) -> None:
         """
-        Make a type and all it uses known to `typestore`.
+        Add a type and all types that it uses to `typestore`.
 
         Raises
         ------
         DefinitionError
-            As `definition`.
+            See `definition`.
         """
         wanted, types = [type_name], {}
         while wanted:
@@ -118,12 +118,12 @@ class Definitions:
 
     def learn(self, type_name: str, text: str) -> None:
         """
-        Take a type from the schema text of a recording, unless it is known already.
+        Learn a type from the schema text of a recording, unless the type is known already.
 
         Raises
         ------
         DefinitionError
-            The text cannot be parsed, or contradicts a type already known.
+            The text cannot be parsed, or contradicts a type that is known already.
         """
         if type_name in self.typestore.fielddefs:
             return
@@ -148,7 +148,7 @@ class Definitions:
         return order
 
     def _own_text(self, type_name: str) -> str:
-        # The file keeps units and comments, which a bag opened in ten years needs; the table has only the fields.
+        # Prefer the file: it has units and comments, which a reader in ten years needs; the table has only the fields.
         path = self._find(type_name) if type_name.startswith("mwd_") else None
         if path is not None:
             body = path.read_text(encoding="utf-8")
@@ -182,15 +182,15 @@ class Definitions:
 
 @functools.lru_cache(maxsize=1)
 def installed() -> Definitions:
-    """The definitions of this installation, read once."""
+    """Return the definitions of this installation, read once."""
     return Definitions()
 
 
 def is_ours(type_name: str, type_hash: str, schema: str) -> bool:
     """
-    Whether messages of a recording have the fields that this installation knows, where both are known.
+    Return whether messages of a recording have the fields that this installation expects.
 
-    type_hash, schema : as the recording has them; empty where it has none.
+    type_hash, schema : from the recording; empty if it has none, and then not compared.
     """
     try:
         known = installed().definition(type_name).type_hash

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One process at a time in a folder: a lock that the system frees when its owner ends, however it ends."""
+"""A lock that admits one process at a time to a folder; the system releases it however the owner ends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 class FolderTakenError(Exception):
-    """Another process has the folder; `owner` is its number in words."""
+    """Another process holds the folder; `owner` names its process number."""
 
     def __init__(self, folder: Path, owner: str) -> None:
         super().__init__(f"process {owner} has {folder}")
@@ -19,14 +19,14 @@ class FolderTakenError(Exception):
 
 class FolderLock:
     """
-    The lock of a folder, held until `free`; the folder is made where it is missing.
+    Lock of a folder, held until `free` is called; a missing folder is created.
 
     Raises
     ------
     OSError
-        The folder cannot be made or written.
+        The folder cannot be created or written.
     FolderTakenError
-        Another process, or another object of this one, holds it.
+        Another process, or another object of this process, holds the lock.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
@@ -39,10 +39,10 @@ class FolderLock:
             os.close(self._handle)
             raise FolderTakenError(folder, owner or "unknown") from None
         with contextlib.suppress(OSError):
-            # Only a courtesy to whoever comes next; the lock itself needs no content.
+            # The process number is for the message to the next process; the lock itself needs no content.
             os.ftruncate(self._handle, 0)
             os.pwrite(self._handle, str(os.getpid()).encode(), 0)
 
     def free(self) -> None:
-        """Give the folder free; once."""
+        """Release the folder; further calls do nothing."""
         os.close(self._handle)

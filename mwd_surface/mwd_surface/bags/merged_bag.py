@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A copy of a recording with more topics in it: the original messages byte for byte, and new ones between them by time.
+A copy of a recording with additional topics: the original messages byte for byte, with new messages merged by time.
 
-Every message is written in the order of its log time, the original before the new one where they are equal, so that
-any player shows both together. Memory is bounded by what waits for its time.
+All messages are written in the order of their log time, the original first at equal times, so that any player shows
+both together. Memory holds only the messages that wait for their time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
 
 
 class _Rows(NamedTuple):
-    """Columns of messages, each of shape (n,): place of the record, log time, place and size of the payload ..."""
+    """Columns of messages, each of shape (n,): offset of the record, log time, offset and size of the payload ..."""
 
     place: Numbers
     log_ns: Numbers
@@ -41,7 +41,7 @@ class _Rows(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class _Source:
-    """Messages in order of time; their records take the sequence number and publish time from `data` if framed."""
+    """Messages in order of time; if `framed`, their records take sequence number and publish time from `data`."""
 
     data: Bytes
     log_ns: Numbers
@@ -52,7 +52,7 @@ class _Source:
     framed: bool
 
     def at(self, where: slice) -> _Source:
-        """A part of the messages."""
+        """Return a part of the messages."""
         return _Source(
             self.data,
             self.log_ns[where],
@@ -66,21 +66,21 @@ class _Source:
 
 class MergedBag:
     """
-    Writes the copy.
+    Writer of the copy.
 
     Parameters
     ----------
     path : Path
         Folder of the copy; must not exist.
     bag : Bag
-        The recording. Its topics, attachments and tables are taken over.
+        The recording. Its topics, attachments and tables are copied.
 
     Raises
     ------
     FileExistsError
         `path` exists.
     OSError
-        From every method that writes.
+        Writing fails; every method that writes may raise this.
     """
 
     def __init__(self, path: Path, bag: Bag) -> None:
@@ -116,18 +116,22 @@ class MergedBag:
 
     @property
     def definitions(self) -> Definitions:
-        """Of the message types that new topics can have."""
+        """Definitions of the message types that new topics can have."""
         return self._writer.definitions
 
     def topic(self, name: str, type_name: str) -> tuple[int, str]:
-        """Channel of a new topic, and its name: with "processed" before its last part where the recording has it."""
+        """
+        Return channel and name of a new topic.
+
+        "processed" is inserted before the last part of a name already in use.
+        """
         if name in self._taken:
             head, slash, tail = name.rpartition("/")
             name = f"{head}{slash}processed/{tail}"
         return self._writer.topic(name, type_name), name
 
     def add_originals(self, originals: Originals) -> None:
-        """Take over messages of the recording; they are written by `flush`."""
+        """Accept messages of the recording; `flush` writes them."""
         self._originals.append(
             _Source(
                 originals.data,
@@ -142,7 +146,7 @@ class MergedBag:
 
     def add_rows(self, channel: int, rows: Bytes, log_ns: Numbers) -> None:
         """
-        Take new messages of one size.
+        Accept new messages of one size.
 
         rows, shape (n, size), uint8; log_ns, shape (n,), int64, not decreasing.
         """
@@ -162,7 +166,7 @@ class MergedBag:
         )
 
     def flush(self, until_ns: int | None = None) -> None:
-        """Write all that was logged up to and with that time; None: all."""
+        """Write all messages logged up to and including `until_ns`; None writes all."""
         ready: list[_Source] = []
         for waiting in (self._originals, self._new):
             rest = []
@@ -193,7 +197,7 @@ class MergedBag:
         self._writer.write_records(records, offset, channel, log_ns[order])
 
     def close(self) -> None:
-        """Write what waits, and finish the bag."""
+        """Write the waiting messages and finish the bag."""
         self.flush()
         self._writer.close()
 
@@ -211,21 +215,21 @@ class MergedBag:
 
 @compiled
 def _put(out: Bytes, at: int, value: int, size: int) -> None:
-    """An unsigned little-endian number of `size` bytes."""
+    """Write an unsigned little-endian number of `size` bytes at position `at`."""
     for k in range(size):
         out[at + k] = (value >> (8 * k)) & 255
 
 
 @compiled
 def _write_records(out: Bytes, data: Bytes, rows: _Rows, framed: bool) -> None:
-    """Write one record for each message to its place."""
+    """Write one record for each message at its offset in `out`."""
     for i in range(len(rows.place)):
         at, source = rows.place[i], rows.offset[i]
         out[at] = _MESSAGE
         _put(out, at + 1, _HEAD + rows.size[i], 8)
         _put(out, at + 9, int(rows.channel[i]), 2)
         if framed:
-            # Sequence number, log and publish time stand right before the payload.
+            # Sequence number, log time and publish time stand directly before the payload.
             out[at + 11 : at + _PREFIX + rows.size[i]] = data[source - 20 : source + rows.size[i]]
         else:
             _put(out, at + 11, rows.sequence[i] & 0xFFFFFFFF, 4)

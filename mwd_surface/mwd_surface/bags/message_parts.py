@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a bag as arrays: where each lies and when it was logged, cut and joined without touching them singly."""
+"""Messages of a bag as arrays of offsets, sizes and log times, cut and joined without loops over messages."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ NEVER = 2**62  # ns, later than any stamp
 @dataclasses.dataclass(frozen=True)
 class Originals:
     """
-    Messages as they lie in a bag, in order of their log time.
+    Unchanged messages of a bag in order of their log time.
 
     Attributes
     ----------
     data : ndarray of uint8
-        Bytes they are part of.
+        Bytes that contain the messages.
     log_ns, offset, size : ndarray of int64, shape (n,)
-        Log time, and where each payload begins and how long it is.
+        Log time, ns, and offset and length of each payload in `data`.
     topic : ndarray of int64, shape (n,)
-        Place of each message's topic in `Bag.carried`.
+        Index of each message's topic in `Bag.carried`.
     framed : bool
-        Each payload follows the head of its MCAP record in `data`.
+        Whether the header of its MCAP record precedes each payload in `data`.
     """
 
     data: NDArray[np.uint8]
@@ -50,15 +50,15 @@ class Part:
     Attributes
     ----------
     rank : (int, int)
-        Place of the span among all: number of the file, byte in it.
+        Order of the span: number of the file, byte offset in the file.
     file : int
         Number of the file.
     data : ndarray of uint8
-        Bytes they are part of.
+        Bytes that contain the messages.
     log_ns, offset, size, channel : ndarray, shape (n,)
-        Of each message: log time, ns; where its payload begins and how long it is; its channel's number in the file.
+        For each message: log time, ns; offset and length of its payload; channel number in the file.
     framed : bool
-        Each payload follows the head of its MCAP record in `data`.
+        Whether the header of its MCAP record precedes each payload in `data`.
     """
 
     rank: tuple[int, int]
@@ -74,12 +74,12 @@ class Part:
         return len(self.log_ns)
 
     def split(self, mark: int) -> tuple[Part, Part]:
-        """Messages before and from a time on."""
+        """Split into the messages before `mark` and those from it on; `mark` is a log time, ns."""
         cut = int(np.searchsorted(self.log_ns, mark))
         return self.at(slice(0, cut)), self.at(slice(cut, None))
 
     def at(self, where: Any) -> Part:
-        """A selection of the messages."""
+        """Return a selection of the messages."""
         return Part(
             self.rank,
             self.file,
@@ -100,9 +100,9 @@ class Decoded:
     Attributes
     ----------
     rank : (int, int)
-        As of `Part`.
+        See `Part`.
     samples : list of (topic, log_ns, samples)
-        In order of log time each; samples as an array or a list.
+        Samples of each topic in order of log time, as an array or a list.
     """
 
     rank: tuple[int, int]
@@ -112,7 +112,7 @@ class Decoded:
         return sum(len(log_ns) for _, log_ns, _ in self.samples)
 
     def split(self, mark: int) -> tuple[Decoded, Decoded]:
-        """Samples before and from a time on."""
+        """Split into the samples before `mark` and those from it on; `mark` is a log time, ns."""
         early, late = Decoded(self.rank, []), Decoded(self.rank, [])
         for name, log_ns, samples in self.samples:
             cut = int(np.searchsorted(log_ns, mark))
@@ -124,7 +124,7 @@ class Decoded:
 
 
 def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) -> Iterator[Block]:
-    """Pieces of each topic joined and sorted, in blocks of about the size asked for that end at one time for all."""
+    """Join and sort the pieces of each topic, and cut all topics at the same times into blocks of the given size."""
     joined: Block = {}
     for name, parts in pieces.items():
         log_ns = parts[0][0] if len(parts) == 1 else np.concatenate([part[0] for part in parts])
@@ -141,7 +141,7 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
     if total < 2 * block_messages:
         yield {name: part for name, part in joined.items() if len(part[0])}
         return
-    # A chunk larger than a block: cut all topics at the same times.
+    # The chunk is larger than a block: cut all topics at the same times.
     times = np.sort(np.concatenate([log_ns for log_ns, _ in joined.values()]))
     marks = np.unique(times[block_messages::block_messages])
     done = dict.fromkeys(joined, 0)
@@ -157,7 +157,7 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
 
 
 def merged(parts: list[tuple[Stamps, Samples]]) -> tuple[Stamps, Samples]:
-    """(log_ns, samples) of one type put together, in order of their log time."""
+    """Return (log_ns, samples) of several parts of one type, merged in order of log time."""
     if len(parts) == 1:
         return parts[0]
     log_ns = np.concatenate([part[0] for part in parts])
@@ -166,13 +166,13 @@ def merged(parts: list[tuple[Stamps, Samples]]) -> tuple[Stamps, Samples]:
 
 
 def one_array(parts: list[Samples]) -> Samples:
-    """Samples of one type one after another; as bytes, because numpy joins records field by field."""
+    """Concatenate samples of one type; they are joined as bytes because numpy joins records field by field, slowly."""
     joined: NDArray[np.uint8] = np.concatenate([part.view(np.uint8) for part in parts])
     return joined.view(parts[0].dtype)
 
 
 def rows_at(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
-    """Messages of one size as rows, shape (n, size): a view where they lie at even distances, else a copy."""
+    """Return messages of one size as rows, shape (n, size): a view if they are evenly spaced, else a copy."""
     if len(offset) > 1:
         steps = offset[1:] - offset[:-1]
         if steps[0] > 0 and (steps == steps[0]).all():
@@ -184,7 +184,7 @@ def rows_at(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> ND
 
 
 def part_of(rows: list[tuple[int, int, bytes]]) -> Part:
-    """(log_ns, channel, bytes) of single messages as a part."""
+    """Return a part made of single messages, given as (log_ns, channel, bytes)."""
     log_ns = np.array([row[0] for row in rows], dtype=np.int64)
     size = np.array([len(row[2]) for row in rows], dtype=np.int64)
     channel = np.array([row[1] for row in rows], dtype=np.uint16)

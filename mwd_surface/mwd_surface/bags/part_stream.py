@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Parts of a bag in time order, in constant memory.
+Reading the parts of a bag in time order, in constant memory.
 
-Chunks of MCAP files are decompressed and decoded ahead in a thread; other storage is read through `rosbags`.
+A thread decompresses and decodes chunks of MCAP files ahead of their use; other storage is read through `rosbags`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from mwd_surface.bags.topic_info import ros2_types
 
 M = TypeVar("M", Part, Decoded)
 
-_AHEAD = 4  # spans loaded ahead of their use
-_AHEAD_BYTES = 64 * 1024 * 1024  # of these, decompressed
+_AHEAD = 4  # number of spans loaded ahead of their use
+_AHEAD_BYTES = 64 * 1024 * 1024  # largest decompressed size of these spans
 
 
 class PartStream:
     """
-    Reads the parts of an opened bag.
+    Reader of the parts of an opened bag.
 
     on_damage : callable
         Called with a sentence for each damage met while reading.
@@ -45,9 +45,9 @@ class PartStream:
         self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[Part], M]
     ) -> Iterator[list[M]]:
         """
-        Yield groups of what `made` returns for each part, for some topics and log times.
+        Yield groups of the results of `made` for each part, for some topics and log times.
 
-        Everything in one group is logged no later than everything in the next.
+        Every message of a group was logged no later than every message of the next group.
         """
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
         if self._opened.other is not None:
@@ -81,19 +81,19 @@ class PartStream:
     def _ahead(
         self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int, made: Callable[[Part], M]
     ) -> Iterator[M | None]:
-        """Yield what is made of the chosen spans, loaded by a thread a few spans ahead of their use."""
+        """Yield the result of `made` for each chosen span; a thread loads a few spans ahead of their use."""
         waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
         wanted = []
         for names in self._opened.names:
             mask = np.zeros(65536, dtype=np.bool_)
             mask[[number for number, name in names.items() if name in topics]] = True
             wanted.append(mask)
-        # One thread: a second one costs more in contended memory than it gains.
+        # Use one thread: a second one loses more to competition for memory bandwidth than it gains.
         pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
         decompress = Decompressor()
 
         def load(number: int, span: Span) -> M:
-            # Made in this thread, while the bytes are in the cache.
+            # Call `made` in the loading thread, while the bytes are still in the cache.
             return made(self._load(decompress, number, span, wanted[number], start, end))
 
         try:
@@ -140,7 +140,7 @@ class PartStream:
         return self._from_ros1(part, number) if self._opened.ros1[number] else part
 
     def _from_ros1(self, part: Part, number: int) -> Part:
-        """Return a part whose messages in the encoding of ROS 1 are brought to that of ROS 2."""
+        """Return a part with its messages converted from the ROS 1 encoding to that of ROS 2."""
         types = self._opened.ros1[number]
         rows: list[tuple[int, int, bytes]] = []
         failed: dict[str, tuple[int, Exception]] = {}
@@ -161,7 +161,7 @@ class PartStream:
         return dataclasses.replace(part_of(rows), rank=part.rank, file=part.file)
 
     def _other_parts(self, topics: list[str], start: int, end: int) -> Iterator[Part]:
-        """Yield parts of a bag of another storage than MCAP."""
+        """Yield the parts of a bag whose storage is not MCAP."""
         numbers = {name: number for number, name in enumerate(self._topics)}
         rows: list[tuple[int, int, bytes]] = []
         if self._opened.other is None:
@@ -179,7 +179,7 @@ class PartStream:
 
 
 def _checked_time(log_ns: object) -> int:
-    # A column of sqlite holds any type.
+    # A column of sqlite may hold a value of any type.
     if not isinstance(log_ns, int) or not 0 <= log_ns < NEVER:
-        raise FormatError(f"the time of a message is {log_ns!r}, no nanoseconds since 1970")
+        raise FormatError(f"the time of a message is {log_ns!r}, which is not a time in ns since 1970")
     return log_ns

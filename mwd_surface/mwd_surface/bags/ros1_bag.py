@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A ROS 1 recording (``.bag``) read as if ROS 2 had written it: the messages of common types are brought to its encoding.
+Reading a ROS 1 recording (``.bag``) with the messages of common types converted to the encoding of ROS 2.
 
-The conversion is that of `rosbags` (CDR from the ROS 1 serialisation, without the header's sequence number). Topics of
-types that ROS 2's common packages do not have are left out. A recording without its index, because the recorder died or
-the file was cut, is read through once for the messages that are there.
+`rosbags` converts the messages (CDR from the ROS 1 serialisation, without the header's sequence number). Topics whose
+types do not exist in the common packages of ROS 2 are left out. If the recorder died or the file was cut, the recording
+has no index; it is then read once completely to find the messages.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 
-# Number of times that a chunk may be unpacked before the recording is refused.
+# Number of times that a chunk may be decompressed before the recording is refused.
 _AGAIN = 4
 _MAGIC = b"#ROSBAG V2.0\n"
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
@@ -44,20 +44,20 @@ class Ros1Bag:
     Attributes
     ----------
     topics, unreadable : dict of str to TopicInfo
-        Topics of types that ROS 2 knows, and the others.
+        Topics whose types exist in ROS 2, and the other topics.
     start_ns, end_ns : int
-        Time of the first and of the last message; 0 where there is none.
+        Time of the first and the last message; 0 if there is no message.
     notes : list of str
-        What was unusual.
+        Sentences on anything unusual.
     complete : bool
-        The recording has its index.
+        Whether the recording has its index.
     lost_bytes : int
-        Bytes behind the place where the reading of a file without index ended.
+        Bytes after the place where reading of a file without index ended.
 
     Raises
     ------
     ReaderError, OSError
-        It is no ROS 1 recording, or cannot be opened.
+        The file is not a ROS 1 recording, or cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -81,7 +81,7 @@ class Ros1Bag:
         self.end_ns = max((info.end_time - 1 for info in filled), default=0)
 
     def messages(self, topics: list[str], start: int | None, stop: int | None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, log time, ns, and the bytes of each message as ROS 2 encodes it."""
+        """Yield topic, log time in ns, and the bytes of each message in the ROS 2 encoding."""
         wanted = [one for one in self._reader.connections if one.topic in topics]
         for connection, log_ns, data in self._reader.messages(wanted, start, stop) if wanted else ():
             yield connection.topic, log_ns, bytes(ros2_types().ros1_to_cdr(data, connection.msgtype))
@@ -99,7 +99,7 @@ class _AnyReader(Reader):
     Attributes
     ----------
     cut : str
-        Where the reading of a file without index ended, in words; empty where the index is there.
+        Where the reading of a file without index ended, in words; empty if the file has an index.
     """
 
     cut = ""
@@ -110,7 +110,7 @@ class _AnyReader(Reader):
         self._sizes: dict[int, int] = {}
 
     def open(self) -> None:
-        """Open the file, and make an index of the messages that are there where the file has none."""
+        """Open the file; if it has no index, build one of the messages that can be found."""
         try:
             super().open()
         except (ReaderError, struct.error, AssertionError, UnicodeDecodeError, ValueError):
@@ -125,15 +125,15 @@ class _AnyReader(Reader):
         self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
         """
-        Yield connection, time, ns, and the bytes of each message in order of time.
+        Yield connection, time in ns, and the bytes of each message in order of time.
 
-        The reader of rosbags holds one chunk: where the messages of two chunks alternate, it unpacks a chunk for each.
-        Here the last chunks stay unpacked.
+        The reader of rosbags caches one chunk: if the messages of two chunks alternate, it decompresses a chunk for
+        each message. This reader keeps the last few chunks decompressed.
 
         Raises
         ------
         BudgetError
-            More chunks than that overlap in time: they would be unpacked again and again.
+            More chunks overlap in time than are kept, so that they would be decompressed again and again.
         """
         file: BinaryIO = self.bio  # type: ignore[assignment]
         known, held, work = {one.id: one for one in self.connections}, OrderedDict[int, BytesIO](), 0
@@ -157,36 +157,40 @@ class _AnyReader(Reader):
     def _message_at(
         self, chunk: BytesIO, entry: IndexData, known: Mapping[int, Connection]
     ) -> tuple[Connection, int, bytes]:
-        """Return the message that an entry of the index points at."""
+        """Return the message to which an entry of the index points."""
         chunk.seek(entry.offset)
         while (header := Header.read(chunk)).get_uint8("op") == RecordType.CONNECTION:
             chunk.seek(struct.unpack("<L", read_bytes(chunk, 4))[0], 1)
         if header.get_uint8("op") != RecordType.MSGDATA or header.get_uint32("conn") not in known:
-            raise ReaderError("the index points at no message")
+            raise ReaderError("the index points to a place without a message")
         data = read_bytes(chunk, struct.unpack("<L", read_bytes(chunk, 4))[0])
         return known[header.get_uint32("conn")], entry.time, data
 
     def read_chunk(self) -> Chunk:
-        """Read the head of a chunk; its records are unpacked within the budget."""
+        """Read the header of a chunk; its records are decompressed within the budget."""
         position = self.bio.tell() if self.bio is not None else 0
         chunk = super().read_chunk()
         compression = next(name for name, one in decompressors.items() if one is chunk.decompressor)
         return chunk._replace(decompressor=self._bounded(position, compression))
 
     def _bounded(self, position: int, compression: str) -> Callable[[bytes], bytes]:
-        """Return the function that unpacks the chunk at a position."""
+        """Return the function that decompresses the chunk at a position."""
         if compression not in _BOUNDED:
             return decompressors[compression]
         return partial(self._unpacked, _BOUNDED[compression], position)
 
     def _unpacked(self, make: Callable[[], Any], position: int, data: bytes) -> bytes:
-        """Records of a chunk; raises BudgetError, or ReaderError where it does not decompress."""
+        """
+        Return the decompressed records of a chunk.
+
+        BudgetError if they are too large, ReaderError if they are damaged.
+        """
         most = budgets.ROS1.unpacked or 0
         unpacker = make()
         try:
             plain = bytes(unpacker.decompress(data, max_length=most + 1))
         except Exception as error:
-            # bz2 and lz4 raise their own kinds.
+            # bz2 and lz4 raise errors of their own.
             raise ReaderError(f"a chunk does not decompress: {error}") from error
         budgets.ROS1.check("unpacked", len(plain))
         if not unpacker.eof:
@@ -196,7 +200,7 @@ class _AnyReader(Reader):
         return plain
 
     def _index_by_reading(self) -> None:
-        """Read the file chunk by chunk, as far as it goes."""
+        """Index the file by reading it chunk by chunk, up to its end or the first damage."""
         file: BinaryIO = self.bio  # type: ignore[assignment]
         size = self.path.stat().st_size
         file.seek(len(_MAGIC))
@@ -220,7 +224,7 @@ class _AnyReader(Reader):
         self.connections = [one._replace(msgcount=len(self.indexes[one.id])) for one in self.connections]
 
     def _index_chunk(self, position: int, header: Header, length: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Index the messages of a chunk; of one that was cut those before the cut, where it is not compressed."""
+        """Index the messages of a chunk; of a truncated chunk that is not compressed, those before the cut."""
         file: BinaryIO = self.bio  # type: ignore[assignment]
         begin = file.tell()
         compression = header.get_string("compression")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Saves what can be read of a recording that is not MCAP: a ROS 1 bag that was cut, a database that was not closed.
+Recovery of recordings that are not MCAP: a ROS 1 bag that was cut, a database that was not closed.
 
-The messages are written to a new bag of MCAP storage; the recording is left as it is.
+All messages that can be read are written to a new bag of MCAP storage; the recording is not changed.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from mwd_surface.bags.mcap import recovery
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 from mwd_surface.bags.topic_info import TopicInfo
 
-# Number of rows that are read from a damaged database at once; number of empty reads in a row that end the search.
+# Rows read from a damaged database at once; number of consecutive empty reads that end the search.
 _STEP, _BARREN = 1000, 50
-# A header that states more than this multiple of the real size of the file is damaged itself.
+# A database header that states more than this multiple of the file's real size is itself damaged.
 _LONGEST = 100
 
 
@@ -40,9 +40,9 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     OSError
         `path` cannot be read or the disk refuses the new bag.
     ValueError
-        `output` exists, or was given for a folder of MCAP files; or the recording goes on.
+        `output` exists, or was given for a folder of MCAP files; or the recording is still running.
     BagError
-        Nothing there is a recording.
+        There is no recording at `path`.
     """
     files = files_of(path)
     kinds = {storage_of(file) for file in files}
@@ -66,7 +66,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
 
 
 def _copied(bag: Bag, target: Path) -> RecoveryReport:
-    """Copy all messages that a bag gives."""
+    """Copy all messages that a bag yields."""
     messages = ((log_ns, name, data) for log_ns, name, _, data in bag.messages())
     counts = _write(target, dict(bag.topics), messages)
     return RecoveryReport(
@@ -83,7 +83,7 @@ def _copied(bag: Bag, target: Path) -> RecoveryReport:
 
 
 def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[int, str, bytes]]) -> dict[str, int]:
-    """Write messages to a new bag; return how many of each topic."""
+    """Write messages to a new bag; return the number of messages of each topic."""
     counts: dict[str, int] = {}
     with BagWriter(target) as writer:
         channels = {
@@ -99,7 +99,7 @@ def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[
 
 
 def _saved(path: Path, files: list[Path], target: Path, reason: str) -> RecoveryReport:
-    """Save the rows that can be read of damaged databases."""
+    """Save all rows of damaged databases that can be read."""
     with tempfile.TemporaryDirectory(prefix="mwd_recover_") as scratch:
         databases = [_Database(file, Path(scratch) / f"{number}.db3") for number, file in enumerate(files)]
         topics = {name: TopicInfo(name, kind, 1) for one in databases for name, kind in one.topics.values()}
@@ -129,9 +129,9 @@ class _Database:
     Attributes
     ----------
     topics : dict of int to (name, type)
-        By the number of the topic.
+        Topics by their number in the database.
     lost : int
-        Rows that could not be read, by the last call of `messages`.
+        Rows that could not be read in the last call of `messages`.
     """
 
     def __init__(self, file: Path, copy: Path) -> None:
@@ -139,7 +139,8 @@ class _Database:
             shutil.copyfile(source, copy.with_name(copy.name + source.name.removeprefix(file.name)))
         self._copy, self._bytes = copy, copy.stat().st_size
         with copy.open("r+b") as opened:
-            # SQLite opens no file that is shorter than its head says: the pages that were cut off become empty ones.
+            # SQLite does not open a file shorter than its header states: extend the file; the missing pages become
+            # empty.
             head = opened.read(100)
             page = int.from_bytes(head[16:18], "big")
             whole = (page if page != 1 else 65536) * int.from_bytes(head[28:32], "big")
@@ -154,7 +155,7 @@ class _Database:
             pass
 
     def messages(self) -> Iterator[tuple[int, str, bytes]]:
-        """Yield the log time, topic and bytes of the messages whose rows can be read."""
+        """Yield the log time, topic and bytes of each message whose row can be read."""
         self.lost = barren = 0
         most = self._bytes // 16
         for begin in itertools.count(1, _STEP):
@@ -164,14 +165,14 @@ class _Database:
             rows = self._rows(begin, begin + _STEP - 1)
             barren = 0 if rows else barren + 1
             if not rows:
-                # Rows cannot be counted as lost here: the range may never have had any.
+                # Rows of an empty range are not counted as lost: the range may never have had any rows.
                 self.lost = before
             for topic, log_ns, data in rows:
                 if topic in self.topics and isinstance(log_ns, int) and log_ns >= 0 and isinstance(data, bytes):
                     yield log_ns, self.topics[topic][0], data
 
     def _rows(self, low: int, high: int) -> list[tuple[int, object, object]]:
-        """Return the rows of a range of numbers; a range that cannot be read is halved."""
+        """Return the rows of a range of row numbers; a range that cannot be read is split in half."""
         try:
             return self._ask(
                 "SELECT topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? ORDER BY id", (low, high)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Messages to samples: as rows of numbers where their layout is fixed, one by one through `rosbags` where it is not.
+Decoding of messages to samples: as rows of numbers if their layout is fixed, else one by one through `rosbags`.
 
 A message that cannot be decoded is counted, reported and left out.
 """
@@ -29,28 +29,29 @@ _MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
 class SampleDecoder:
     """
-    Decodes messages of the topics of one bag.
+    Decoder of the messages of one bag.
 
     Parameters
     ----------
     topics : dict of str to TopicInfo
     message_compression : bool
-        Each message is compressed by itself.
+        Whether each message is compressed separately.
     report : callable
-        Handed a sentence on whatever cannot be decoded.
+        Called with a sentence on each thing that cannot be decoded.
     """
 
     def __init__(
         self, topics: Mapping[str, TopicInfo], message_compression: bool, report: Callable[[str], None]
     ) -> None:
         self._topics, self._message_compression, self._report = topics, message_compression, report
-        #: By topic, the frame whose messages alone are decoded to samples; the others are those of another unit.
+        #: By topic, the only frame whose messages are decoded to samples; messages of other frames come from other
+        #: units.
         self.frames: dict[str, str] = {}
-        # By type and schema: a merged recording may have topics with an older definition of a type.
+        # Keyed by type and schema: a merged recording may contain topics with an older definition of a type.
         self._definitions: dict[tuple[str, str], Definitions] = {}
 
     def decode(self, topic: str, data: bytes) -> Any:
-        """As `bag_reader.Bag.decode`."""
+        """Decode a message, see `bag_reader.Bag.decode`."""
         about = self._topics[topic]
         try:
             store = self._knowing(about).typestore
@@ -61,17 +62,17 @@ class SampleDecoder:
         except DefinitionError as error:
             raise BagError(f"{topic} cannot be decoded: {error}") from error
         except Exception as error:
-            # Bytes that lie can fail in any way inside a decoder.
+            # Damaged bytes can make a decoder fail with any exception.
             raise BagError(f"a message of {topic} is not a {about.type_name}: {error!r}") from error
 
     def samples(
         self, part: Part, names: Mapping[int, str], fields: Fields, wanted: set[str] | None = None
     ) -> Iterator[tuple[str, Stamps, Any]]:
         """
-        (topic, log_ns, samples) of a part; messages that are not of their type are counted and left out.
+        Yield (topic, log_ns, samples) of a part; messages that are not of their declared type are counted and left out.
 
-        names: topic of each channel number of the part. fields: by type name, those to read; other types whole.
-        wanted: topics; by default all.
+        names: topic of each channel number of the part. fields: fields to read, by type name; other types are read
+        completely. wanted: topics; by default all.
         """
         numbers = np.unique(part.channel)
         for number in numbers.tolist():
@@ -96,7 +97,7 @@ class SampleDecoder:
     def _from_messages(
         self, name: str, layout: wire.Layout | None, part: Part, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Any]:
-        """Samples of messages of a layout; their bytes where they have none."""
+        """Return the samples of messages that have a layout, else the bytes of the messages."""
         if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
             listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
             return self._from_list(name, layout, part.log_ns, listed, some)
@@ -106,7 +107,11 @@ class SampleDecoder:
         return merged([self._from_rows(name, layout, kind, some) for kind in kinds])
 
     def _from_vectors(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
-        """Samples of an IMU or a magnetometer from messages of one vector; the other vector is marked as absent."""
+        """
+        Return samples of an IMU or a magnetometer from messages of one vector.
+
+        The other vector is marked as absent.
+        """
         quantity = self._topics[name].quantity
         log_ns, vectors = self._from_messages(name, wire.VECTOR, part, None)
         layout = wire.LAYOUTS[self._topics[name].gives]
@@ -125,7 +130,7 @@ class SampleDecoder:
     def _from_rows(
         self, name: str, layout: wire.Layout, part: Part, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Samples]:
-        """Samples of messages of one size."""
+        """Return the samples of messages that all have the same size."""
         size = int(part.size[0])
         rows = rows_at(part.data, part.offset, size)
         try:
@@ -134,7 +139,7 @@ class SampleDecoder:
             frames = rows[:, 12:16].copy().view("<u4")[:, 0] if size >= 16 else np.zeros(len(rows), dtype="<u4")
             kinds = np.unique(frames)
             if 1 < len(kinds) <= 16:
-                # Frame names of other lengths can hide in messages of one size, behind the padding.
+                # Messages of one size may still have frame names of different lengths, hidden by the padding.
                 return merged([self._from_rows(name, layout, part.at(frames == kind), some) for kind in kinds])
             self._report(f"{name}: some messages are not in the fixed layout ({error}); read through rosbags")
         listed = [part.data[a : a + size].tobytes() for a in part.offset]
@@ -142,7 +147,7 @@ class SampleDecoder:
         return log_ns, samples
 
     def _from_bursts(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
-        """The samples that bursts carry, each with the log time of its burst."""
+        """Return the samples inside bursts, each with the log time of its burst."""
         listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
         log_ns, listed = self._from_list(name, None, part.log_ns, listed, some)
         parts, counts = [wire.IMU.empty(0)], []
@@ -191,7 +196,7 @@ class SampleDecoder:
         return sample[0]  # type: ignore[no-any-return]
 
     def unzipped(self, data: bytes) -> bytes | None:
-        """A message that was compressed by itself; None where it is damaged, which is reported."""
+        """Return a message that was compressed by itself; None if it is damaged, which is reported."""
         reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
         try:
             if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:
@@ -215,7 +220,7 @@ class SampleDecoder:
 
 
 def _in_frame(part: Part, frame: str) -> Part:
-    """Return the messages of a part whose header names a frame; CDR with the name behind the stamp."""
+    """Return the messages of a part whose header names a frame; in CDR the frame name follows the stamp."""
     wanted = np.frombuffer(frame.encode() + b"\0", dtype=np.uint8)
     end = wire.FRAME_AT + len(wanted)
     part = part.at(part.size >= end)
@@ -227,7 +232,7 @@ def _in_frame(part: Part, frame: str) -> Part:
 
 
 def _with_fields(samples: Samples, layout: wire.Layout, some: tuple[str, ...] | None) -> Samples:
-    """Samples with some of their fields only; None: with all."""
+    """Return samples reduced to some of their fields; None keeps all fields."""
     if some is None:
         return samples
     chosen = np.empty(len(samples), dtype=layout.dtype_of(some))
@@ -245,16 +250,16 @@ def _plain_value(value: Any) -> Any:
 
 def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
     """
-    Decode a message with unused bytes behind it.
+    Decode a message that is followed by unused bytes.
 
-    The middleware counts the alignment of the items of each sequence into the size of a message, also of empty ones,
-    which have none: four bytes a sequence stay unused behind the last field. Each sequence has a count of four bytes,
-    so that there are never more unused bytes than used ones.
+    The middleware adds the alignment of sequence items to the size of a message even if a sequence is empty, so that up
+    to four bytes per sequence stay unused after the last field. Each sequence has a count of four bytes, so there are
+    never more unused bytes than used ones.
 
     Raises
     ------
     SerdeError
-        It is not of the type.
+        The bytes are not a message of the type.
     """
     definition = store.get_msgdef(type_name)
     read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be

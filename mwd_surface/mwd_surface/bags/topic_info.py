@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of a bag: their types, and whether their messages are in an encoding that can be read here."""
+"""Topics of a bag: their types, and whether the encoding of their messages can be read."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from mwd_sensors.core import burst, wire
 
 CDR, ROS1 = "cdr", "ros1"
 RATE, FORCE, MAGNETIC = "angular_velocity", "linear_acceleration", "magnetic_field"
-# Beginnings of the words of a name that say what a vector measures, and words of vectors that are no measurement.
+# First letters of words in topic names that tell what a vector measures, and words of vectors that are not
+# measurements.
 _SAID = {RATE: ("gyr", "angular", "omega", "rate"), FORCE: ("acc", "specific"), MAGNETIC: ("mag", "compass")}
 _DERIVED = ("free", "bias", "offset", "delta", "euler", "std", "sigma", "variance", "covariance", "gravity", "truth")
-#: What to do about messages of another encoding.
+#: Advice for messages in another encoding.
 REMEDY = "record or convert them in ROS 2's own encoding (CDR)"
-#: Problem of messages that a recorder compressed one by one, where no metadata.yaml says so.
+#: Problem text for messages that a recorder compressed one by one without stating it in metadata.yaml.
 PACKED = "its messages are compressed one by one"
 _ZSTD = b"\x28\xb5\x2f\xfd"
-# Kinds of CDR encapsulation (its first two bytes) that ROS 2 writes: big and little endian.
+# The two kinds of CDR encapsulation (first two bytes of a message) that ROS 2 writes: big and little endian.
 _BIG_ENDIAN = b"\x00\x00"
 _CDR_HEADS = (_BIG_ENDIAN, b"\x00\x01")
 
@@ -38,20 +39,20 @@ class TopicInfo:
     ----------
     name, type_name : str
     count : int
-        Messages, as the bag's index says.
+        Number of messages, from the index of the bag.
     schema_encoding, schema : str
-        Definition of the type inside the bag; empty where it carries none.
+        Definition of the type inside the bag; empty if the bag has none.
     type_hash : str
-        RIHS01, empty where unknown.
+        RIHS01 hash, empty if unknown.
     qos : str
-        Offered profiles as YAML, empty where unknown.
+        Offered profiles as YAML, empty if unknown.
     serialization : str
-        Encoding of the messages as they are handed out: ``cdr`` for ROS 2.
+        Encoding of the messages that the reader returns: ``cdr`` for ROS 2.
     problem : str
-        Why its messages cannot be read, in words; empty where they can.
+        Reason why the messages cannot be read; empty if they can.
     quantity : str
-        Of messages of one vector (`wire.VECTOR`), the field of `wire.IMU` or `wire.MAG` that it stands for; empty where
-        that is not known.
+        For messages of one vector (`wire.VECTOR`), the field of `wire.IMU` or `wire.MAG` of the vector; empty if
+        unknown.
     """
 
     name: str
@@ -67,22 +68,23 @@ class TopicInfo:
 
     @property
     def gives(self) -> str:
-        """Type of the samples that its messages carry: those of an IMU for a burst or one vector of an IMU."""
+        """Type of the samples in its messages; bursts and single vectors hold IMU or magnetometer samples."""
         if self.quantity:
             return wire.MAG.type_name if self.quantity == MAGNETIC else wire.IMU.type_name
         return wire.IMU.type_name if self.type_name == burst.TYPE_NAME else self.type_name
 
     def described(self) -> str:
-        """Return its name, type and why it cannot be read, in words."""
+        """Return its name, type and the reason why it cannot be read, as text."""
         return f"{self.name} ({self.type_name or 'no type'}): {self.problem}"
 
 
 def quantity_of(name: str) -> str:
     """
-    Return what the vectors of a topic measure, by its name; empty where the name does not say.
+    Return the quantity that the vectors of a topic measure, from the topic's name; "" if the name does not tell.
 
-    Drivers publish the vectors of an IMU alone too, as ``/imu/acceleration``, ``/imu/angular_velocity`` and
-    ``/imu/mag`` next to ``/filter/free_acceleration``. The last part of the name that says anything counts.
+    Drivers also publish the vectors of an IMU separately, as ``/imu/acceleration``, ``/imu/angular_velocity`` and
+    ``/imu/mag``, next to derived vectors such as ``/filter/free_acceleration``. The last part of the name that contains
+    a known word decides.
     """
     parts = [re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1_\2", part).lower()) for part in name.split("/")]
     if any(word in _DERIVED for words in parts for word in words):
@@ -96,23 +98,23 @@ def quantity_of(name: str) -> str:
 
 def read_as(encoding: str, schema_encoding: str, declared: str) -> tuple[str, str, str]:
     """
-    Return the type, by its ROS 2 name, the encoding and the problem of messages.
+    Return the ROS 2 name of a message type, the encoding of its messages, and the reason why they cannot be read.
 
     Parameters
     ----------
     encoding, schema_encoding : str
-        Of the messages and of their definition, as the bag declares them.
+        Encoding of the messages and of their definition, as declared in the bag.
     declared : str
-        Name of the type, as the bag declares it.
+        Name of the type, as declared in the bag.
 
     Returns
     -------
     (str, str, str)
-        Type name, ``cdr`` or ``ros1`` or as declared, and why the messages cannot be read (empty where they can).
+        Type name; ``cdr``, ``ros1`` or the declared encoding; and why the messages cannot be read (empty if they can).
     """
     known = encoding.lower()
     if known == CDR:
-        # The first releases of ROS 2 left the "msg" out, as ROS 1 does.
+        # The first releases of ROS 2 omitted "msg" from type names, as ROS 1 does.
         return normalize_msgtype(declared) if declared.count("/") == 1 else declared, CDR, ""
     if known == ROS1 and schema_encoding.lower() == "ros1msg" and declared:
         name = normalize_msgtype(declared)
@@ -126,9 +128,10 @@ def read_as(encoding: str, schema_encoding: str, declared: str) -> tuple[str, st
 
 def cdr_problem(messages: list[bytes], type_name: str) -> str:
     """
-    Return why messages that are declared as CDR are not, in words; empty where any of them may be.
+    Return why messages declared as CDR are not CDR, as text; "" if any of them may be CDR.
 
-    A message of a sensor that begins as big-endian CDR is decoded too: the first one of ROS 1 begins so as well.
+    Messages of a sensor that begin like big-endian CDR are decoded as a test, because the first message of a ROS 1
+    recording begins with the same bytes.
     """
     if not messages or any(_may_be_cdr(data, type_name) for data in messages):
         return ""
@@ -139,7 +142,7 @@ def cdr_problem(messages: list[bytes], type_name: str) -> str:
 
 
 def _may_be_cdr(data: bytes, type_name: str) -> bool:
-    """Whether bytes begin as ROS 2 writes CDR and, of a sensor in big-endian order, can be decoded."""
+    """Return whether bytes begin like CDR of ROS 2 and, for a sensor in big-endian order, can be decoded."""
     if data[:2] not in _CDR_HEADS:
         return False
     if data[:2] != _BIG_ENDIAN or type_name not in wire.LAYOUTS or type_name not in ros2_types().fielddefs:
@@ -152,7 +155,7 @@ def _may_be_cdr(data: bytes, type_name: str) -> bool:
 
 
 def listed(topics: list[TopicInfo]) -> str:
-    """Return topics with their problems in words; topics of one problem together."""
+    """Return a text that lists topics with their problems; topics with the same problem are listed together."""
     parts = []
     for problem, group in itertools.groupby(sorted(topics, key=lambda one: one.problem), lambda one: one.problem):
         mine = list(group)
@@ -163,5 +166,5 @@ def listed(topics: list[TopicInfo]) -> str:
 
 @functools.lru_cache(maxsize=1)
 def ros2_types() -> Typestore:
-    """Types of ROS 2's common packages, which also convert messages of ROS 1."""
+    """Return the types of the common packages of ROS 2, which also convert messages of ROS 1."""
     return get_typestore(Stores.ROS2_JAZZY)

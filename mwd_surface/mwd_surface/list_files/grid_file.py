@@ -21,12 +21,12 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell
 
 _SPREADSHEETML = "urn:schemas-microsoft-com:office:spreadsheet"
-_MOST_SPAN = 100  # columns that one cell of an HTML table may cover
+_MOST_SPAN = 100  # columns that one cell of an HTML table may span
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One row: where it stands in the file, and its cells."""
+    """One row: its place in the file and its cells."""
 
     at: str
     cells: tuple[Cell, ...]
@@ -36,12 +36,12 @@ Sheets = list[tuple[str, list[Row]]]
 
 
 def is_spreadsheet(data: bytes) -> bool:
-    """Return whether the bytes are those of an .xlsx file (a zip archive)."""
+    """Return whether the bytes begin like an .xlsx file, which is a zip archive."""
     return data.startswith(b"PK\x03\x04")
 
 
 def is_html(text: str) -> bool:
-    """Return whether a text begins as an HTML document or as an HTML table does."""
+    """Return whether a text begins like an HTML document or an HTML table."""
     return bool(
         re.match(
             r"\s*(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*<(?:!doctype\s+html|html|head|body|meta|table)\b",
@@ -63,7 +63,7 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
     Raises
     ------
     ListFileError
-        It is another archive, cannot be read, or unpacks to more than the budget.
+        The archive is not an .xlsx file, cannot be read, or is larger than the budget when unpacked.
     """
     import openpyxl
 
@@ -75,9 +75,10 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
         for sheet in book.worksheets:
             rows: list[Row] = []
             sheets.append((sheet.title, rows))
-            # What a sheet says of its size may be wrong; a row then ends at its last cell.
+            # The size that a sheet states may be wrong. Without it, each row ends at its last cell.
             sheet.reset_dimensions()
-            # A row of a few bytes may stand at any number and end at any column: the empty cells before it are made.
+            # Count the cells that openpyxl creates: a row of a few bytes may state any row number and any last column,
+            # and openpyxl fills the gap with empty cells.
             for k, row in enumerate(sheet.iter_rows(values_only=True), start=1):
                 cells += 1 + len(row)
                 budgets.SPREADSHEET.check("records", cells)
@@ -87,13 +88,13 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
                     rows.append(Row(f"{name}, sheet {sheet.title}, row {k}", tuple(map(_cell, row[:width]))))
     except BudgetError as error:
         raise ListFileError(f"{name} {error}") from error
-    except Exception as error:  # openpyxl raises whatever its parsing meets
+    except Exception as error:  # openpyxl passes on any exception of its parsers
         raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
     return sheets
 
 
 def _check_archive(data: bytes, name: str) -> None:
-    """Refuse an archive that is not a spreadsheet, or that unpacks to more than a memory holds."""
+    """Refuse an archive that is not a spreadsheet, or whose unpacked size exceeds the budget."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             items = archive.infolist()
@@ -113,12 +114,12 @@ def _check_archive(data: bytes, name: str) -> None:
 
 def html_sheets(text: str, name: str) -> Sheets:
     """
-    Return the rows of each table of an HTML document that has no table inside.
+    Return the rows of each table of an HTML document that contains no other table.
 
     Raises
     ------
     ListFileError
-        It cannot be read, has no table, or more cells than the budget.
+        The document cannot be read, has no table, or has more cells than the budget.
     """
     from lxml import etree, html
 
@@ -153,7 +154,7 @@ def xml_sheets(text: str, name: str) -> Sheets:
     Raises
     ------
     ListFileError
-        It is not well-formed, or has more cells than the budget.
+        The document is not well-formed XML, or has more cells than the budget.
     """
     from lxml import etree
 
@@ -179,7 +180,7 @@ def xml_sheets(text: str, name: str) -> Sheets:
 
 
 def _placed(row: Any, ss: str) -> Iterator[tuple[int, Any]]:
-    """Cells of a row with their column from 0: a cell may say its number, and cover several columns."""
+    """Yield the cells of a row with their column, from 0; a cell may state its column and may span several columns."""
     place = 0
     for cell in row.iterchildren(f"{ss}Cell"):
         said = cell.get(f"{ss}Index", "")
@@ -202,13 +203,13 @@ def _typed(data: Any, ss: str) -> Cell:
 
 
 class _Cells:
-    """Cells of a file that have been made, against the budget of spreadsheets."""
+    """Counter that checks the number of created cells against the budget of spreadsheets."""
 
     def __init__(self, name: str) -> None:
         self._name, self._count = name, 0
 
     def add(self, count: int = 1, column: int = 0) -> None:
-        """Count cells; ListFileError where there are too many."""
+        """Count cells; raise ListFileError when there are too many."""
         self._count += count
         try:
             budgets.SPREADSHEET.check("records", self._count)
@@ -218,7 +219,7 @@ class _Cells:
 
 
 def _row(at: str, cells: list[Cell]) -> list[Row]:
-    """The row without empty cells at its end; nothing where it is empty."""
+    """Return a list with the row, without the empty cells at its end; an empty list if the whole row is empty."""
     width = max((j for j, cell in enumerate(cells, start=1) if _said(cell)), default=0)
     return [Row(at, tuple(cells[:width]))] if width else []
 

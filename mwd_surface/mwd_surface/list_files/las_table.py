@@ -19,13 +19,13 @@ from mwd_surface.list_files.number_cells import Cell
 from mwd_surface.list_files.table import Table
 
 _LINE = re.compile(r"^\s*(?P<name>[^.:\s]+)\s*\.(?P<unit>\S*)\s*(?P<value>.*?)\s*:\s*(?P<words>.*)$")
-# Curves of our own exports whose numbers stand for words, and the text column that they are.
+# Curves in exports of this program whose numbers are codes for words, and the name of the text column they become.
 _CODED = {"KIND": "station", "ASMD": "coordinates"}
 _DELIMITERS = {"COMMA": ",", "TAB": "\t"}
 
 
 def is_las(text: str) -> bool:
-    """Return whether a text begins as LAS files do: with a section, or comments before one."""
+    """Return whether a text begins like a LAS file: with a section, or with comments before a section."""
     for line in text.splitlines()[:50]:
         if line.strip() and not line.lstrip().startswith("#"):
             return bool(re.match(r"\s*~\s*[VvWwCcPpAaOo]", line))
@@ -39,7 +39,7 @@ def las_table(text: str, name: str) -> Table:
     Raises
     ------
     ListFileError
-        It cannot be read as LAS.
+        The text cannot be read as LAS.
     """
     return _inclinometry(text, name) or _curves(text, name)
 
@@ -47,18 +47,19 @@ def las_table(text: str, name: str) -> Table:
 def _curves(text: str, name: str) -> Table:
     import lasio
 
-    # Its log would quote lines of the file on the terminal and in the logs of the nodes.
+    # The log of lasio would show lines of the file on the terminal and in the logs of the nodes.
     log = logging.getLogger("lasio")
     log.addHandler(logging.NullHandler())
     log.propagate = False
     try:
-        # lasio looks for the name of each curve among all others.
+        # lasio compares the name of each curve with all other names, so that the time grows with the square of their
+        # number.
         budgets.LIST.check("columns", re.split(r"(?m)^\s*~A", text, maxsplit=1)[0].count("\n"))
         file = lasio.read(io.StringIO(text), ignore_header_errors=True)
         data = np.atleast_2d(file.data)
-    except Exception as error:  # lasio raises whatever its parsing meets
+    except Exception as error:  # lasio passes on any exception of its parsing
         raise ListFileError(f"{name}: cannot be read as LAS: {error}") from error
-    # Verdicts and flags of our own exports are codes that their description spells out, not quantities.
+    # In exports of this program, curves of verdicts and flags hold codes; their description spells out each code.
     texts = {
         k: (_CODED[curve.mnemonic], dict(re.findall(r"(\d+) ([\w-]+)", str(curve.descr))))
         for k, curve in enumerate(file.curves)
@@ -78,12 +79,12 @@ def _curves(text: str, name: str) -> Table:
 
 
 def _code(value: object) -> str:
-    """A code as its description has it."""
+    """Return a code as text in the form used by the curve's description."""
     return f"{value:.0f}" if isinstance(value, (int, float, np.number)) else str(value)
 
 
 def _described(name: str, words: str) -> str:
-    """Line of the head for the description of an azimuth curve, which may say its north."""
+    """Return the description of an azimuth curve as a line of the head, because it may name a north; else ""."""
     return words if column_of(0, name).quantity == "azimuth" and north_of(words) else ""
 
 
@@ -92,7 +93,7 @@ def _cell(value: object) -> Cell:
 
 
 def _inclinometry(text: str, name: str) -> Table | None:
-    """The section ~Inclinometry of LAS 3; None where the file has none."""
+    """Return the table of the section ~Inclinometry of LAS 3; None if the file has no such section."""
     sections = list(_sections(text))
     definition = next((lines for title, lines in sections if re.match(r"inclinometry_?def", title)), None)
     titled = re.compile(r"inclinometry(_data)?\s*(\[1\])?\s*(\||$)")
@@ -119,7 +120,7 @@ def _inclinometry(text: str, name: str) -> Table | None:
 
 
 def _sections(text: str) -> Iterator[tuple[str, list[tuple[int, str]]]]:
-    """Title in lower case and numbered lines of each section, without comments."""
+    """Yield the title in lower case and the numbered lines of each section, without comments."""
     title = ""
     lines: list[tuple[int, str]] = []
     for number, line in enumerate(text.splitlines(), start=1):

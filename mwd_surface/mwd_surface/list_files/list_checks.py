@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks of a list against itself: what no hole does, and angles that contradict its own vertical depth, north and east.
+Checks of a list against itself: impossible depths and doglegs, and angles that contradict the list's own positions.
 
-A contradiction is refused with its likely cause: each usual mistake is undone in turn, and the one that makes angles
-and positions agree is named.
+A contradictory list is refused and its likely cause is named: each usual mistake is undone in turn, until angles and
+positions agree.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import POSITION
 
-DEEPEST = 20_000.0  # m; the longest hole there is has 15.2 km
-_ARC = 60.0  # m; stations farther apart leave out others
-_IMPOSSIBLE = 100_000.0  # m; no caller can confirm more
-# A dogleg that no usual hole has, rad/m; short radius drilling, which has more, is confirmed by the caller.
+DEEPEST = 20_000.0  # m; the longest hole so far has 15.2 km
+_ARC = 60.0  # m; stations farther apart than this skip other stations
+_IMPOSSIBLE = 100_000.0  # m; the caller cannot confirm a greater depth
+# Dogleg that no usual hole exceeds, rad/m; short radius drilling does, and the caller then confirms the dogleg.
 _DOGLEG = math.radians(30.0) / 30.0
-# A misfit of north and east by more, m, is explained by mixed units where these leave less than this share of it.
+# A misfit of north and east above _NOTICED, m, is explained by mixed units if these leave less than the share _CLEARLY
+# of it.
 _NOTICED, _CLEARLY = 0.3, 0.1
-# Two tools or two roundings may differ by this at neighbouring stations, rad.
+# Two tools, or rounding, may change the angles of neighbouring stations by this, rad.
 _ROUNDING = math.radians(1.0)
 
 
 def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse depths that no hole has; return what was confirmed.
+    Refuse depths that are impossible; return remarks on depths that the caller confirmed.
 
     Raises
     ------
     ListFileError
-        A depth above the wellhead, or deeper than any hole.
+        A depth is above the wellhead, or deeper than any hole.
     """
     for k in map(int, np.flatnonzero(md < 0.0)):
         raise ListFileError(f"{at[k]}: measured depth {md[k]:g} m is above the wellhead; depths count downwards")
@@ -57,12 +58,12 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ..
 
 def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse a dogleg above 30 deg/30 m, which is a wrong number far more often than a hole; return what was confirmed.
+    Refuse a dogleg above 30 deg/30 m, which is almost always an error in the list; return remarks on confirmed ones.
 
     Raises
     ------
     ListFileError
-        Two neighbouring stations turn too much, and the caller has not confirmed it.
+        Two neighbouring stations differ too much in direction, and the caller has not confirmed it.
     """
     md, inc, azi = columns
     turned = mc.dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:])
@@ -84,14 +85,18 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
 
 
 def allowed(md: Array) -> Array:
-    """Return how far positions of a list may be from those of its angles, m: by method, and by stations left out."""
-    # Over a long gap the hole does not follow one arc.
+    """
+    Return the largest allowed distance between listed and computed positions, m.
+
+    The distance grows with depth, for the calculation method, and with gaps where stations were skipped.
+    """
+    # Between distant stations the hole does not follow one arc.
     gaps = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(md) - _ARC, 0.0))])
     return np.asarray(1.0 + 0.005 * (md - md[0]) + 0.1 * gaps)
 
 
 def misfit(columns: tuple[Array, Array, Array], positions: Array) -> Array:
-    """Return the positions of a list less those that its angles give, from its first station on, shape (n, 3), m."""
+    """Return listed minus computed positions, both counted from the first station, shape (n, 3), m."""
     md, inc, azi = columns
     computed = mc.path(md, inc, azi)
     origin = positions[0]
@@ -99,7 +104,7 @@ def misfit(columns: tuple[Array, Array, Array], positions: Array) -> Array:
 
 
 def fits(columns: tuple[Array, Array, Array], positions: Array) -> bool:
-    """Return whether positions of a list, as far as it has them, agree with its angles."""
+    """Return whether the positions in a list agree with its angles; missing positions are not compared."""
     try:
         difference = misfit(columns, positions)
     except ValueError:
@@ -115,7 +120,7 @@ def check_positions(name: str, columns: tuple[Array, Array, Array], positions: A
     Raises
     ------
     ListFileError
-        They differ by more than methods of calculation do; the message names the likely cause.
+        Listed and computed positions differ too much; the message names the likely cause.
     """
     try:
         difference = misfit(columns, positions)
@@ -132,12 +137,12 @@ def check_positions(name: str, columns: tuple[Array, Array, Array], positions: A
 
 def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Array, difference: Array) -> None:
     """
-    Refuse lengths in two units that a nearly vertical hole hides: what is allowed is more than it moves sideways.
+    Refuse mixed length units in a nearly vertical hole, which moves sideways less than `allowed` tolerates.
 
     Raises
     ------
     ListFileError
-        North and east fit far better where they or the depths are taken in the other unit.
+        North and east fit far better if either they or the depths are taken in the other unit.
     """
     apart = _sideways(difference)
     if not apart > _NOTICED:
@@ -156,12 +161,12 @@ def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Arra
 
 
 def _sideways(difference: Array) -> float:
-    """Largest distance in the map, m; 0 where north and east are not known."""
+    """Return the largest horizontal distance, m; 0 if north and east are not known."""
     return float(np.nanmax(np.hypot(difference[:, 0], difference[:, 1]), initial=0.0))
 
 
 def turn_between(columns: tuple[Array, Array, Array], positions: Array) -> float:
-    """Return the angle by which the azimuths have to be turned to point along the list's own north and east, rad."""
+    """Return the rotation of the azimuths, rad, that aligns the computed path with the listed north and east."""
     md, inc, azi = columns
     try:
         computed = mc.path(md, inc, azi)
@@ -177,7 +182,7 @@ def turn_between(columns: tuple[Array, Array, Array], positions: Array) -> float
 
 
 def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
-    """Usual mistake that explains a contradiction, or what to check."""
+    """Return the usual mistake that explains a contradiction, or advice on what to check."""
     md, inc, azi = columns
     turn = turn_between(columns, positions)
     right, up, foot = math.pi / 2.0, np.array([1.0, 1.0, -1.0]), 0.3048
@@ -189,7 +194,7 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
         "the azimuths are from another north than the north and east columns, which are turned from them by"
         f" {math.degrees(turn):+.2f} deg"
     )
-    # Words, and the list with that mistake undone: angles and positions.
+    # Each entry: the words, and the angles and positions with that mistake undone.
     ways = (
         (dips, (md, right - inc, azi), positions),
         (f"{dips}; positive ones point up", (md, right + inc, azi), positions),

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the columns of a list of stations are, and their units: by the names people give them, or as the caller says.
+Quantities and units of the columns of a station list, from the column names or from the caller.
 
-A name is read whole: its quantity, its unit ("MD (usft)", md_ft, "Inc °"), its north ("AZIM_GN"), and whether an angle
-counts from the horizontal. A word in it that is not understood is kept and quoted, never skipped. A length whose unit
-nobody named is never guessed; angles without unit are degrees.
+The whole name is read: its quantity, its unit ("MD (usft)", md_ft, "Inc °"), its north ("AZIM_GN"), and whether an
+angle is measured from the horizontal. A word of the name that is not understood is kept and quoted, never skipped. The
+unit of a length is never guessed; angles without a unit are degrees.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from mwd_surface.list_files.list_error import ListFileError
 
 NEEDED = ("md", "inclination", "azimuth")
-# What a list of our own says of the reference: T and m/s^2, or angles.
+# Reference values in lists written by this program, with their factor to T and m/s^2; None for angles.
 FIGURES = {"b_reference": 1e-9, "g_reference": 1.0, "dip_reference": None, "declination": None, "convergence": None}
 ANGLES = (
     *("inclination", "dip", "azimuth", "sigma_inclination", "sigma_azimuth"),
@@ -26,7 +26,7 @@ ANGLES = (
 )
 TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station", "coordinates", "in_use", "leg")
 NORTHS = ("true", "grid", "magnetic")
-DIPS = ("down", "up")  # where a positive angle from the horizontal points
+DIPS = ("down", "up")  # direction in which positive angles from the horizontal point
 CONFIRMABLE = ("dogleg", "wellhead", "depth")
 
 # The US survey foot is 1200/3937 m.
@@ -51,8 +51,8 @@ LENGTH_UNITS = {
     **dict.fromkeys(("inch", "inches"), 0.0254),
     **dict.fromkeys(("yd", "yds", "yard", "yards"), 0.9144),
 }
-# Units of lengths and angles in WITSML that are not words of other files, m and rad. Source: Energistics Unit of
-# Measure Standard 1.0; the old feet as the EPSG dataset has them.
+# Units of lengths and angles that only WITSML uses, with their factors to m and rad. Source: Energistics Unit of
+# Measure Standard 1.0; the old feet from the EPSG dataset.
 ENERGISTICS_UNITS = {
     "in": 0.0254,
     "dm": 0.1,
@@ -103,7 +103,7 @@ ANGLE_UNITS = {
     **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
     **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
 }
-# Where a depth counts from; a word behind a unit or a depth that changes neither.
+# Datums of depths, and words after a unit or a depth that change neither.
 _DATUMS = frozenset(
     [
         "kb",
@@ -150,7 +150,7 @@ _NORTH_WORDS = {
     **dict.fromkeys(("grid", "gn", "map", "gridnorth", "网格", "坐标", "坐标北", "网格方位"), "grid"),
     **dict.fromkeys(("magnetic", "mag", "mn", "magn", "compass", "magneticnorth", "磁", "磁北", "磁方位"), "magnetic"),
 }
-# Beginnings of such words in languages that bend them.
+# Stems of words for a north in languages that inflect them.
 _NORTH_STEMS = {
     **dict.fromkeys(("geograf", "geograph", "rechtweisend", "verdader", "verdadeir", "истинн", "географ"), "true"),
     **dict.fromkeys(("gitter", "rutenett", "cuadricul", "quadricul", "quadrill", "дирекцион", "картограф"), "grid"),
@@ -158,8 +158,8 @@ _NORTH_STEMS = {
 }
 _DENIALS = frozenset(["not", "no", "non", "never", "without", "uncorrected", "nicht", "ohne"])
 _CORRECTED = ("declin", "uncorrect", "converg", "磁偏角", "收敛角")
-_LETTERS = {"t": "true", "g": "grid", "m": "magnetic"}  # behind the unit of an azimuth
-# Words that neither say nor change what a column is.
+_LETTERS = {"t": "true", "g": "grid", "m": "magnetic"}  # letters after the unit of an azimuth
+# Words that do not change the meaning of a column name.
 _FILLERS = frozenset(
     [
         "in",
@@ -276,7 +276,7 @@ _DIRECTED = {
 }
 # Chinese words before a quantity that do not change it: of the borehole, measured, at the station, drilled, total.
 _BEFORE = ("钻孔", "实测", "测量", "测点", "钻进", "累计", "孔")
-# Quantities that are not read although their names contain a word of a quantity that is read; no remark is made.
+# Quantities that are not read although their names contain a word of a quantity that is read; they cause no remark.
 _OTHERS = re.compile(
     r"\bage\b|\bfirst\b|"
     r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|"
@@ -291,23 +291,23 @@ _KEYS = re.compile(r"azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深
 @dataclasses.dataclass(frozen=True)
 class Given:
     """
-    What the caller says of a list; it replaces what the file says.
+    Facts about a list that the caller states; they replace the statements of the file.
 
     Attributes
     ----------
     columns : mapping of str
-        Quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name: do not
-        read it.
+        Quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name means that
+        the quantity is not read.
     length_unit, angle_unit, north : str
-        Replace what the file says; empty: as the file says.
+        Replace the statements of the file; empty: the file decides.
     decimal : str
-        "point" or "comma"; empty: judged by the cells.
+        "point" or "comma"; empty: inferred from the cells.
     dip : str
-        Where a positive angle from the horizontal points, "down" or "up"; empty: as the vertical depths say.
+        Direction of positive angles from the horizontal, "down" or "up"; empty: inferred from the vertical depths.
     wellhead : tuple of float, optional
-        Northing and easting of the wellhead, in m, which is subtracted from map coordinates.
+        Northing and easting of the wellhead, in m, subtracted from map coordinates.
     confirm : tuple of str
-        What of `CONFIRMABLE` was checked and is right, although no usual list has it.
+        Words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct.
     """
 
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -320,7 +320,7 @@ class Given:
     confirm: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a quantity, unit, north or word that does not exist."""
+        """Refuse an unknown quantity, unit, north or word."""
         for value, known, what in (
             *((name, tuple(_WORDS), "columns") for name in self.columns),
             (self.length_unit, tuple(LENGTH_UNITS), "length unit"),
@@ -336,12 +336,12 @@ class Given:
 
 def columns_of(text: str) -> dict[str, str]:
     """
-    Return quantities and the names of their columns, as written by a user: "md=DEPTH,inc=DEV,azi=HAZI".
+    Return quantities and their column names from a user's text such as "md=DEPTH,inc=DEV,azi=HAZI".
 
     Raises
     ------
     ValueError
-        A part without "=".
+        A part of the text has no "=".
     """
     pairs = {}
     for part in filter(None, text.split(",")):
@@ -356,9 +356,9 @@ def columns_of(text: str) -> dict[str, str]:
 @dataclasses.dataclass(frozen=True)
 class Column:
     """
-    One column: its number, name and quantity ("" where it is not one that is read).
+    One column: its index, its name, and its quantity, "" if the quantity is not one that is read.
 
-    unit, north: as it says, "" where it says none. strange: words that were not understood.
+    unit, north: as the name states, else "". strange: words that were not understood.
     """
 
     number: int
@@ -371,14 +371,18 @@ class Column:
 
 @dataclasses.dataclass(frozen=True)
 class Columns:
-    """All columns of a list by quantity, in the order of the file; and those that look like ours and are not read."""
+    """
+    Columns of a list by quantity, in the order of the file.
+
+    `unread` holds the columns that resemble a quantity but are not read.
+    """
 
     of: Mapping[str, tuple[Column, ...]]
     unread: tuple[Column, ...] = ()
 
     @property
     def missing(self) -> list[str]:
-        """Quantities that every list needs and this one does not have."""
+        """Return the quantities that every list needs and this list lacks."""
         return [what for what in NEEDED if what not in self.of and not (what == "inclination" and "dip" in self.of)]
 
 
@@ -386,7 +390,8 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
     """
     Match columns to quantities.
 
-    names: of the columns. given: what the caller says of them. units: of the columns where they stand apart, as in LAS.
+    names: names of the columns. given: statements of the caller. units: units that the file states apart from the
+    names, as LAS does.
     """
     given = given or Given()
     of: dict[str, tuple[Column, ...]] = {}
@@ -405,20 +410,20 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
         elif _resembles(name):
             unread.append(column)
     if "inclination" in of:
-        # A list with inclinations may have the dip of the field, too.
+        # A list with inclinations may also have the dip of the magnetic field.
         of.pop("dip", None)
     return Columns(of, tuple(unread))
 
 
 def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Column:
     """
-    Return what a name of a column says.
+    Return the quantity, unit and north that a column name states.
 
-    unit: as the file has it apart from the name. chosen: the quantity that the caller says it is; its words then need
-    not be understood, but a unit and a north among them count.
+    number: index of the column. unit: unit that the file states apart from the name. chosen: quantity that the caller
+    assigns; the other words of the name are then ignored, except for a unit and a north.
     """
     base, brackets = _parted(name)
-    # "in" is an inch where it stands alone as a unit, and a preposition elsewhere.
+    # "in" means inch if it stands alone as a unit; elsewhere it is a preposition.
     brackets = ["inch" if phrase == "in" else phrase for phrase in brackets]
     unit = "inch" if unit.strip(" .()[]").lower() == "in" else unit
     words = base.split()
@@ -436,7 +441,7 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
     if quantity == "inclination" and horizontal:
         quantity = "dip"
     if quantity in _LENGTHS and (behind or "angle" in rest or (quantity == "tvd" and _SUBSEA & set(strange))):
-        # "Depth Limit", "Vertical Section", "TVD (SS)": another quantity whose name begins like ours.
+        # "Depth Limit", "Vertical Section", "TVD (SS)" begin like a quantity that is read but are other quantities.
         quantity = ""
     if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
         strange = [unit.strip()]
@@ -444,37 +449,37 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
 
 
 def unit_word(text: str) -> str:
-    """Return the unit that some words are, as in LENGTH_UNITS or ANGLE_UNITS; "" where they are none."""
+    """Return the unit in a text as a key of LENGTH_UNITS or ANGLE_UNITS; "" if the text is not a unit."""
     words = [w for w in _words(text).split() if w not in _DATUMS]
     joined = " ".join(words)
     if joined in LENGTH_UNITS or joined in ANGLE_UNITS:
         return joined
     whole = _words(text).replace(" ", "")
     for unit in sorted(LENGTH_UNITS, key=len, reverse=True):
-        # ftKB, mRKB, mMD
+        # Units joined with a datum, such as ftKB, mRKB, mMD.
         if whole.startswith(unit) and whole[len(unit) :] in _DATUMS:
             return unit
     return ""
 
 
 def _north_word(word: str) -> str:
-    """North that one word names; empty where it names none."""
+    """Return the north that one word names; "" if it names none."""
     stem = next((north for stem, north in _NORTH_STEMS.items() if word.startswith(stem)), "")
     return _NORTH_WORDS.get(word, stem)
 
 
 def is_datum_or_north(text: str) -> bool:
-    """Return whether some words, such as those of a line below the names of columns, are all datums or norths."""
+    """Return whether all words of a text are datums or norths, as in a line of units below the column names."""
     words = _words(text).split()
     return bool(words) and all(word in _DATUMS or _north_word(word) for word in words)
 
 
 def north_of(text: str) -> str:
     """
-    Return the north that some words name, one of NORTHS; "" where they name none.
+    Return the north that a text names, one of NORTHS; "" if it names none.
 
-    Of two norths, as in "from magnetic to true north", the one behind "to" counts. A north that is denied, as in "not
-    corrected to true north", is not named.
+    If the text names two norths, as in "from magnetic to true north", the one after "to" counts. A denial, as in "not
+    corrected to true north", names no north.
     """
     words = _words(text).split()
     if _DENIALS & set(words) or any(word[0] in "未不" for word in words):
@@ -488,21 +493,21 @@ def north_of(text: str) -> str:
 
 
 def mentions_north(text: str) -> bool:
-    """Return whether some words have one of the words for a north, or what turns azimuths to one, among them."""
+    """Return whether a text contains a word for a north, or a word for a correction of azimuths to a north."""
     words = _words(text).split()
     return any(_north_word(word) or any(stem in word for stem in _CORRECTED) for word in words)
 
 
 def factor(column: Column, at: str, given: Given | None = None, otherwise: str = "") -> float:
     """
-    Return what to multiply a column by to get m or rad.
+    Return the factor that converts a column to m or rad.
 
-    at: its place in the file. otherwise: unit of the list's head, for a column that says none.
+    at: place of the column in the file. otherwise: unit from the head of the list, for a column that states none.
 
     Raises
     ------
     ListFileError
-        A length without unit, or a unit or word that is not understood.
+        A length has no unit, or a unit or word is not understood.
     """
     own = FIGURES.get(column.quantity)
     if own is not None:
@@ -531,13 +536,13 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
 
 
 def _plain(letter: str) -> str:
-    """A Latin letter without its accents."""
+    """Return a Latin letter without its accents; other letters unchanged."""
     base = unicodedata.normalize("NFKD", letter)[:1]
     return base if base.isascii() and base.isalpha() else letter
 
 
 def _words(text: str) -> str:
-    """Lower case, words parted by one space, signs and accents of Latin letters gone; degrees in words."""
+    """Return a text in lower case with single spaces, degree signs as words, without other signs and Latin accents."""
     text = text.replace("Â°", "°")
     for sign in "°º˚":
         text = text.replace(sign, " deg ")
@@ -546,7 +551,7 @@ def _words(text: str) -> str:
 
 
 def _parted(name: str) -> tuple[str, list[str]]:
-    """Words of a name outside and inside of its brackets."""
+    """Return the words of a name outside its brackets, and the words inside each bracket."""
     name = unicodedata.normalize("NFKC", name.replace("Â°", "°").replace("º", "°").replace("˚", "°"))
     name = re.sub(r"\+?\s*\bN(\s*\(\+\))?\s*/\s*-?\s*S\b(\s*\(-\))?", " ns ", name, flags=re.IGNORECASE)
     name = re.sub(r"\+?\s*\bE(\s*\(\+\))?\s*/\s*-?\s*W\b(\s*\(-\))?", " ew ", name, flags=re.IGNORECASE)
@@ -556,8 +561,8 @@ def _parted(name: str) -> tuple[str, list[str]]:
 
 
 def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
-    """Quantity that the first words name, the words behind them, and the north among them."""
-    # The longest beginning that is a name; one that starts later has a north or filler before it.
+    """Return the quantity that the first words name, the words after it, and the north among the words."""
+    # Look for the longest run of first words that is a name. A name that starts later follows a north or a filler word.
     for size in range(len(words), 0, -1):
         joined = " ".join(words[:size])
         if joined in _NAMES:
@@ -580,7 +585,7 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
 
 
 def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]:
-    """Return unit, north, whether from the horizontal, and unknown words, from the words around a name."""
+    """Return unit, north, whether the angle is from the horizontal, and unknown words, from the words around a name."""
     unit, north, horizontal = unit_word(phrase), "", False
     if unit and not (angle and unit in LENGTH_UNITS):
         return unit, "", False, []
@@ -592,7 +597,7 @@ def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]
         size = next((n for n in (3, 2, 1) if unit_word(" ".join(words[k : k + n])) and k + n <= len(words)), 0)
         word = words[k]
         if angle and unit and word in _LETTERS:
-            # "°T", "deg M"
+            # Letters after a unit, as in "°T" and "deg M".
             north, k = _LETTERS[word], k + 1
             continue
         if size:
@@ -611,6 +616,6 @@ def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]
 
 
 def _resembles(name: str) -> bool:
-    """Whether a name that is not understood has a word of one of ours in it."""
+    """Return whether a name that is not understood contains a word that occurs in the names of the quantities read."""
     words = _words(name)
     return bool(_KEYS.search(words)) and not _OTHERS.search(words)

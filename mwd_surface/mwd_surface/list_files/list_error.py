@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The error of every file of rows that is not what it should be."""
+"""The error raised for every file of rows that cannot be read as expected."""
 
 
 class ListFileError(ValueError):
-    """A file that is not a list of stations; the message gives file, line and rule."""
+    """A file is not a valid list of stations; the message gives file, line and rule."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Reading a list of stations from a file: a table, a spreadsheet, LAS, WITSML or P7/17, recognised by what it contains.
+Reading a list of stations from a table, a spreadsheet, LAS, WITSML or P7/17, recognised by the content of the file.
 
-Survey lists, gyro surveys, planned paths and offset wells are read here, by the same rules. A file that is not what it
-should be raises `ListFileError` with the line at fault and what was expected there; a list is never half read. Every
-assumption is a remark of the list.
+Survey lists, gyro surveys, planned paths and offset wells are all read here, by the same rules. A file that breaks a
+rule raises `ListFileError` with the line at fault and the expected content; a list is never read in part. Every
+assumption becomes a remark of the list.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from mwd_surface.list_files.witsml_table import witsml_table
 
 _LOCAL = ("north", "east")
 _MAP = ("map_north", "map_east")
-# Words at the end of lists that stand in the first column of a row of totals.
+# Words in the first column of rows of totals at the end of a list.
 _TOTALS = frozenset(
     [
         "total",
@@ -72,18 +72,18 @@ _PROJECTION = re.compile(
     re.IGNORECASE,
 )
 _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
-_START_ROWS = ("tie-on", "assumed")  # in the column "station" of our exports: a row that is not a survey
-_WORD = re.compile(r"[^\W\d_]{3,}")  # at the beginning of a cell that is not a mistyped number
+_START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
+_WORD = re.compile(r"[^\W\d_]{3,}")  # a cell that begins like this is a word, not a mistyped number
 _PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
 # Distance of the first station from its wellhead above which a convergence of 3 deg moves it by half a metre, m.
 _OFFSET = 10.0
-# Magic bytes of recordings, which are not lists.
+# First bytes of recordings, which are not lists.
 _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
 
 
 @dataclasses.dataclass(frozen=True)
 class _Station:
-    """One station of the file in m and rad, its texts, and where it stands."""
+    """One station of the file: its place, its numbers in m and rad, and its texts."""
 
     at: str
     numbers: dict[str, float]
@@ -91,14 +91,14 @@ class _Station:
 
 
 def _verdict(row: _Station) -> str:
-    """The verdict of a station; an export of our own says by itself which stations are in use, whoever decided so."""
+    """Return the verdict of a station; exports of this program mark the stations in use themselves, whoever decided."""
     if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
         return "accept"
     return row.texts.get("verdict", "").lower()
 
 
 def is_list(path: Path) -> bool:
-    """Return whether a file may be a list of stations: any file that is neither a recording nor a list of our own."""
+    """Return whether a file may be a list of stations: not a recording, and not a survey list of this program."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -108,7 +108,7 @@ def is_list(path: Path) -> bool:
 
 def read_list(path: str | Path, given: Given | None = None) -> StationList:
     """
-    Return the stations of a file, by what it contains: WITSML, LAS, P7/17, a spreadsheet or a table.
+    Return the stations of a file, recognised by its content as WITSML, LAS, P7/17, a spreadsheet or a table.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def list_of(data: bytes, name: str = "list", given: Given | None = None) -> Stat
 
 
 def _table(data: bytes, name: str, given: Given) -> Table:
-    """The table in a file of any kind."""
+    """Return the table in a file of any kind."""
     if not is_spreadsheet(data):
         text = text_of(data, name)
         start = text.lstrip("\ufeff \t\r\n")
@@ -146,7 +146,8 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
     def is_header(names: Sequence[str]) -> int:
         found = list_columns.find(names, given)
-        # Names that repeat a quantity or are not understood score less: they are probably one of two rows.
+        # Repeated quantities and names that are not understood lower the score: such a row is probably one of two rows
+        # of names.
         again = sum(len({(one.north, one.unit) for one in columns}) < len(columns) for columns in found.of.values())
         units = sum(bool(one.unit) for columns in found.of.values() for one in columns)
         return 0 if found.missing else max(1, 3 * len(found.of) + units - 2 * again - len(found.unread))
@@ -155,7 +156,7 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
 
 def _are_units(cells: Sequence[str]) -> int:
-    """Whether the cells of a row below the names are units: words, and one of them a unit."""
+    """Return 1 if the row below the names holds units: words without numbers, among them a unit, datum or north."""
     if any(number_cells.looks_like_number(cell) for cell in cells):
         return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
@@ -164,9 +165,9 @@ def _are_units(cells: Sequence[str]) -> int:
 
 
 def _stations(table: Table, given: Given) -> StationList:
-    """The list in a table, read by the rules of this module."""
+    """Return the list in a table, read by the rules of this module."""
     provenance, lines = read_provenance(table.head, table.name)
-    # The head of our own exports is for people; what it says of angles and wellhead was settled when the list was read.
+    # The head of this program's exports is for people. The provenance already settles angles and wellhead.
     head = Head() if provenance is not None else read_head(lines)
     columns = list_columns.find(table.names, given, table.units)
     if head.horizontal and "inclination" in columns.of:
@@ -192,7 +193,7 @@ def _missing(table: Table, columns: Columns) -> str:
 
 
 def _roughly(cell: number_cells.Cell) -> float:
-    """Number of a cell by its own marks; nan where it is none."""
+    """Return the number in a cell by the decimal mark that it reveals; nan if it is not a number."""
     found = number_cells.split(cell)
     try:
         return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
@@ -202,14 +203,14 @@ def _roughly(cell: number_cells.Cell) -> float:
 
 class _Reader:
     """
-    One list being read: its table, what its columns and head say, and the remarks so far.
+    Reader of one list: its table, the meaning of its columns and head, and the remarks so far.
 
     Parameters
     ----------
     table, columns, head, given
-        As read; `given` replaces what the file says.
+        As read from the file; `given` replaces statements of the file.
     provenance
-        The list behind the table, where it is an export of our own.
+        The list behind the table, if the table is an export of this program.
     """
 
     def __init__(
@@ -221,7 +222,8 @@ class _Reader:
         self.name = table.name
         self.of = dict(columns.of)
         if provenance is not None:
-            # Our raw log has the azimuths by each method too, behind the one that the survey is.
+            # The raw log of this program also has the azimuth by each method; the names of those columns have unknown
+            # words.
             self.of = {what: tuple(one for one in found if not one.strange) or found for what, found in self.of.items()}
         self.german = any(_GERMAN.search(name) for name in table.names)
         self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
@@ -235,19 +237,19 @@ class _Reader:
         self.remarks.append(Remark(kind, text, values))
 
     def _kept_rows(self, rows: Sequence[Row]) -> list[Row]:
-        """Rows that may be stations: without notes, totals and footers, which are quoted in a remark."""
+        """Return rows that may be stations; notes, totals and footers are left out and quoted in a remark."""
         needed = [one for what in ("md", "inclination", "dip", "azimuth") for one in self.of.get(what, ())[:1]]
         depth = needed[0].number
         kept: list[Row] = []
         notes: list[Row] = []
-        announced = marked = 0  # rows kept before a note of a projection; marked rows at the end
+        announced = marked = 0  # rows kept before a note that announces a projection; marked rows at the end
         for row in rows:
             cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
             numbers = [number_cells.looks_like_number(cell) for cell in cells]
             first = str(row.cells[0]).strip().lower().rstrip(":. ") if row.cells else ""
             word = str(cells[0]).strip().lower().rstrip(":. ")
             total = not numbers[0] and bool({first, word, *first.split()} & _TOTALS) and bool(kept)
-            # "Bottom hole: 360 m" has a number, and is not one.
+            # A cell such as "Bottom hole: 360 m" contains a number, but is a note.
             worded = (word[:1].isalpha() or not any(c.isdigit() for c in word)) and not number_cells.is_null(cells[0])
             worded = worded and not number_cells.looks_like_number(cells[0])
             nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
@@ -262,12 +264,13 @@ class _Reader:
                 kept.append(row)
                 marked = marked + 1 if projected else 0
         while len(kept) > 1 and _WORD.match(str(kept[-1].cells[depth] if depth < len(kept[-1].cells) else "").strip()):
-            # Figures of the whole hole, such as its closure, in the columns of a station; above the end it is a typo.
+            # Last rows with a word instead of a depth describe the whole hole, such as its closure. Farther up, such a
+            # cell is a typing error.
             notes.append(kept.pop())
         below = len(kept) - announced if announced else 0
         count = max(marked, below if below <= _PROJECTED_ROWS else 0)
         if 0 < count < len(kept):
-            # Nobody measured there: the list was continued to the bit.
+            # These rows continue the list to the bit; they were not measured.
             notes += kept[len(kept) - count :]
             del kept[len(kept) - count :]
         if notes:
@@ -277,7 +280,7 @@ class _Reader:
         return kept
 
     def _refuse_more_cells(self) -> None:
-        """Refuse rows with numbers behind the last named column: they are parted where the names are not."""
+        """Refuse rows with numbers after the last named column: their cells do not match the names."""
         width = len(self.table.names)
         for row in self.rows:
             if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
@@ -291,7 +294,7 @@ class _Reader:
         return any(str(cell).strip() for cell in cells)
 
     def _is_sentence(self, row: Row, above: Row, depth: int) -> bool:
-        """Whether a row that begins with a number is words below the list, such as "12 stations"."""
+        """Return whether a row that begins with a number is a sentence below the list, such as "12 stations"."""
         words = [str(cell) for cell in row.cells if str(cell).strip() and not number_cells.is_null(cell)]
         if len(words) < 2 or not any(any(c.isalpha() for c in word) for word in words[1:]):
             return False
@@ -302,7 +305,11 @@ class _Reader:
         return [row.cells[column.number] if column.number < len(row.cells) else "" for row in self.rows]
 
     def _chosen(self) -> dict[str, Column]:
-        """One column of each quantity; where several could be it, the one that says more, with a remark."""
+        """
+        Return one column for each quantity.
+
+        Several columns of one quantity must agree. Azimuths from several norths are allowed; one of them is chosen.
+        """
         chosen = {what: found[0] for what, found in self.of.items()}
         for what, found in self.of.items():
             if len(found) < 2:
@@ -329,7 +336,7 @@ class _Reader:
         return found[0]
 
     def _same(self, what: str, found: Sequence[Column]) -> None:
-        """Refuse columns that could both be a quantity and differ."""
+        """Refuse two columns of the same quantity whose values differ."""
         values = []
         for one in found:
             try:
@@ -350,7 +357,7 @@ class _Reader:
     # Numbers
 
     def _mark(self, column: Column) -> str:
-        """Decimal mark of a column: by its cells, the other columns, and what the quantity can be."""
+        """Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity."""
         if self.given.decimal:
             return {"point": ".", "comma": ","}[self.given.decimal]
         cells = self._cells(column)
@@ -369,11 +376,11 @@ class _Reader:
         return self._decided(column, unclear)
 
     def _decided(self, column: Column, unclear: Sequence[str]) -> str:
-        """Decimal mark of a column whose numbers, such as 1,000, may have either."""
+        """Return the decimal mark of a column whose numbers, such as 1,000, allow both readings."""
         mark = "," if "," in unclear[0] else "."
         other = "." if mark == "," else ","
         if column.quantity in ANGLES:
-            # A thousand degrees is not an angle.
+            # Angles of a thousand degrees do not occur.
             return mark
         shown: set[str] = set()
         for found in self.of.values():
@@ -414,7 +421,7 @@ class _Reader:
         return bool(np.all(np.diff(values) >= 0.0))
 
     def _numbers(self, column: Column, *, needed: bool = False) -> Array:
-        """Numbers of a column as written; nan where there is none."""
+        """Return the numbers of a column as written; nan if a cell has none."""
         mark = self._mark(column)
         numbers = np.full(len(self.rows), math.nan)
         for k, (row, cell) in enumerate(zip(self.rows, self._cells(column), strict=True)):
@@ -432,7 +439,7 @@ class _Reader:
         if column.quantity in ANGLES:
             angle = number_cells.angle(str(cell), bearing=column.quantity == "azimuth")
             if math.isfinite(angle):
-                # In degrees, whatever the column is said to be in.
+                # Such an angle is in degrees, whatever unit the column states.
                 return angle * list_columns.ANGLE_UNITS["deg"] / self._factor(column)
         number, words = number_cells.split(cell) or ("", "")
         try:
@@ -447,7 +454,7 @@ class _Reader:
         return value
 
     def _unit_in_cell(self, words: str, column: Column) -> bool:
-        """Whether the words behind a number are the unit of its column, or a direction of the compass."""
+        """Return whether the words after a number are the unit of its column, or a compass direction."""
         if column.quantity in (*_LOCAL, *_MAP) and words.lower() in ("n", "s", "e", "w"):
             return True
         unit = list_columns.unit_word(words)
@@ -458,13 +465,13 @@ class _Reader:
         return not stated or known.get(stated) == known[unit]
 
     def _factor(self, column: Column) -> float:
-        """Factor to m or rad; the unit of the cells or of the head serves where the column has none."""
+        """Return the factor to m or rad; if the column states no unit, the unit in its cells or in the head is used."""
         otherwise = ""
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
             angle = column.quantity in ANGLES
             otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit(column))
         if self.german and (column.unit or otherwise) == "grad" and not self.given.angle_unit:
-            # Grad are degrees in German, and 400 to the circle elsewhere.
+            # The German word Grad means degrees; elsewhere grads are 400 to the circle.
             column = dataclasses.replace(column, unit="deg")
             text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit says otherwise"
             if all(one.text != text for one in self.remarks):
@@ -487,7 +494,7 @@ class _Reader:
         return factor
 
     def _given_unit(self, column: Column) -> str:
-        """Unit that the caller says; the head's own unit of coordinates holds where no column names one."""
+        """Return the unit that the caller states; "" for coordinates whose unit the head states."""
         if column.quantity in ANGLES:
             return self.given.angle_unit
         return "" if column.quantity in (*_LOCAL, *_MAP) and self.head.map_unit else self.given.length_unit
@@ -500,7 +507,7 @@ class _Reader:
         return ""
 
     def _length_unit(self, column: Column) -> str:
-        """Unit of a length that names none: that of the head, else the one of the other lengths of the list."""
+        """Return the unit of a length without one: that of the head, else that of the other lengths of the list."""
         if self.head.strange_unit:
             raise ListFileError(
                 f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
@@ -530,7 +537,11 @@ class _Reader:
     # Stations
 
     def stations(self) -> list[_Station]:
-        """Rows as stations in m and rad, in order of depth; those without depth or inclination are left out."""
+        """
+        Return the rows as stations in m and rad, in order of depth.
+
+        Rows without depth or inclination are left out.
+        """
         angle = "inclination" if "inclination" in self.columns else "dip"
         values = {}
         for what, column in self.columns.items():
@@ -544,7 +555,7 @@ class _Reader:
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
             numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
             if said.get("station") == "projected":
-                # Our own exports end with a projection to the bit, which is not a station.
+                # Exports of this program end with a projection to the bit, which is not a station.
                 continue
             if said.get("in_use", "").lower() == "no":
                 unused += 1
@@ -567,7 +578,11 @@ class _Reader:
         return self._increasing(self._of_one_leg(found))
 
     def _of_one_leg(self, found: list[_Station]) -> list[_Station]:
-        """The surveys of our raw log by depth: it has those of all legs, in the order in which they were taken."""
+        """
+        Sort the surveys of this program's raw log by depth.
+
+        The log has them in the order in which they were taken.
+        """
         if self.provenance is None or "in_use" not in self.columns:
             return found
         legs = sorted({one.texts.get("leg", "") for one in found})
@@ -579,7 +594,7 @@ class _Reader:
         return sorted(found, key=lambda one: one.numbers["md"])
 
     def _name_nulls(self) -> None:
-        """Say which null values were read as no value."""
+        """Add a remark that quotes the null values that were read as missing."""
         cells = [str(c) for what, one in self.columns.items() if what not in TEXTS for c in self._cells(one)]
         nulls = [c.strip() for c in cells if number_cells.is_null(c) and any(s.isalnum() for s in c)]
         if nulls:
@@ -588,7 +603,7 @@ class _Reader:
             self._say(RemarkKind.NULL_VALUES, text, cells=float(len(nulls)))
 
     def _refuse_radians(self, values: dict[str, Array], angle: str) -> None:
-        """Ask about angles without a unit that are all as small as radians are."""
+        """Refuse angles without a stated unit that are all small enough to be radians, and ask for the unit."""
         columns = [self.columns[what] for what in (angle, "azimuth")]
         if self.given.angle_unit or self.head.angle_unit or any(one.unit or self._cell_unit(one) for one in columns):
             return
@@ -604,7 +619,7 @@ class _Reader:
             )
 
     def _from_horizontal(self, found: list[_Station]) -> list[_Station]:
-        """Stations with inclinations for angles from the horizontal; the vertical depths or the caller say the sign."""
+        """Convert angles from the horizontal to inclinations; the vertical depths or the caller decide their sign."""
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])
         if np.any(np.abs(dips) > math.pi / 2.0 + 1e-9):
@@ -639,7 +654,7 @@ class _Reader:
         ]
 
     def _increasing(self, rows: list[_Station]) -> list[_Station]:
-        """The stations in range and in order of depth; a station written twice is taken once."""
+        """Check that angles are in range and depths increase; a repeated station is kept once."""
         kept: list[_Station] = []
         for row in rows:
             md, inclination, azimuth = (row.numbers.get(what, math.nan) for what in NEEDED)
@@ -665,7 +680,7 @@ class _Reader:
     # The list
 
     def list_of(self, rows: list[_Station]) -> StationList:
-        """The list of stations, checked."""
+        """Return the checked list of stations."""
 
         def column(what: str) -> Array:
             return np.array([row.numbers.get(what, math.nan) for row in rows])
@@ -709,12 +724,12 @@ class _Reader:
         )
 
     def _checked(self, confirmed: Iterable[Remark]) -> None:
-        """Keep what the caller confirmed; what was confirmed of the list behind an export is a remark already."""
+        """Keep remarks on confirmed values; those confirmed for the list behind an export are remarks already."""
         known = frozenset() if self.provenance is None else self.provenance.confirmed
         self.remarks += [one for one in confirmed if not known & set(one.values)]
 
     def _start(self, rows: Sequence[_Station]) -> Start | None:
-        """Where the path of an export of our own starts; None where the list does not say so."""
+        """Return the start of the path of an export of this program; None if the list does not state it."""
         if self.provenance is not None:
             return self.provenance.start
         first = rows[0]
@@ -728,7 +743,7 @@ class _Reader:
         return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
 
     def _in_own_north(self, azimuth: Array, north: str, column: Callable[[str], Array]) -> tuple[Array, str]:
-        """Azimuths from the north of the well behind an export; nan where the turn is not known."""
+        """Return azimuths from the north of the well behind an export; nan if declination or convergence is missing."""
         own = str(self.provenance.well.get("north_reference", "")) if self.provenance is not None else ""
         if not own or self.given.north or north in ("", own):
             return azimuth, self.given.north or own or north
@@ -736,12 +751,12 @@ class _Reader:
         return (azimuth + to_true[north] - to_true[own]) % math.tau, own
 
     def _figure(self, what: str, values: Array) -> Array:
-        """A figure of the reference of each station; that of the list behind an export where the table has none."""
+        """Return a reference value per station; if the table has none, the value of the list behind the export."""
         known = {} if self.provenance is None else self.provenance.reference
         return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
     def _north(self, rows: Sequence[_Station]) -> str:
-        """North of the azimuths: as the caller, the rows, the column or the head says."""
+        """Return the north of the azimuths, as stated by the caller, the rows, the column or the head."""
         if self.given.north:
             stated = {list_columns.north_of(row.texts.get("azimuth_reference", "")) for row in rows}
             stated = (stated | {self.columns["azimuth"].north}) - {""} or {self.head.north} - {""}
@@ -792,11 +807,11 @@ class _Reader:
 
     @property
     def named_map(self) -> bool:
-        """Whether north and east come from columns of map axes, or the list names a grid as well as another north."""
+        """Whether north and east are map coordinates, by their column names or because the head gives a wellhead."""
         return "map_north" in self.columns or self.head.wellhead is not None
 
     def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
-        """North and east from the wellhead, m; map coordinates less those of the wellhead."""
+        """Return north and east from the wellhead, m; the wellhead is subtracted from map coordinates."""
         local = all(what in self.columns for what in _LOCAL)
         charted = all(what in self.columns for what in _MAP)
         if not local and not charted:
@@ -811,7 +826,7 @@ class _Reader:
         )
         self.remarks += remarks
         if local and charted:
-            # The offsets are read; the map coordinates in the same list give the position of the wellhead.
+            # Use the offsets; the map coordinates in the same list give the position of the wellhead.
             charts = np.column_stack([column(_MAP[0]), column(_MAP[1])])
             beside, more = offsets_from_wellhead(
                 self.name, md, charts, inclination, self.given, self.head.wellhead, charted=True
@@ -827,7 +842,7 @@ class _Reader:
         return shifted[:, 0], shifted[:, 1]
 
     def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
-        """Map coordinates, which count along a grid, in the axes of the list's azimuths from another north."""
+        """Rotate map coordinates, which follow a grid, to the north of the list's azimuths."""
         offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):
             if offset > _OFFSET:

@@ -26,7 +26,7 @@ _NORTH = re.compile(
     r"[^:=,;|\t]{0,40}?(?:[:=,;|\t]|\s)\s*(?P<said>.*)",
     re.IGNORECASE,
 )
-# A sentence about the azimuths that is no statement of the kind above, and what else may have such words in it.
+# Words that mark a line as a statement about azimuths, and words that show that a line is about something else.
 _OF_AZIMUTHS = re.compile(
     r"azi|azm|\baz\b|bearing|(?:referenced|referred|corrected|relative)\s+to\b|方位|азимут|asimut|richtung",
     re.IGNORECASE,
@@ -36,7 +36,7 @@ _OF_OTHERS = re.compile(
     r"target|[-=]>|磁偏角|收敛",
     re.IGNORECASE,
 )
-# Words of a sentence that says from what azimuths count, or what was done to them.
+# Words of a sentence that says from which north azimuths count, or how they were corrected.
 _SENTENCE = re.compile(
     r"azi\w*.*\b(?:corrected|uncorrected|referenced|referred|relative|measured|given|are|is|from)\b"
     r"|\b(?:corrected|uncorrected|referenced|referred)\b.*azi|方位.*(?:校正|修正|改正|未|不)",
@@ -65,19 +65,19 @@ _HEAD_Y = re.compile(_HEAD_X.pattern.replace(r"(?:x|east(?:ing)?s?)", r"(?:y|nor
 _IN_BRACKETS = re.compile(
     r"\b(?P<what>KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b.*?\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
 )
-# "DX DY ARE GIVEN IN GRID NORTH IN m-UNITS", as Petrel writes it.
+# Petrel writes "DX DY ARE GIVEN IN GRID NORTH IN m-UNITS".
 _OFFSETS = re.compile(r"\bDX\b.*\bDY\b", re.IGNORECASE)
 
 
 @dataclasses.dataclass(frozen=True)
 class Head:
     """
-    What a head says.
+    Facts that the head of a list states.
 
     north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
     as in LENGTH_UNITS and ANGLE_UNITS, or "". map_unit: unit of map coordinates and offsets. hinted_unit: unit of the
-    elevation of the depth datum, such as the kelly bushing, which is usually that of depths. horizontal: whether angles
-    count from the horizontal. wellhead: northing and easting, m, or None.
+    elevation of the depth datum, such as the kelly bushing; depths usually have the same unit. horizontal: whether
+    angles are measured from the horizontal. wellhead: northing and easting, m, or None.
     """
 
     north: str = ""
@@ -92,10 +92,10 @@ class Head:
 
 
 def read_head(lines: Iterable[str]) -> Head:
-    """Return what the lines of a head say; where two lines say the same, the last one counts."""
+    """Return the facts in the lines of a head; if two lines state the same fact, the last line counts."""
     head = Head()
     x = y = None
-    told: dict[str, str] = {}  # north -> the line that has its word
+    told: dict[str, str] = {}  # north -> the line that names it
     strange: list[str] = []
     for line in lines:
         for part in (re.sub(r"\([^)]*\)", " ", line), *re.findall(r"\(([^)]*)\)", line)):
@@ -104,7 +104,8 @@ def read_head(lines: Iterable[str]) -> Head:
             if named := north_of(part) if not _OF_OTHERS.search(part) else "":
                 told[named] = line.strip()
             elif _SENTENCE.search(part) and mentions_north(part):
-                # A sentence about azimuths and a north that is not understood is quoted, never treated as absent.
+                # Quote a sentence about azimuths whose north is not understood. Ignoring it would treat the north as
+                # not stated.
                 strange.append(line.strip())
         head = _units(_north(head, line), line)
         if _HORIZONTAL.search(line):
@@ -118,7 +119,7 @@ def read_head(lines: Iterable[str]) -> Head:
     if x is not None and y is not None:
         head = dataclasses.replace(head, wellhead=(y, x))
     if not (head.north or head.strange_north) and told:
-        # No line says it as a value, but lines about azimuths have the word.
+        # No line states the north in the form "name: value", but lines about azimuths name one.
         north = next(iter(told)) if len(told) == 1 else ""
         head = dataclasses.replace(head, north=north, strange_north="" if north else " / ".join(told.values()))
     elif not (head.north or head.strange_north) and strange:
@@ -134,7 +135,7 @@ def _north(head: Head, line: str) -> Head:
     north = north_of(said) or north_of(line[found.start() :])
     if north:
         return dataclasses.replace(head, north=north, strange_north="")
-    # "Azimuth reference" without a value, or the name of a column.
+    # The line is "Azimuth reference" without a value, or the name of a column.
     return dataclasses.replace(head, strange_north=said) if said and not head.north else head
 
 

@@ -15,19 +15,19 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.list_columns import CONFIRMABLE, DIPS, NORTHS, Given, columns_of
 from mwd_surface.list_files.list_error import ListFileError
 
-# An option with the value that a message proposes, if it proposes one.
+# An option of `mwd path` in a message, with the value that the message proposes, if any.
 _OPTION = re.compile(
     r"--(?P<name>columns|length-unit|angle-unit|north|decimal|dip|wellhead|confirm)\b"
     r"(?: (?P<value>[a-z_]+=[^\s;,]*(?:,[a-z_]+=[^\s;,]*)*|NORTHING,EASTING|point|comma|down|up|rad|deg|grad|ftus|ft|m|"
     rf"{'|'.join(CONFIRMABLE)})(?![\w]))?"
 )
-#: How the word of an option is written elsewhere; the first field is its name, the second its value.
+#: Form in which settings other than command options are written; field 1 is the option's name, field 2 its value.
 OFFSET_WELL, NODE = "{}: {} in the entry of the offset well", "plan.{}={}"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ListSettings:
-    """What the caller says of a list; each replaces what the file says."""
+    """Facts about a list that the caller states; each replaces the statement of the file."""
 
     columns: str = setting("", "columns of the list by quantity, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
     length_unit: str = setting("", "unit of the lengths where the list does not state it: m, ft or ftus")
@@ -53,7 +53,7 @@ class ListSettings:
         Raises
         ------
         ValueError
-            A word that does not exist, or a wellhead that is not two numbers.
+            A word is unknown, or the wellhead is not two numbers.
         """
         return Given(
             columns=columns_of(self.columns),
@@ -79,9 +79,9 @@ def _wellhead(text: str) -> tuple[float, float] | None:
 
 def asked(error: ListFileError, form: str) -> ListFileError:
     """
-    Return an error whose options of `mwd path` are written as the caller of the reader can give them.
+    Return the error with options of `mwd path` rewritten in the form that the caller of the reader can use.
 
-    form: with fields for name and value, such as "plan.{}={}".
+    form: format string with fields for name and value, such as "plan.{}={}".
     """
 
     def written(found: re.Match[str]) -> str:

@@ -18,13 +18,13 @@ from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
-# Positions this much farther from the wellhead than the hole is long are not offsets from it, m.
+# Tolerance, m, of the rule that no point of the hole is farther from the wellhead than the measured depth.
 _ROUNDING = 5.0
-# Slots of a platform or pad lie within this of the point their offsets count from, m.
+# Slots of a platform or pad lie within this distance of the point from which their offsets count, m.
 _SITE = 2000.0
-# Farther away there is only a map, m.
+# Beyond this distance, numbers can only be map coordinates, m.
 _MAP = 20_000.0
-# At a smaller inclination the first station lies below the wellhead, rad.
+# Below this inclination the first station is taken to lie directly below the wellhead, rad.
 _VERTICAL = math.radians(1.0)
 
 
@@ -39,22 +39,22 @@ def offsets_from_wellhead(
     charted: bool,
 ) -> tuple[Array, tuple[Remark, ...]]:
     """
-    Return north and east from the wellhead, shape (n, 2), m, and what was assumed.
+    Return north and east from the wellhead, shape (n, 2), m, and remarks on what was assumed.
 
     Parameters
     ----------
     name : str
-        Of the list.
+        Name of the list, for messages.
     md, pair : ndarray, shape (n,) and (n, 2)
-        Measured depth, and north and east as the file has them, m.
+        Measured depth, and north and east as written in the file, m.
     inclination : float
-        Of the first station, rad.
+        Inclination of the first station, rad.
     given : Given
-        The wellhead that the caller gives, and what the caller confirms.
+        Wellhead that the caller gives, and values that the caller confirms.
     wellhead : tuple of float, optional
-        Northing and easting that the head of the list gives, m.
+        Northing and easting of the wellhead in the head of the list, m.
     charted : bool
-        Whether the columns are named as axes of a map (northing, easting, x, y).
+        Whether the columns have names of map axes (northing, easting, x, y).
 
     Raises
     ------
@@ -95,7 +95,11 @@ def offsets_from_wellhead(
 def _shifted(
     name: str, pair: Array, wellhead: tuple[float, float], depth: float, first: int, given: Given
 ) -> tuple[Array, tuple[Remark, ...]]:
-    """Map coordinates less those of the wellhead; refused where the hole cannot reach its first station."""
+    """
+    Subtract the wellhead from map coordinates.
+
+    Raise an error if the hole cannot reach its first station from there.
+    """
     shifted = pair - np.array(wellhead)
     apart = float(np.hypot(*shifted[first]))
     remarks: tuple[Remark, ...] = ()
@@ -124,6 +128,6 @@ def _shifted(
 
 
 def wellhead_of(remarks: Iterable[Remark]) -> tuple[float, float] | None:
-    """Return northing and easting, m, of the wellhead that was subtracted from a list; None where none was."""
+    """Return northing and easting, m, of the wellhead that was subtracted from a list; None if none was subtracted."""
     shifted = [one.values for one in remarks if one.kind == RemarkKind.MAP_SHIFTED]
     return (shifted[-1]["northing"], shifted[-1]["easting"]) if shifted else None

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 
 Cell = str | float
 
-# Values that programs write for "no value" (LAS, Petrel, WITSML, spreadsheets).
+# Numbers that programs write to mean "no value" (LAS, Petrel, WITSML, spreadsheets).
 NULL_NUMBERS = (-999.25, -999.0, -9999.0, -9999.25, -99999.0, -999.99, -9999.99, 1e30, -1e30, 1.0e33)
 _NULL_WORDS = frozenset(
     [
@@ -57,7 +57,7 @@ _NUMBER = re.compile(
     re.DOTALL,
 )
 _SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
-_LONGEST = 100  # characters of a number with its unit; the time to match the pattern grows with the square
+_LONGEST = 100  # longest text read as a number with unit, characters; matching time grows with the square of the length
 _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
 
 
@@ -69,7 +69,7 @@ _SEXAGESIMAL = re.compile(
 
 
 def is_null(cell: Cell) -> bool:
-    """Return whether a cell is empty or one of the ways to write that there is no value."""
+    """Return whether a cell is empty or holds one of the usual marks for a missing value."""
     if isinstance(cell, float):
         return not math.isfinite(cell) or cell in NULL_NUMBERS
     text = cell.strip().lower()
@@ -85,13 +85,13 @@ def _plain_null(text: str) -> bool:
 
 
 def split(cell: Cell) -> tuple[str, str] | None:
-    """Return the number of a cell, without group spaces, and the words behind it; None where it is not a number."""
+    """Return the number in a cell, without group spaces, and the words after it; None if the cell is not a number."""
     if isinstance(cell, float):
         return repr(cell), ""
     text = cell.strip().translate(_MINUS)
     if len(text) > _LONGEST:
         return None
-    # A spreadsheet marks text with an apostrophe in front.
+    # Spreadsheets put an apostrophe in front of a number that is stored as text.
     found = _NUMBER.match(text[1:] if text[:1] in "'’" else text)
     if found is None:
         return None
@@ -100,7 +100,11 @@ def split(cell: Cell) -> tuple[str, str] | None:
 
 
 def looks_like_number(cell: Cell) -> bool:
-    """Return whether a cell has a number in it, with or without a unit, by any marks; a null value is not one."""
+    """
+    Return whether a cell holds a number, with or without a unit, by any decimal mark.
+
+    A null value is not a number.
+    """
     if is_null(cell):
         return False
     found = split(cell)
@@ -113,13 +117,13 @@ def looks_like_number(cell: Cell) -> bool:
 
 
 def decimal_mark(number: str) -> str:
-    """Return the decimal mark that one number shows by itself, "." or ","; empty where it shows none."""
+    """Return the decimal mark, "." or ",", if this number alone reveals it; else ""."""
     points, commas = number.count("."), number.count(",")
     if points and commas:
         last = max(".,", key=number.rfind)
         return last if number.count(last) == 1 else ""
     if points + commas != 1:
-        # A mark that stands more than once parts thousands, so the other one is decimal.
+        # A mark that occurs more than once separates thousands, so the other mark is the decimal mark.
         return "," if points > 1 else "." if commas > 1 else ""
     if _GROUPED.match(number):
         return ""
@@ -127,25 +131,25 @@ def decimal_mark(number: str) -> str:
 
 
 def marks(cells: Iterable[Cell]) -> set[str]:
-    """Return the decimal marks that the cells of a column show."""
+    """Return the decimal marks that the numbers of a column reveal."""
     found = (split(cell) for cell in cells if not is_null(cell))
     return {decimal_mark(one[0]) for one in found if one is not None} - {""}
 
 
 def ambiguous(cells: Iterable[Cell]) -> list[str]:
-    """Return the numbers of a column that are a thousand times larger by one decimal mark than by the other."""
+    """Return the numbers of a column, such as "1,000", whose two readings differ by a factor of a thousand."""
     found = (split(cell) for cell in cells if not isinstance(cell, float) and not is_null(cell))
     return [one[0] for one in found if one is not None and _GROUPED.match(one[0])]
 
 
 def value(number: str, mark: str) -> float:
     """
-    Return a number by its decimal mark, "." or ","; empty: one without any mark that matters.
+    Return a number read with a decimal mark, "." or ","; an empty mark means that the number has no decimals.
 
     Raises
     ------
     ValueError
-        It is not a number by that mark.
+        The text is not a number with that decimal mark.
     """
     other = {",": ".", ".": ",", "": ","}[mark]
     whole, decimal, rest = number.partition(mark) if mark else (number, "", "")
@@ -161,9 +165,9 @@ def value(number: str, mark: str) -> float:
 
 def angle(text: str, *, bearing: bool) -> float:
     """
-    Return an angle in deg written as degrees, minutes and seconds or as a bearing by quadrant; nan for other texts.
+    Return an angle in deg from degrees, minutes and seconds or from a quadrant bearing; nan for other texts.
 
-    bearing: whether "N 45.5 E" and "S45°30'W" are angles, from north clockwise.
+    bearing: accept quadrant bearings such as "N 45.5 E" and "S45°30'W", which are clockwise from north.
     """
     found = _QUADRANT.match(text.strip()) if bearing else None
     if found is None:
@@ -192,9 +196,9 @@ def _sexagesimal(text: str) -> float:
 
 def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
     """
-    Return columns as text, with a decimal point in every number whose column is one of numbers and without nulls.
+    Return columns as text: numbers with a decimal point, null values as empty text.
 
-    A column in which some cells are words stays as it is. Marks that nothing decides are decimal points.
+    A column that contains any words stays as it is. If nothing reveals the decimal mark, the point is the decimal mark.
     """
     shown = set().union(*(marks(cells) for cells in columns)) if columns else set()
     whole = next(iter(shown)) if len(shown) == 1 else "."

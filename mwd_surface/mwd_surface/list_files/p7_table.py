@@ -15,16 +15,16 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.table import Table
 
-# Fields of a P7 record: after table, survey, error model, name, position object: type, status, its word, then numbers.
+# Indices in a P7 record of the survey, the type, the status, and the first of the numbers that follow.
 _SURVEY, _TYPE, _STATUS, _FIRST = 3, 7, 8, 10
 _NAMES = ("MD", "INC", "AZI", "NS", "EW", "TVD", "NORTHING", "EASTING")
 _PROJECTED = "6"
 _NORTHS = {"AZ_GRID": "grid", "AZ_TRUE": "true", "AZ_MAGN": "magnetic", "AZ_MAG": "magnetic"}
-_UNIT_FIELD = 16  # of the record "Survey Definition", unit of its measured depths
+_UNIT_FIELD = 16  # field of the record "Survey Definition" that holds the unit of its measured depths
 
 
 def is_p7(text: str) -> bool:
-    """Return whether a text is P7/17: its first record says so, or it has P7 records."""
+    """Return whether a text is P7/17, by its first record or because it has P7 or H7 records."""
     lines = text.splitlines()[:400]
     first = lines[0].upper().split(",") if lines else []
     named = len(first) > 2 and first[0].strip() in ("IOGP", "OGP") and first[2].strip() == "7"
@@ -38,7 +38,7 @@ def p7_table(text: str, name: str) -> Table:
     Raises
     ------
     ListFileError
-        It has no P7 record, or its surveys differ in unit or north.
+        The file has no P7 record, or its surveys differ in unit or north.
     """
     units, norths, map_units = set(), set(), set()
     rows: list[Row] = []
@@ -89,7 +89,7 @@ def p7_table(text: str, name: str) -> Table:
 
 
 def _exchanged(rows: list[Row]) -> bool:
-    """Whether the map coordinates of the records have the easting first: their steps then fit the offsets exchanged."""
+    """Return whether the records give the easting first: then the steps of the swapped coordinates fit the offsets."""
     try:
         first, last = ([float(rows[k].cells[j]) for j in (3, 4, 6, 7)] for k in (0, -1))
     except ValueError:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The list behind an export of our own: its well, tie-on, reference and remarks, as lines beside the table of stations.
+The list behind an export of this program: its well, tie-on, reference and remarks, as lines next to the table.
 
-The lines are written for programs and read back by the reader of every list, so that an exported list has the same
-place and the same assumptions as the list that was exported. Each line is "mwd", the part, a colon and JSON.
+Programs write these lines and the reader of every list reads them back, so that an exported list has the same position
+and the same assumptions as the original list. Each line is "mwd", the name of the part, a colon and JSON.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import Start
 
 _MARK, _REMARK = "mwd ", "remark"
-# A spreadsheet that saves the file again puts quotes and a comment sign in front.
+# A spreadsheet that saves the file again may put quotes and a comment sign in front.
 _LINE = re.compile(r'^[\s"#]*mwd (?P<part>well|start|reference|remark): ?(?P<json>.*)$', re.DOTALL)
 
 
@@ -34,11 +34,11 @@ class Provenance:
     Attributes
     ----------
     well : dict
-        Settings of the well by name, as `surveys.well.Well` has them.
+        Settings of the well by name, see `surveys.well.Well`.
     start : Start
-        Where the path starts, in the north of the well; its remarks are among `remarks`.
+        Point where the path starts; azimuth in the north of the well. `remarks` contains its remarks.
     reference : dict of float
-        Reference of the last survey in use by the names of `list_columns.FIGURES`: T, m/s^2, rad.
+        Reference values of the last survey in use, by the names of `list_columns.FIGURES`: T, m/s^2, rad.
     remarks : tuple of Remark
         Every assumption behind the list.
     """
@@ -49,17 +49,17 @@ class Provenance:
     remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a figure of the reference that does not exist."""
+        """Refuse a reference value whose name is unknown."""
         if strange := set(self.reference) - set(FIGURES):
             raise ValueError(f"reference: unknown {', '.join(sorted(strange))}")
 
     @property
     def confirmed(self) -> frozenset[str]:
-        """Words of `list_columns.CONFIRMABLE` that the caller confirmed when the list was first read."""
+        """Words of `list_columns.CONFIRMABLE` that the caller confirmed when the original list was read."""
         return frozenset(word for one in self.remarks if one.kind == RemarkKind.CONFIRMED for word in one.values)
 
     def lines(self) -> list[str]:
-        """Return the lines to write beside the table of stations."""
+        """Return the lines to write next to the table of stations."""
         table = settings.to_mapping(self)
         parts = [(name, table[name]) for name in ("well", "start", "reference")]
         parts += [(_REMARK, one) for one in table["remarks"]]
@@ -68,14 +68,16 @@ class Provenance:
 
 def read_provenance(head: Iterable[str], name: str) -> tuple[Provenance | None, list[str]]:
     """
-    Return the list behind a table, by the lines of its head, and the other lines; None where it is not our export.
+    Return the list behind a table from the lines of its head, and the other lines.
 
-    name: of the file, for messages.
+    None if this program did not export it.
+
+    name: name of the file, for messages.
 
     Raises
     ------
     ListFileError
-        Such a line was changed and cannot be read.
+        A line was changed and cannot be read.
     """
     table: dict[str, Any] = {"remarks": []}
     others = []

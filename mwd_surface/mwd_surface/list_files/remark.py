@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Remarks of a list: every assumption that its reader made and everything that it left out, each with a kind.
+Remarks of a list: every assumption that its reader made and everything that the reader left out, each with a kind.
 
-A remark is made where the assumption is made and stays with the list: `StationList.remarks` becomes `Plan.remarks` or
-`SurveyList.remarks`, which is kept in surveys.json and printed on the page, in the report, in exports and in clearance.
+A remark is created together with its assumption and stays with the list: `StationList.remarks` becomes `Plan.remarks`
+or `SurveyList.remarks`, which is kept in surveys.json and printed on the page, in the report, in exports and in
+clearance.
 """
 
 from __future__ import annotations
@@ -14,30 +15,30 @@ from collections.abc import Iterable
 
 
 class RemarkKind(enum.StrEnum):
-    """Kind of an assumption; its value is the word in files."""
+    """Kind of an assumption; its value is the word written to files."""
 
-    HOLE_ABOVE_ASSUMED = "hole_above_assumed"  #: the list begins below the wellhead; the hole above is made up
-    TIE_ON_ASSUMED = "tie_on_assumed"  #: the path starts at a tie-on that nobody gave
+    HOLE_ABOVE_ASSUMED = "hole_above_assumed"  #: the list begins below the wellhead; the path above is assumed
+    TIE_ON_ASSUMED = "tie_on_assumed"  #: the path starts at a tie-on that is assumed
     TIE_ON_OF_LIST = "tie_on_of_list"  #: the path starts at depth, at the first station's own position
-    NOT_COMPARED = "not_compared"  #: a part of a well that a clearance could not compare
-    NORTH_ASSUMED = "north_assumed"  #: the list does not say from which north its azimuths are
-    UNIT_ASSUMED = "unit_assumed"  #: a unit that the list does not say, or says in one place and not in another
-    NUMBERS_ASSUMED = "numbers_assumed"  #: decimal or thousands mark that could also be read otherwise
-    COLUMN_CHOSEN = "column_chosen"  #: one of several columns that could be the quantity
-    COLUMN_NOT_READ = "column_not_read"  #: a column, unit or word that was not understood, quoted
-    DIP_CONVERTED = "dip_converted"  #: angles from the horizontal turned into inclinations
-    WELLHEAD_ASSUMED = "wellhead_assumed"  #: where the wellhead of an offset well lies
+    NOT_COMPARED = "not_compared"  #: a part of a well that was not compared in a clearance scan
+    NORTH_ASSUMED = "north_assumed"  #: the list does not say from which north its azimuths count
+    UNIT_ASSUMED = "unit_assumed"  #: a unit that the list does not state, or states in one place only
+    NUMBERS_ASSUMED = "numbers_assumed"  #: the decimal or thousands mark could also be read otherwise
+    COLUMN_CHOSEN = "column_chosen"  #: several columns could be the quantity; one was chosen
+    COLUMN_NOT_READ = "column_not_read"  #: a column, unit or word was not understood; it is quoted
+    DIP_CONVERTED = "dip_converted"  #: angles from the horizontal were converted to inclinations
+    WELLHEAD_ASSUMED = "wellhead_assumed"  #: the position of the wellhead of an offset well
     MAP_SHIFTED = "map_shifted"  #: map coordinates; the wellhead was subtracted
     MAP_TURNED = "map_turned"  #: map coordinates turned from grid north to the north of the azimuths
     AZIMUTH_MISSING = "azimuth_missing"  #: stations without azimuth
     NULL_VALUES = "null_values"  #: cells with a null value, such as -999.25
     ROWS_LEFT_OUT = "rows_left_out"  #: rows that are not stations: nulls, footers, notes, repeated headers
-    STATION_REPEATED = "station_repeated"  #: a station that stands twice in the list
+    STATION_REPEATED = "station_repeated"  #: a station that occurs twice in the list
     STATIONS_NOT_USED = "stations_not_used"  #: stations whose verdict is not accept
-    OVERRIDDEN = "overridden"  #: a unit or north that the file states and the caller replaces
-    TOOL_ASSUMED = "tool_assumed"  #: one tool code for a list that names several
-    SPARSE = "sparse"  #: stations so far apart that the hole between them is hardly known
-    CONFIRMED = "confirmed"  #: something implausible that the caller confirmed
+    OVERRIDDEN = "overridden"  #: the caller replaced a unit or north that the file states
+    TOOL_ASSUMED = "tool_assumed"  #: one tool code was used for a list that names several
+    SPARSE = "sparse"  #: stations are so far apart that the hole between them is poorly known
+    CONFIRMED = "confirmed"  #: an implausible value that the caller confirmed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,8 +46,8 @@ class Remark:
     """
     One assumption about a list.
 
-    kind: what was assumed. text: a sentence for people, which names the list. values: numbers in it by name, SI and
-    rad, finite.
+    kind: kind of the assumption. text: a sentence for people that names the list. values: numbers of the sentence by
+    name, in SI and rad, finite.
     """
 
     kind: RemarkKind
@@ -55,7 +56,7 @@ class Remark:
 
 
 def distinct(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
-    """Return remarks in their order, those with the same sentence once."""
+    """Return the remarks in their order without repeated sentences."""
     found: dict[str, Remark] = {}
     for remark in remarks:
         found.setdefault(remark.text, remark)
@@ -63,5 +64,5 @@ def distinct(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
 
 
 def sentences(remarks: Iterable[Remark]) -> tuple[str, ...]:
-    """Return the sentences of remarks, each once."""
+    """Return the sentences of the remarks without repetition."""
     return tuple(remark.text for remark in distinct(remarks))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the columns of a table of six-axis readings mean, and in which unit they are.
+Meaning and units of the columns of a table of six-axis readings.
 
 Names are read without regard to case, spaces and brackets: ``grav_axial_mps2``, ``Grav Axial (m/s2)`` and
-``GRAV_AXIAL`` are the same quantity. A unit stands at the end of the name; where there is none, sensor units follow
-from the size of the totals.
+``GRAV_AXIAL`` are the same quantity. A unit stands at the end of the name. Without one, the unit of a sensor is
+inferred from the size of the total.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Quantity:
 
 
 def _sensor_names(stems: Sequence[str], axis: str, letter: str) -> tuple[str, ...]:
-    """Names of one axis: by its role in the hole, and by its letter, whose meaning is the caller's choice."""
+    """Return the names of one axis: by its role in the hole, and by its letter, whose meaning the caller chooses."""
     roles = {"axial": ("axial", "ax", "long"), "tran1": ("tran1", "trans1", "t1"), "tran2": ("tran2", "trans2", "t2")}
     by_role = [f"{stem}_{role}" for stem in stems for role in roles[axis]]
     return (*by_role, *(f"{stem}{join}{letter}" for stem in stems for join in ("_", "")))
@@ -72,7 +72,7 @@ _REFERENCES = {
     ),
 }
 _DEPTH = _Quantity("measured depth", LENGTH_UNITS, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
-# What stays the same within a run: the run or assembly, and the tool.
+# Columns that are constant within a run: the run or assembly, and the tool.
 _RUN = ("run", "run_no", "run_number", "run_id", "bha", "bha_no", "bha_number", "bha_run", "assembly")
 _TOOL = ("tool", "tool_id", "tool_no", "tool_serial", "serial", "serial_no", "sonde")
 _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "timestamp", "stamp_ns", "utc")
@@ -80,26 +80,27 @@ _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "times
 
 @dataclass(frozen=True)
 class Columns:
-    """Which column is what."""
+    """Names of the columns that hold each quantity."""
 
     #: `gravity`, `field`: columns of the axial and the two transverse axes.
     gravity: tuple[str, str, str]
     field: tuple[str, str, str]
-    #: -1 where the gravity columns point down at rest (turned into specific force), +1 where they are specific force.
+    #: -1 if the gravity columns point down at rest (they are turned into specific force), +1 if they are specific
+    #: force.
     sign: float
     references: Mapping[str, str]  #: field of `Reference` -> column
     depth: str | None
     time: str | None
-    run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
-    factors: Mapping[str, float]  #: column -> what to multiply it by to get SI
-    assumed: tuple[str, ...]  #: sentences on units that follow from the size of the readings
+    run: tuple[str, ...]  #: columns that are constant within a run: assembly or run, and tool
+    factors: Mapping[str, float]  #: column -> factor to SI
+    assumed: tuple[str, ...]  #: sentences on units that were inferred from the size of the readings
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
     """
-    Match the columns of a table to what they mean.
+    Match the columns of a table to their quantities.
 
-    table, axial: as `six_axis_table.table_rows`. Raises ValueError as there.
+    table, axial: see `six_axis_table.table_rows`, also for the errors.
     """
     if axial not in (None, "x", "z"):
         raise ValueError(f"axial: {axial!r} is not x or z")
@@ -142,8 +143,8 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
 def _triad(
     names: Sequence[str], stems: Sequence[str], units: Mapping[str, float], axial: str | None
 ) -> tuple[str, str, str] | None:
-    """Columns of the axial and the two transverse axes of one sensor; None where one of them is missing."""
-    # A right-handed permutation, whichever letter runs down-hole.
+    """Return the columns of the axial and the two transverse axes of one sensor; None if one of them is missing."""
+    # The letters form a right-handed permutation, whichever of them runs down-hole.
     letters = {"x": ("x", "y", "z"), "z": ("z", "x", "y"), None: ("", "", "")}[axial]
     found = []
     for axis, letter in zip(_AXES, letters, strict=True):
@@ -162,7 +163,11 @@ def _triad_factors(
     kind: str,
     assumed: list[str],
 ) -> dict[str, float]:
-    """Factors to SI of the columns of a sensor, by their units or the size of the total; ValueError if mixed."""
+    """
+    Return factors to SI for the columns of a sensor, by their units or the size of the total.
+
+    ValueError if mixed.
+    """
     given = [_unit(name, units) for name in three]
     if all(given):
         return {name: units[unit] for name, unit in zip(three, given, strict=True) if unit}
@@ -174,13 +179,13 @@ def _triad_factors(
 
 
 def _plain(name: str) -> str:
-    """Lower case, words joined by underscores, brackets and their like gone."""
+    """Return a name in lower case, with words joined by underscores and without brackets and signs."""
     name = name.strip().lower().replace("\u00b2", "2").replace("^", "").replace("m/s/s", "mps2").replace("m/s2", "mps2")
     return re.sub(r"[^a-z0-9]+", "_", name).strip("_")
 
 
 def _unit(name: str, units: Mapping[str, float]) -> str | None:
-    """Unit at the end of a column name, None where it names none of these."""
+    """Return the unit at the end of a column name; None if it ends with none of these units."""
     plain = _plain(name)
     return max((unit for unit in units if plain.endswith("_" + unit)), key=len, default=None)
 
@@ -191,7 +196,7 @@ def _stem(name: str, units: Mapping[str, float]) -> str:
 
 
 def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """The one column that is this quantity, None where there is none; ValueError where there are two."""
+    """Return the single column that is this quantity, None if there is none; ValueError if there are two."""
     found = [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
     if len(found) > 1:
         raise ValueError(f"{quantity.words} is given twice: {' and '.join(found)}; leave one of them out")
@@ -199,7 +204,7 @@ def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
 
 
 def _missing(names: Sequence[str], words: str, stems: Sequence[str], axial: str | None) -> str:
-    """Sentence for a sensor triad that is not there, with near misses or the way to say which letter is the axis."""
+    """Return a message for a missing sensor triad, with similar names or the option that says which letter is axial."""
     lettered = {f"{stem}{join}{letter}" for stem in stems for join in ("_", "") for letter in "xyz"}
     units = _FIELD if words == "magnetic field" else _ACCELERATION
     by_letter = [name for name in names if _stem(name, units) in lettered]
@@ -216,7 +221,7 @@ def _missing(names: Sequence[str], words: str, stems: Sequence[str], axial: str 
 
 
 def _guess(table: Mapping[str, Sequence[Any]], three: Sequence[str], kind: str) -> tuple[float, str]:
-    """Unit of a triad by the median of its total, as factor and words."""
+    """Return the unit of a triad, as factor and words, inferred from the median of its total."""
     rows = len(table[three[0]])
     total = float(np.nanmedian(np.linalg.norm([numbers(table, name, rows, 1.0) for name in three], axis=0)))
     ranges = {
@@ -252,7 +257,11 @@ def _factor(table: Mapping[str, Sequence[Any]], name: str, quantity: _Quantity, 
 
 
 def numbers(table: Mapping[str, Sequence[Any]], name: str, rows: int, factor: float) -> Array:
-    """Column of so many rows as numbers in SI; empty or unreadable cells are nan."""
+    """
+    Return a column as numbers in SI; empty or unreadable cells are nan.
+
+    ValueError if it does not have `rows` cells.
+    """
     cells = table[name]
     if len(cells) != rows:
         raise ValueError(f"{name}: {len(cells)} values where the other columns have {rows}")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A table of six-axis readings to survey stations: each row's readings, reference and run, and the station it is.
+Conversion of a table of six-axis readings to survey stations: readings, reference, run and station of each row.
 
-What the columns mean, and in which unit, is found in `six_axis_columns`.
+`six_axis_columns` finds the meaning and unit of each column.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ Refine = Callable[[Reference, str], Reference]
 
 @dataclass(frozen=True)
 class TableRow:
-    """One row as it was read."""
+    """One row as read from the table."""
 
-    md: float  #: measured depth, m; nan where the table has none
-    #: `time`, `run`: as written; run and tool together, empty where the table names neither.
+    md: float  #: measured depth, m; nan if the table has none
+    #: `time`, `run`: texts as written; `run` joins run and tool and is empty if the table names neither.
     time: str
     run: str
-    #: `f_t`, `b_t`: shape (3,); specific force, m/s^2, and field, T, in tool axes; nan where a cell cannot be read.
+    #: `f_t`, `b_t`: shape (3,); specific force, m/s^2, and field, T, in tool axes; nan if a cell cannot be read.
     f_t: Array
     b_t: Array
     reference: Reference | None
-    faults: tuple[Reason, ...] = ()  #: why the row is no station
+    faults: tuple[Reason, ...] = ()  #: reasons why the row is not a station
 
 
 @dataclass(frozen=True)
 class TableStation:
-    """One row, computed."""
+    """One row with its computed station."""
 
-    #: `md`, `time`, `run`: as of `TableRow`.
+    #: `md`, `time`, `run`: see `TableRow`.
     md: float
     time: str
     station: Station
@@ -53,7 +53,7 @@ class TableStation:
 
 
 def single_stations(rows: Sequence[TableRow], settings: StationSettings | None = None) -> list[TableStation]:
-    """Compute rows, each by itself."""
+    """Compute each row by itself."""
     return [
         TableStation(row.md, row.time, station(row.f_t, row.b_t, row.reference, settings, faults=row.faults), row.run)
         for row in rows
@@ -69,9 +69,9 @@ def table_rows(
     run: str | None = None,
 ) -> list[TableRow]:
     """
-    Read every row of a six-axis table; arguments and errors as `stations`.
+    Read every row of a six-axis table; arguments and errors as in `stations`.
 
-    run: column that names the run of a row, in place of those found.
+    run: column that names the run of a row, in place of the columns that were found.
     """
     columns = find_columns(table, axial)
     if run is not None:
@@ -91,7 +91,7 @@ def _read(
     override: Reference | None,
     refine: Refine | None,
 ) -> TableRow:
-    """One row; values: every column in SI. ValueError as `stations`."""
+    """Return one row; `values` holds every column in SI. Raises ValueError as `stations` does."""
     known = {
         key: float(values[name][row]) for key, name in columns.references.items() if math.isfinite(values[name][row])
     }
@@ -115,7 +115,11 @@ def _read(
 
 
 def _merged(known: Mapping[str, float], override: Reference | None) -> Reference | None:
-    """Reference of one row: the override, else the columns of the row; None where neither knows anything."""
+    """
+    Return the reference of one row: the override completed by the columns of the row.
+
+    None if neither has a value.
+    """
     if override is not None:
         fill: dict[str, Any] = {key: value for key, value in known.items() if getattr(override, key) is None}
         return replace(override, **fill)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A list of stations as it was read, and the point from which its path starts: one rule for lists, plans and wells."""
+"""A list of stations as read from a file, and the start of its path, for survey lists, plans and offset wells."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
-# Where a start comes from, in the words of `surveys.leg.Origin`.
+# Sources of a start, in the words of `surveys.leg.Origin`.
 WELLHEAD, FIRST_STATION, WITHOUT_POSITION = "wellhead", "first station of the list", "given without a position"
 POSITION = ("north", "east", "tvd")
-# A first station whose own position an arc from the wellhead reaches this closely has left the wellhead vertically:
-# rounding, and what methods of calculation differ by over so short a way; m, and share of the depth.
+# An arc from the wellhead that ends within this distance of the first station's own position means that the hole left
+# the wellhead vertically. The tolerance covers rounding and the differences of calculation methods; m, and share of the
+# depth.
 _REACHED, _REACHED_SHARE = 0.2, 0.001
-# Up to this inclination a station without azimuth is vertical: over 30 m it then lies within half a metre, rad.
+# A station without azimuth counts as vertical up to this inclination, rad: over 30 m it is within half a metre.
 VERTICAL = math.radians(1.0)
-# Dogleg of a hole above that is assumed to leave the wellhead vertically, rad/m; twice that of most motors.
+# Largest dogleg of an assumed hole that leaves the wellhead vertically, rad/m; twice that of most motors.
 _SHARPEST = math.radians(20.0) / 30.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Start:
     """
-    The point from which the path of a list starts.
+    Point at which the path of a list starts.
 
     md, inclination, azimuth: m and rad. position: north, east, down, m. source: one of the words of `leg.Origin`.
-    remarks: what is assumed.
+    remarks: assumptions.
     """
 
     md: float
@@ -46,29 +47,31 @@ class Start:
 @dataclasses.dataclass(frozen=True)
 class StationList:
     """
-    Stations as a file has them.
+    Stations as written in a file.
 
     Attributes
     ----------
-    name, north : str
-        For people; and what azimuths are from: "magnetic", "true", "grid", or "" where the file does not say.
+    name : str
+        Name of the list, for people.
+    north : str
+        North from which azimuths count: "magnetic", "true", "grid", or "" if the file does not say.
     md, inclination, azimuth : ndarray, shape (n,)
-        m, increasing; rad. An azimuth that is not given is nan.
+        Measured depth, m, increasing; angles in rad. A missing azimuth is nan.
     positions : ndarray, shape (n, 3)
-        North, east, down from the wellhead as the file has them, m; nan where it has none. They are checked against
-        the angles.
+        North, east, down from the wellhead as written in the file, m; nan if missing. They are checked against the
+        angles.
     sigma_inclination, sigma_azimuth : ndarray, shape (n,)
-        rad; nan where not given.
+        Standard deviations, rad; nan if missing.
     tool, time, verdict : tuple of str
-        Of each station as written; empty where not given.
+        Texts of each station as written; empty if missing.
     figures : mapping of ndarray, shape (n,)
-        Reference of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan where not given.
+        Reference values of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan if missing.
     remarks : tuple of Remark
-        Every assumption that the reader made, and everything that it left out.
+        Every assumption that the reader made, and everything that the reader left out.
     start : Start, optional
-        Where the path starts, where the file says so itself, as our exports do.
+        Start of the path, if the file states it, which exports of this program do.
     well : dict
-        Settings of the well, where the file has them, as our exports do.
+        Settings of the well, if the file has them, which exports of this program do.
     """
 
     name: str
@@ -89,7 +92,7 @@ class StationList:
 
 
 def carried(azimuth: Array) -> Array:
-    """Return azimuths in which a station without one has that of the station above, else of the first with one."""
+    """Fill each missing azimuth with the last one above, or with the first azimuth if none is above."""
     known = np.flatnonzero(~np.isnan(azimuth))
     if not known.size:
         return np.zeros_like(azimuth)
@@ -99,12 +102,13 @@ def carried(azimuth: Array) -> Array:
 
 def start_of(stations: StationList) -> Start:
     """
-    Return where the path of a list starts.
+    Return the point at which the path of a list starts.
 
-    The point that the file itself names, as our exports do. Otherwise the first station, where it lies at depth 0. A
-    list that begins below has the hole above it added: it leaves the wellhead vertically, or straight towards a first
-    station that is too near for that. Only where the list gives a position of its first station that such a hole does
-    not reach does the path start there, and nothing is known of the hole above.
+    A start that the file itself states, as exports of this program do, is used. Otherwise the first station is the
+    start if it lies at depth 0. For a list that begins deeper, the hole above is added: it leaves the wellhead
+    vertically, or straight towards a first station that is too close for a vertical start. If the list gives a position
+    of its first station that such a hole does not reach, the path starts at that position and the hole above is
+    unknown.
     """
     if stations.start is not None:
         return stations.start
@@ -115,11 +119,11 @@ def start_of(stations: StationList) -> Start:
     if md <= 0.0:
         return Start(md, inclination, azimuth, own, FIRST_STATION)
     given = not math.isnan(down)
-    # A hole that would have to turn too sharply left its collar in the direction of the first station.
+    # A vertical start would need too sharp a turn here; the hole then leaves the wellhead in the station's direction.
     vertical = inclination <= _SHARPEST * md
     top = 0.0 if vertical else inclination
     reached = mc.path([0.0, md], [top, inclination], [azimuth, azimuth])[-1]
-    # What the list does not give cannot contradict the hole.
+    # A missing coordinate cannot contradict the assumed hole.
     miss = float(np.linalg.norm(np.nan_to_num(reached - stations.positions[0]))) if given else 0.0
     if miss <= _REACHED + _REACHED_SHARE * md:
         how = "vertically and to reach" if vertical else "straight towards"
@@ -147,7 +151,7 @@ def completed(stations: StationList) -> tuple[Array, Array, Array, tuple[float, 
     """
     Return measured depth, inclination and azimuth with the hole above added, the start position, and all remarks.
 
-    An azimuth that is not given stays nan.
+    A missing azimuth stays nan.
     """
     start = start_of(stations)
     columns = stations.md, stations.inclination, stations.azimuth

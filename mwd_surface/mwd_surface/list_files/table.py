@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One table layer for every file of rows and named columns: bytes to names, units, rows of cells with their places.
+One table layer for every file of rows and named columns: it turns bytes into names, units and rows with their places.
 
-Text of any usual encoding, parted by tab, semicolon, bar, comma or spaces, and spreadsheets (.xlsx, Excel 2003 XML,
-HTML) are read by what they contain, whatever they are called. Lines above the names and comments are kept as the head.
-Empty rows and columns, ruled lines and names that are repeated on every page change nothing.
+Texts in any usual encoding, with columns separated by tab, semicolon, bar, comma or spaces, and spreadsheets (.xlsx,
+Excel 2003 XML, HTML) are recognised by their content, not by the file name. Lines above the column names and comments
+are kept as the head. Empty rows, empty columns, ruled lines and column names repeated on every page are ignored.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import is_null, looks_like_number, texts
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
-_HEAD = 200  # lines above the one that names the columns, as programs for people write them
-_STACKED = 4  # lines that together name the columns
-WIDE, SPACE = "  ", " "  # two spaces or more part fields; any space does
+_HEAD = 200  # largest number of lines above the line that names the columns
+_STACKED = 4  # largest number of lines that together name the columns
+WIDE, SPACE = "  ", " "  # separators: two or more spaces; any spaces
 _SEPARATORS = ("\t", ";", "|", ",", WIDE, SPACE)
 _COMMENT = re.compile(r"^\s*(#|!|//|--(?=\s|\w)|\*|%|REM\b|REMARK\b)\s?", re.IGNORECASE)
 _RULE = re.compile(r"^[\s\-=_+|*~.:#]*$")
@@ -48,7 +48,7 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-# How well some texts are the names of columns: 0 where they are not.
+# Score of how well some texts serve as column names; 0 if they are not column names.
 Header = Callable[[Sequence[str]], int]
 
 
@@ -57,9 +57,10 @@ class Table:
     """
     Rows under named columns.
 
-    name: of the file. at: place of the names. names, units: of each column; a unit stands here where the file has it
-    apart from the name, else "". rows: below the names. head: lines above the names and comments. remarks: rows that
-    were left out. separator: between the cells of a text, " " or "  " for spaces; "" for other files.
+    name: name of the file. at: place of the column names. names, units: of each column; the unit is given here if the
+    file states it apart from the name, else "". rows: the rows below the names. head: lines above the names, and
+    comments. remarks: rows that were left out. separator: text between the cells of a text file, " " or "  " for
+    spaces; "" for other files.
     """
 
     name: str
@@ -72,7 +73,7 @@ class Table:
     separator: str = ""
 
     def columns(self) -> dict[str, list[str]]:
-        """Return the columns as text by name, numbers with a decimal point; short rows are filled with empty cells."""
+        """Return the columns as text by name, numbers with a decimal point; short rows are padded with empty cells."""
         width = len(self.names)
         cells = [[row.cells[k] if k < len(row.cells) else "" for row in self.rows] for k in range(width)]
         return dict(zip(self.names, texts(cells), strict=True))
@@ -85,7 +86,7 @@ def read_bytes(path: Path) -> bytes:
     Raises
     ------
     ListFileError
-        It is missing, not a regular file, or too large.
+        The file is missing, not a regular file, or too large.
     """
     try:
         return read_file(path, budgets.LIST)
@@ -95,16 +96,16 @@ def read_bytes(path: Path) -> bytes:
 
 def text_of(data: bytes, name: str) -> str:
     """
-    Return the text of a file: by its byte order mark, as UTF-8, or by what the bytes can be.
+    Return the text of a file, decoded by its byte order mark, as UTF-8, or in the encoding that fits its bytes.
 
     Raises
     ------
     ListFileError
-        It is a file of another kind, such as PDF or an old spreadsheet, or has more lines or columns than are read.
+        The file is of another kind, such as PDF or an old spreadsheet, or has too many lines or columns.
     """
     text = _decoded(data, name)
     if text.lstrip("\ufeff \t\r\n").startswith("<"):
-        # Markup may stand on one line; its parser does not read by lines.
+        # Markup may be a single long line; its parser does not read line by line, so the limits do not apply.
         return text
     try:
         check_lines(text, budgets.LIST)
@@ -114,7 +115,7 @@ def text_of(data: bytes, name: str) -> str:
 
 
 def _old_office(data: bytes) -> str:
-    """What a compound file of Microsoft Office is, by the names of its streams, and what to do about it."""
+    """Return the kind of a compound file of Microsoft Office, by the names of its streams, and what the user can do."""
     for stream, what in (
         ("Workbook", "an Excel 97 to 2003 workbook (.xls, BIFF8)"),
         ("Book", "an Excel 5 workbook (.xls, BIFF5)"),
@@ -145,7 +146,7 @@ def _decoded(data: bytes, name: str) -> str:
                 return data.decode(encoding).replace("\x00", "")
             except UnicodeDecodeError as error:
                 raise ListFileError(f"{name} begins as {encoding} and is not: byte {error.start}") from error
-    # Text in two bytes a character without a mark has a zero in every second place.
+    # UTF-16 text without a byte order mark has a zero in every second byte.
     for encoding, zeros in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[0:200:2])):
         if len(zeros) > 4 and zeros.count(0) > 0.8 * len(zeros):
             return data.decode(encoding, errors="replace")
@@ -174,12 +175,12 @@ def _decoded(data: bytes, name: str) -> str:
 
 def read_table(path: Path) -> Table:
     """
-    Return the table of a file whose first line that is no comment has the names.
+    Return the table of a file whose first line that is not a comment holds the column names.
 
     Raises
     ------
     ListFileError
-        The file cannot be read, is empty, has names only, a name twice, or a row with more cells than names.
+        The file cannot be read, is empty, has only names, has a name twice, or has a row with more cells than names.
     """
     table = table_of(read_bytes(path), str(path))
     named = [name for name in table.names if name]
@@ -205,15 +206,15 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
     data, name : bytes, str
         The file and its name, for messages.
     is_header : callable, optional
-        How well some texts are the names of the columns, 0 where they are not. Left out, the first line that is no
-        comment has them.
+        Score of how well some texts serve as column names, 0 if they do not. By default the first line that is not a
+        comment has the names.
     is_unit : callable, optional
-        Whether (not 0) the cells of the line below the names are units; left out, such a line is a row.
+        Nonzero if the cells of the line below the names are units; by default such a line is a row.
 
     Raises
     ------
     ListFileError
-        It is empty or of another kind, or a line cannot be parted.
+        The file is empty or of another kind, or a line cannot be split into cells.
     """
     if is_spreadsheet(data):
         return _of_sheets(archive_sheets(data, name), name, is_header, is_unit)
@@ -226,7 +227,7 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
 
 
 def _of_sheets(grids: Sheets, name: str, is_header: Header | None, is_unit: Header | None) -> Table:
-    """The table of the first sheet that has one."""
+    """Return the table of the first sheet that has one."""
     found = []
     for sheet, grid in grids:
         where = _header_in(grid, is_header)
@@ -253,7 +254,7 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
     if not lines:
         raise ListFileError(f"{name}: empty")
     if is_header is not None:
-        # Names that are written as a comment count where no other line has them.
+        # Column names in a comment count only if no other line has them.
         for candidates in (lines, [(k, _COMMENT.sub("", line)) for k, line in whole]):
             for separator in _SEPARATORS:
                 if separator == WIDE:
@@ -278,7 +279,11 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
 
 
 def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tuple[list[Row], dict[int, ListFileError]]:
-    """Rows of the lines, and by their number the error of those that cannot be parted; these are one cell."""
+    """
+    Split the lines into rows.
+
+    Return also the errors, by row number, of lines that cannot be split and stay one cell.
+    """
     if separator in (WIDE, SPACE):
         between = re.compile(r"\s{2,}|\t" if separator == WIDE else r"\s+")
         return [Row(f"{name}, line {k}", tuple(between.split(line.strip()))) for k, line in lines], {}
@@ -299,7 +304,11 @@ def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tupl
 
 
 def _records(lines: Sequence[tuple[int, str]], separator: str, name: str) -> list[Row]:
-    """Rows of the lines; a quoted cell may have a few of them. csv.Error where they cannot be parted so."""
+    """
+    Split the lines into rows; a quoted cell may span a few lines.
+
+    Csv.Error if the lines cannot be split this way.
+    """
     reader = csv.reader((f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True, strict=True)
     grid, before = [], 0
     for cells in reader:
@@ -311,7 +320,7 @@ def _records(lines: Sequence[tuple[int, str]], separator: str, name: str) -> lis
 
 
 def _most(line: str) -> str:
-    """Separator of which a line has most; spaces where it has none."""
+    """Return the separator that occurs most often in a line; spaces if it has none."""
     best = max("\t;|,", key=line.count)
     if line.count(best):
         return best
@@ -319,7 +328,7 @@ def _most(line: str) -> str:
 
 
 def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int] | None:
-    """Index of the row of names and how many rows together are the names; None where there are none."""
+    """Return the index of the first row of column names and the number of rows they occupy; None if there are none."""
     if is_header is None:
         return 0, 1
     for count in range(1, _STACKED + 1):
@@ -331,7 +340,7 @@ def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int]
                 continue
             below = grid[k + count : k + count + 12]
             width = max(len(row.cells) for row in rows)
-            # The names of a table part as its rows do.
+            # Names and rows of a table have about the same number of cells.
             wide = any(2 < len(row.cells) <= width + 2 and sum(map(looks_like_number, row.cells)) > 1 for row in below)
             if (wide or not below) and is_header(_stacked(rows)):
                 return _with_above(grid, k, count, is_header)
@@ -339,7 +348,7 @@ def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int]
 
 
 def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> tuple[int, int]:
-    """Rows of names from row k on, with rows above that are part of the names: they make them say more."""
+    """Extend the rows of names from row k upwards as long as the rows above raise the score of the names."""
     best = is_header(_stacked(grid[k : k + count]))
     where = k, count
     for more in range(1, min(k, _STACKED - count) + 1):
@@ -355,7 +364,7 @@ def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> t
 
 
 def _stacked(rows: Sequence[Row]) -> list[str]:
-    """Names that stand in several rows, joined column by column."""
+    """Join names that stand in several rows, column by column."""
     width = max(len(row.cells) for row in rows)
     parts = ([str(row.cells[k]) for row in rows if k < len(row.cells)] for k in range(width))
     return [" ".join(part for part in column if part.strip() and not _RULE.match(part)).strip() for column in parts]
@@ -364,7 +373,7 @@ def _stacked(rows: Sequence[Row]) -> list[str]:
 def _spaced(
     lines: Sequence[tuple[int, str]], name: str, is_header: Header
 ) -> tuple[list[Row], tuple[int, int], list[str]] | None:
-    """Rows parted by spaces whose names have several words: the words stand above the columns they name."""
+    """Split rows at spaces where column names have several words: each word belongs to the column it stands above."""
     tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
     grid = [
         Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)
@@ -380,7 +389,7 @@ def _spaced(
     same = [found for found in tokens[full : full + 30] if len(found) == width]
     spans = [(min(f[j].start() for f in same), max(f[j].end() for f in same)) for j in range(width)]
     grid = [_aligned(row, found, spans) for row, found in zip(grid, tokens, strict=True)]
-    # Rows above that lack a cell, such as the azimuth of a vertical hole, are rows all the same.
+    # Rows directly above that lack a cell, such as the azimuth of a vertical hole, are data too.
     data = full
     while data > 1 and len(grid[data - 1].cells) == width and numeric[data - 1] >= len(tokens[data - 1]) - 1 > 0:
         data -= 1
@@ -389,9 +398,9 @@ def _spaced(
     for count in range(1, min(_STACKED + 1, data) + 1):
         line = data - count
         if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
-            # Numbers, the head of the list, or a gap: not part of the names.
+            # This line holds numbers, belongs to the head of the list, or follows a gap: it is not part of the names.
             break
-        # A line that parts as its rows do, else words above the columns, with those of the lines below.
+        # Try the line split like the rows, else its words above the columns, joined with those of the lines below.
         text = lines[line][1].strip()
         names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
         wide = re.split(r"\s{2,}|\t", text)
@@ -411,7 +420,7 @@ def _spaced(
 
 
 def _aligned(row: Row, words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> Row:
-    """A row of numbers with fewer cells than columns, each cell in the column it stands under; others as they are."""
+    """Move each cell of a short row of numbers to the column it stands under; return other rows unchanged."""
     if not 1 < len(words) < len(spans) or not all(looks_like_number(word.group()) for word in words):
         return row
     under = [[k for k, span in enumerate(spans) if min(span[1], w.end()) > max(span[0], w.start())] for w in words]
@@ -424,7 +433,7 @@ def _aligned(row: Row, words: Sequence[re.Match[str]], spans: Sequence[tuple[int
 
 
 def _placed_above(words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> list[str]:
-    """Words of a line above the columns that they stand over."""
+    """Return the words of a line, each assigned to the column that it stands above."""
     names = [""] * len(spans)
     for word in words:
         if not _RULE.match(word.group()):
@@ -435,13 +444,13 @@ def _placed_above(words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int
 
 
 def _apart(span: tuple[int, int], word: tuple[int, int]) -> float:
-    """How far a word stands from a column: overlap counts first, then the distance of the middles."""
+    """Return the distance of a word from a column: an overlap counts first, then the distance between the centres."""
     overlap = min(span[1], word[1]) - max(span[0], word[0])
     return (0.0 if overlap > 0 else 1000.0) + abs(span[0] + span[1] - word[0] - word[1]) / 2.0
 
 
 def _groupings(words: Sequence[str], width: int) -> Iterator[list[str]]:
-    """Return the ways to split words into a given number of names of up to four words."""
+    """Yield the ways to split words into `width` names of up to four words each."""
     most = 20_000
     stack: list[tuple[int, list[str]]] = [(0, [])]
     while stack and most:
@@ -463,7 +472,7 @@ def _assembled(
     is_unit: Header | None,
     comments: Sequence[str],
 ) -> Table:
-    """The table below its names, without repeated names, ruled lines and empty rows."""
+    """Assemble the table below its names, without repeated names, ruled lines and empty rows."""
     first, count = where
     head = [*comments, *(" ".join(str(c) for c in row.cells if str(c)) for row in grid[:first])]
     above = {_plain(row) for row in grid[first : first + count]} | {_plain(row) for row in grid[:first]}
@@ -472,10 +481,10 @@ def _assembled(
     units: tuple[str, ...] = ("",) * len(names)
     for row in grid[first + count :]:
         if all(_RULE.match(str(cell)) for cell in row.cells):
-            # Empty, or a ruled line.
+            # Skip an empty row or a ruled line.
             continue
         if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
-            # A second such line may give datum and north.
+            # A second line of this kind may give datum and north.
             more = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
             units = tuple(f"{unit} {word}".strip() for unit, word in zip(units, more, strict=True))
             above.add(_plain(row))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of the first trajectory in a WITSML document of 1.3.1.1, 1.4.1.1, 2.0 or 2.1, by names of elements."""
+"""The table of the first trajectory in a WITSML document (1.3.1.1, 1.4.1.1, 2.0 or 2.1), found by element names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mwd_surface.list_files.number_cells import Cell, is_null
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.table import Table
 
-# Quantity -> name of the element in lower case: 1.x begins it with a small letter, 2.x with a capital.
+# Quantity -> element name in lower case; version 1.x begins it with a small letter, 2.x with a capital.
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispns", "east": "dispew"}
 _PROJECTIONS = ("hold to md", "dls and toolface to md")
 
@@ -32,14 +32,14 @@ def witsml_table(text: str, name: str) -> Table:
     Raises
     ------
     ListFileError
-        With the line at fault: not XML, no trajectory, a station without md or incl, or an unknown unit.
+        The document is not XML, has no trajectory, a station without md or incl, or an unknown unit; names the line.
     """
     from lxml import etree
 
-    # No entities, no network: the file comes from elsewhere.
+    # The file comes from outside: do not resolve entities and do not use the network.
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
-        # The text is decoded: what its declaration says of the encoding no longer holds.
+        # The text is already decoded, so the encoding in its declaration no longer holds.
         root = etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.lstrip("\ufeff")).encode(), parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         raise ListFileError(f"{name}: not well-formed XML: {error}") from error
@@ -73,13 +73,13 @@ def witsml_table(text: str, name: str) -> Table:
     title = _text(trajectory, "name") or _text(trajectory, "title") or name
     head = [f"azimuth reference: {reference}"] if reference else []
     for custom in _children(trajectory, "customdata"):
-        # Our own exports say here what the list behind them is.
+        # Exports of this program carry the provenance of their list here.
         head += [str(one.text or "") for one in custom if _tag(one) == "provenance"]
     return Table(title, name, names, units, tuple(rows), tuple(head), tuple(remarks))
 
 
 def _tag(element: Any) -> str:
-    """Name of an element in lower case, without its namespace; empty for comments."""
+    """Return the name of an element in lower case, without its namespace; empty for comments."""
     return str(element.tag).rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
 
 
@@ -88,7 +88,7 @@ def _children(element: Any, tag: str) -> list[Any]:
 
 
 def _text(element: Any, tag: str) -> str:
-    """Text of a child, or of the elements in it, such as the title in a citation."""
+    """Return the text of a child, or of the elements inside the child, such as the title in a citation."""
     for child in element.iter():
         if child is not element and _tag(child) == tag:
             return " ".join("".join(child.itertext()).split())
@@ -98,13 +98,13 @@ def _text(element: Any, tag: str) -> str:
 
 
 def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
-    """A measure of a station in m or rad; empty where the station has none."""
+    """Return a measure of a station in m or rad; empty text if the station has none."""
     found = _children(station, tag)
     if not found:
         if what in ("md", "inclination"):
             raise ListFileError(f"{at}: a station without {tag}")
         return ""
-    # 2.1 wraps depths in an element that names their datum.
+    # Version 2.1 wraps depths in an element that names their datum.
     element = next((one for one in found[0].iter() if (one.text or "").strip()), found[0])
     text = (element.text or "").strip()
     if is_null(text):
@@ -126,7 +126,7 @@ def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
 
 
 def _factor(uom: str, *, angle: bool) -> float | None:
-    """Factor of a unit to m or rad; None where it is not one of the quantity."""
+    """Return the factor of a unit to m or rad; None if it is not a unit of the quantity."""
     if uom.strip() in ENERGISTICS_UNITS:
         return ENERGISTICS_UNITS[uom.strip()] if (uom.strip() in ENERGISTICS_ANGLES) == angle else None
     return (ANGLE_UNITS if angle else LENGTH_UNITS).get(unit_word(uom))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of the rig on the graph: services, commands of controllers, answers of the rig, and the state."""
+"""Control of the rig over ROS: services, commands of controllers, answers of the rig, and the state."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.message_conversion import stamp_of
 
 _RESTART = "then restart the surface"
-_PERIOD = 0.1  # s between commands to the rig
-_STATE_PERIOD = 0.5  # s between states that have not changed
+_PERIOD = 0.1  # s between two commands to the rig
+_STATE_PERIOD = 0.5  # s between two messages of an unchanged state
 _INTERFACE = "ROS"
 _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
 
@@ -41,15 +41,15 @@ class ControlServer:
     Parameters
     ----------
     context : SurfaceContext
-        Node, live state and alarm log.
+        Node, live state and alarm log of the surface.
     settings : ControlSettings
 
     Attributes
     ----------
     authority : ControlAuthority
-        For rig interfaces and other parts of the node, from any thread.
+        Authority for rig interfaces and other parts of the node; usable from any thread.
     handlers : dict
-        From topic to the function that is called with each serialised message.
+        Topic to the function that is called with each serialised message.
     """
 
     def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
@@ -58,11 +58,11 @@ class ControlServer:
         first, self._unsafe = 1, ""
         if settings.enabled:
             try:
-                # At least the clock, for a rig that has seen leases of a folder that is gone: nobody is granted one a
-                # second.
+                # The first lease number is at least the clock in seconds: the rig may have seen leases of a folder that
+                # was deleted, and leases are granted less often than once a second.
                 first = self._numbers.first(int(time.time()))
             except ValueError as error:
-                # Page, recording and survey list do not wait for it.
+                # Page, recording and survey list work without control.
                 self._unsafe = f"nobody can have control: {error}"
                 settings = dataclasses.replace(settings, enabled=False)
         self.authority = ControlAuthority(settings, first, self._unsafe)
@@ -89,7 +89,7 @@ class ControlServer:
     # Services.
 
     def _sender(self, name: str, sealed: Any) -> Sender:
-        """Return who sent a sealed message; raises SealError where nobody can tell."""
+        """Return who sent a sealed message; raise SealError if nobody can be identified."""
         return Sender(_INTERFACE, self._seals.key_of(self._names[name], sealed))
 
     def _request(self, request: Any, response: Any) -> Any:
@@ -150,7 +150,11 @@ class ControlServer:
     # Time.
 
     def update(self, now: float) -> None:
-        """Let the authority see rig and MWD, send what is due to the rig, and show its state. now: steady time, s."""
+        """
+        Update the authority with rig and MWD, send due commands to the rig, and publish the state.
+
+        `now` is monotonic, s.
+        """
         if now - self._updated_at < _PERIOD:
             return
         self._updated_at = now
@@ -212,7 +216,7 @@ class ControlServer:
         return message
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Who has control, and what was refused."""
+        """Return who has control, and what was refused."""
         if self._unsafe:
             return [Diagnostic("control", WARN, self._unsafe, _RESTART)]
         if not self.authority.settings.enabled:
@@ -236,7 +240,7 @@ def _or_nan(value: float | None) -> float:
 
 
 def state_message(status: ControlStatus) -> Any:
-    """Message of the state of control, without its header."""
+    """Return the message of the state of control, without its header."""
     limits, achieved = status.limits, status.achieved
     return msg.ControlState(
         state=int(status.state),

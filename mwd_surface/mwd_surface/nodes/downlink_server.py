@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The downlink on the graph: its services and action, the rig's control while a command runs, journal and page."""
+"""The downlink over ROS: services and action, control of the rig while a command runs, journal and page."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 
 _STATE_PERIOD = 1.0
-# What changes without a transition: what it waits for, symbol, set-point.
+# States whose details change without a transition: what the machine waits for, symbol, set-point.
 _SHOWN = {DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING}
 _NO_TOOL = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
 _RESTART = "then restart the surface"
@@ -50,14 +50,14 @@ class DownlinkServer:
     context : SurfaceContext
         Node, live state and alarm log.
     settings : DownlinkSettings
-        Without a tool file nothing is opened.
+        Without a tool file, no topic or service is opened.
     authority : ControlAuthority
-        Gives control of the rig.
+        Grants control of the rig.
 
     Raises
     ------
     ValueError, OSError
-        The tool configuration cannot be read, or the tool takes no commands.
+        The tool configuration cannot be read, or the tool accepts no commands.
     """
 
     def __init__(self, context: SurfaceContext, settings: DownlinkSettings, authority: ControlAuthority) -> None:
@@ -71,7 +71,7 @@ class DownlinkServer:
             try:
                 kept = self._memory.read(tool)
             except ValueError as error:
-                # Page, recording and survey list do not wait for it.
+                # Page, recording and survey list work without downlink.
                 self._refusal = f"no command can be sent to the tool: {error}"
                 context.alarm_log.raise_alarm("downlink.memory", Severity.WARNING, self._refusal, _RESTART)
             else:
@@ -89,23 +89,23 @@ class DownlinkServer:
         node.add_service(srv.DraftDownlink, "draft_downlink", self.draft)
         node.add_service(srv.DecideDownlink, "decide_downlink", self.decide)
         if self._machine is None:
-            # Whoever asks is told why.
+            # The services are open: they answer each request with the reason.
             return
         self._state = node.add_publisher(msg.DownlinkState, "downlink/state", TOPICS["downlink/state"][1])
         node.add_action_server(Downlink, "downlink", self._start_goal, self._cancel_goal)
 
     def activate(self) -> None:
-        """Publish the state, for whoever joins before the first command."""
+        """Publish the state for subscribers that join before the first command."""
         if self._machine is not None:
             self._publish(self._machine, self._now())
 
     @property
     def handlers(self) -> dict[str, Callable[[bytes], None]]:
-        """From topic to the function that is called with each serialised message; empty where nothing can be sent."""
+        """Handlers by topic, called with each serialised message; empty if no command can be sent."""
         return {} if self._machine is None else {"link/word": self._on_word, "link/quality": self._on_quality}
 
     def stop(self) -> None:
-        """End what runs: the rig returns to what the driller has set."""
+        """End a running command: the rig returns to the settings of the driller."""
         if self._machine is not None and DownlinkState.ABORTED in NEXT[self._machine.state]:
             self._machine.abort("the surface stops", "", self._now())
             self._follow(self._machine, self._now())
@@ -142,7 +142,7 @@ class DownlinkServer:
             response.message, response.success = call(machine, now), True
         except ValueError as error:
             response.message, response.success = str(error), False
-        # At once: an abort must not wait for the next period.
+        # Follow the change at once: an abort must not wait for the next period.
         self._follow(machine, now)
         return response
 
@@ -168,7 +168,7 @@ class DownlinkServer:
     # Messages.
 
     def _on_word(self, data: bytes) -> None:
-        """Take a serialised word of the link: the tool's answer, once it is believed."""
+        """Pass on a serialised word of the link, which is the tool's answer if it is believed."""
         word = deserialize_message(data, msg.LinkWord)
         if word.name.lower() == ECHO_WORD.lower() and word.status == msg.LinkWord.BELIEVED and self._machine:
             self._machine.on_echo(int(word.raw), self._now())
@@ -176,12 +176,12 @@ class DownlinkServer:
             self._remember(self._machine)
 
     def _on_quality(self, data: bytes) -> None:
-        """Take the serialised state of the link."""
+        """Pass on the serialised state of the link."""
         state = deserialize_message(data, msg.LinkQuality).state
         self._link_seen = (time.monotonic(), state == msg.LinkQuality.LOCKED)
 
     def on_rig_state(self, samples: Samples) -> None:
-        """Take what the rig does, `wire.RIG_STATE`: the programme runs on its clock."""
+        """Pass on the state of the rig, `wire.RIG_STATE`; the downlink programme follows its stamps."""
         machine = self._machine
         if machine is None:
             return
@@ -196,7 +196,7 @@ class DownlinkServer:
         return self._clock.now(time.monotonic(), self._context.now_ns() * 1e-9)
 
     def update(self, now: float) -> None:
-        """Watch over a rig that has fallen silent. now: steady time, s."""
+        """Check for a rig that has stopped sending. `now` is monotonic time, s."""
         machine = self._machine
         if machine is not None and self._clock.silent(now):
             machine.update(self._now(), Readings(), now)
@@ -224,8 +224,8 @@ class DownlinkServer:
         )
 
     def _follow(self, machine: Machine, now: float) -> None:
-        """Do what a changed machine asks for: rig, journal, memory, message, result."""
-        # The authority has the steady clock: its heartbeat is one of computers, not of the rig.
+        """Carry out what a changed machine requires: rig, journal, memory, message, result."""
+        # The authority uses the monotonic clock: its heartbeat comes from computers, not from the rig.
         steady = time.monotonic()
         if machine.set_point is not None:
             why = "" if self._rig.has else self._rig.take(machine.decided_by, steady)
@@ -287,7 +287,7 @@ class DownlinkServer:
         )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """State of the downlink at hand."""
+        """Return the state of the current downlink."""
         machine = self._machine
         if machine is None:
             return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]
@@ -296,7 +296,7 @@ class DownlinkServer:
 
 
 def state_message(status: DownlinkStatus) -> Any:
-    """Message of the state, without its header."""
+    """Return the message of the state, without its header."""
     fields = {
         name: value for name, value in vars(status).items() if name not in ("medium", "base", "set_point", "choices")
     }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live server for Foxglove: off unless switched on; tried again where its port is taken."""
+"""Live server for Foxglove: disabled by default; started again later if its port is in use."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ class FoxgloveBridge:
 
     @property
     def put(self) -> Any:
-        """Function that takes every message; None where the server is switched off."""
+        """Function that receives every message; None if the server is disabled."""
         if self._server is None:
             return None
         return self._put_simulated if self._simulated else self._server.put
 
     def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
-        """Hand over a message at the time of the graph, where that is not the time of the wall."""
+        """Pass on a message with the time of the graph, which is not the wall time in a simulation."""
         now_ns = self._now_ns()
-        # Before the first message of /clock the time is 0, which no viewer must take for the beginning of its plots.
+        # Before the first message of /clock the time is 0, which viewers would take for the beginning of their plots.
         if self._server is not None and (now_ns > 0 or latched):
             self._server.put(topic, type_name, data, now_ns, latched=latched)
 
     def update(self) -> None:
-        """Tell clients the time of the graph where it is a simulated one; called twenty times a second."""
+        """Send the simulated time of the graph to clients; called twenty times a second."""
         if self._server is not None and self._simulated and (now_ns := self._now_ns()) > 0:
             self._server.set_time(now_ns)
 
@@ -58,7 +58,7 @@ class FoxgloveBridge:
             self._server.advertise(topic, type_name)
 
     def open(self) -> None:
-        """Start the server; where that fails, raise an alarm and try again later."""
+        """Start the server; on failure raise an alarm and try again later."""
         server = self._server
         if server is None or server.address or time.monotonic() - self._tried_at < _RETRY_S:
             return
@@ -79,7 +79,7 @@ class FoxgloveBridge:
             self._server.stop()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """State of the server."""
+        """Return the state of the server."""
         server = self._server
         if server is None:
             return []

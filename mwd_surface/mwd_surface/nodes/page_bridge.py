@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: served, tried again where its port is taken, its buttons carried out as service requests."""
+"""The live page: served, retried while its port is in use, and its buttons carried out as service requests."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from mwd_surface.ros.worker import Answer
 _RETRY_S = 5.0
 
 Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]
-"""From the name of a service to its type and callback."""
+"""Type and callback of each service, by its name."""
 
 
 class PageBridge:
@@ -41,12 +41,12 @@ class PageBridge:
 
     def open(self) -> None:
         """
-        Serve the page; where its port is taken, raise an alarm and try again later.
+        Serve the page; if its port is in use, raise an alarm and try again later.
 
         Raises
         ------
         OSError
-            The port is taken and `strict` is set.
+            The port is in use and `strict` is set.
         ValueError
             The settings of the page contradict each other.
         """
@@ -63,7 +63,7 @@ class PageBridge:
         except OSError as error:
             if self._settings.strict:
                 raise
-            alarm_log.raise_alarm("page.port", Severity.WARNING, f"no live page: {error}", "it is tried every 5 s")
+            alarm_log.raise_alarm("page.port", Severity.WARNING, f"no live page: {error}", "it is retried every 5 s")
             return
         self._server = server
         alarm_log.clear_alarm("page.port")
@@ -79,13 +79,13 @@ class PageBridge:
         """
         Send the state of the well to the page.
 
-        without_clients: also while no browser is connected, for requests of a single state.
+        without_clients : send it also while no browser is connected, for requests of a single state.
         """
         if self._server is not None and (without_clients or self._server.clients):
             self._server.push(self._state_json.snapshot(self._context.state()))
 
     def diagnostics(self) -> list[Diagnostic]:
-        """State of the page's server."""
+        """Return the state of the page's server."""
         if self._server is not None:
             return [Diagnostic("page", OK, f"{self._server.address}, {self._server.clients} watching")]
         if not self._settings.serve_page:
@@ -96,7 +96,7 @@ class PageBridge:
 def call_service(
     services: Services, name: str, arguments: Mapping[str, Any]
 ) -> Answer | concurrent.futures.Future[Answer]:
-    """Call the callback of one of the node's own services, as a button of the page asks; a late answer is a future."""
+    """Call the callback of one of the node's own services for a button of the page; a later answer is a future."""
     srv_type, callback = services[name]
     request = srv_type.Request()
     if srv_type is srv.JudgeSurvey:

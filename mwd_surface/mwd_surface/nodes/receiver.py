@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver as a node: pressure, voltage or bytes in; words, surveys, attitude and state of the links out."""
+"""The receiver node: pressure, voltage or bytes in; words, surveys, attitude and state of the links out."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _SILENT_S = 5.0
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
 _DEEPEST_M = 20_000.0  # no hole is deeper
-_TURNING = 0.5  # rad/s of the top drive; slower is sliding
+_TURNING = 0.5  # rad/s of the top drive; a slower string counts as sliding
 _TYPES: dict[str, Any] = {
     gauge_burst.PRESSURE: msg.PressureBurst,
     gauge_burst.VOLTAGE: msg.VoltageBurst,
@@ -56,7 +56,7 @@ _TYPES: dict[str, Any] = {
 
 @dataclasses.dataclass
 class _Input:
-    """One link: its feed, the bursts that wait, their type, when the last one came and when its state was published."""
+    """One link: feed, waiting bursts and their type, time of the last burst, and time of the last published state."""
 
     feed: LinkFeed
     buffer: MessageBuffer | None
@@ -66,12 +66,12 @@ class _Input:
 
     @property
     def silent(self) -> bool:
-        """Whether no burst has come for a while."""
+        """Whether no burst has arrived for a while."""
         return time.monotonic() - self.received_at > _SILENT_S
 
 
 class ReceiverNode(GraphNode[ReceiverSettings]):
-    """Subscribes to what the rig measures, to nothing of the tool."""
+    """Node that subscribes to measurements of the rig only, never to topics of the tool."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
@@ -102,14 +102,14 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self.add_subscription(msg.DownlinkState, "downlink/state", self._on_downlink, qos.EVENT)
         self._word = self.add_publisher(msg.LinkWord, "link/word", qos.EVENT)
         self._frame_publisher = self.add_publisher(msg.LinkFrame, "link/frame", qos.EVENT)
-        # Pressure that has waited gives many states at once, and none may be lost: a missed survey is told by them.
+        # Waiting pressure gives many states at once, and none may be lost, because states report missed surveys.
         self._quality = self.add_publisher(msg.LinkQuality, "link/quality", qos.buffered(qos.STATE))
         self._attitude = self.add_publisher(msg.Attitude, "link/attitude", qos.STATE)
         self._survey = self.add_publisher(msg.Survey, "link/survey", qos.EVENT)
         self.add_timer(_PERIOD_S, self._on_timer)
 
     def _serial_line(self) -> SerialBytes | None:
-        """Line of a wired tool, where a port is set."""
+        """Return the serial line of a wired tool, if a port is set."""
         wired = [tool for tool in self._tools if tool.link == "serial"]
         if not self.settings.serial_port:
             return None
@@ -118,7 +118,11 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         return SerialBytes(self.settings.serial_port, wired[0].serial.baud, time.monotonic)
 
     def _buffer(self, link: str) -> MessageBuffer | None:
-        """What waits on the topic of a link; None where the node reads the line itself, and publishes what it reads."""
+        """
+        Return the buffer for the topic of a link.
+
+        None if the node reads the serial line itself and publishes its bytes.
+        """
         topic, kind = gauge_burst.TOPICS[link]
         if link == "mud_pulse" and self.settings.gauge == 2:
             topic += "_2"
@@ -138,11 +142,11 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
 
     def changeable_at_runtime(self, name: str) -> bool:
-        """Place and verdict hold for the next survey; a link keeps the rest as long as it runs."""
+        """Place and verdict can change and apply to the next survey; a link keeps its other settings while it runs."""
         return name.startswith(("place.", "verdict."))
 
     def on_settings_changed(self, settings: ReceiverSettings) -> None:
-        """Judge the surveys to come by the settings of now."""
+        """Judge later surveys by the changed settings."""
         self._reference = None
         self._surveys.quality = settings.verdict
 
@@ -180,7 +184,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 one.feed.link.attitude.take_quill(seconds, float(message.position[0]))
 
     def _on_downlink(self, message: msg.DownlinkState) -> None:
-        """Follow the tool to the configuration to which a command leads, once it says that it has obeyed."""
+        """Follow the tool to the configuration that a command leads to, once the tool reports that it has obeyed."""
         try:
             for one in self._inputs:
                 if one.feed.tool.downlink is not None:
@@ -194,7 +198,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._publish_state()
 
     def _take_all(self) -> None:
-        """Take all that has arrived: strokes, which are published behind their pressure, before any pressure."""
+        """Process all arrived messages: pump strokes before pressure, because they are published after it."""
         self._read_line()
         arrived = [one.buffer.take() if one.buffer is not None else [] for one in self._inputs]
         for data, _ in self._strokes.take() if self._strokes is not None else ():
@@ -220,7 +224,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._publish(one.feed, one.feed.push(*burst))
 
     def _read_line(self) -> None:
-        """Bytes of the port: published, so that they are recorded, and taken."""
+        """Read the bytes of the serial port, publish them for the recording, and process them."""
         if self._line is None:
             return
         octets = self._line.read()[1].astype(np.uint8)
@@ -266,7 +270,11 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self.get_logger().info(printable(f"survey {survey.sequence} received: {'; '.join(survey.reasons)}"))
 
     def _publish_state(self) -> None:
-        """Attitude twice a second and quality once a second of the samples' time; of wall time where it stands."""
+        """
+        Publish attitude twice and quality once a second of sample time.
+
+        Of wall time while sample time stands still.
+        """
         for one in self._inputs:
             link = one.feed.link
             now = link.now_s if one.feed.heard and not one.silent else time.monotonic()
@@ -291,7 +299,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._attitude.publish(wire.ATTITUDE.encode(row, self.frame(wire.SONDE_FRAME))[0].tobytes())
 
     def deactivate(self) -> None:
-        """Publish what is left."""
+        """Publish the remaining results."""
         self._take_all()
         for one in self._inputs:
             self._publish(one.feed, one.feed.finish())
@@ -299,15 +307,15 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._begin([one.buffer for one in self._inputs])
 
     def cleanup(self) -> None:
-        """Let go of the line."""
+        """Close the serial line."""
         if self._line is not None:
             self._line.close()
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """State of the links."""
+        """Return the state of the links."""
         found = [self._diagnostic(one) for one in self._inputs]
         heard = [one.feed for one in self._inputs if one.feed.heard]
-        # The field depends on the day, which the gauge tells.
+        # The field depends on the date, which the samples of the gauge carry.
         if heard:
             found.append(reference_diagnostic(self._reference_at(heard[0].stamp_of(heard[0].link.now_s))))
         return found

@@ -17,19 +17,19 @@ class ReceiverSettings:
 
     tool_file: str = setting(
         "",
-        "Tool configuration (tool.yaml) by which the tool transmits. A wrong one gives no words; the reason says so",
+        "Tool configuration (tool.yaml) of the transmitting tool. A wrong file gives no words, and the reason says so",
         fixed=True,
     )
     second_tool_file: str = setting(
         "",
-        "Tool configuration of a second link, such as EM beside mud pulses: surveys and attitude come from both, the "
-        "better word first; empty: one link",
+        "Tool configuration of a second link, such as EM in addition to mud pulses. Surveys and attitude come from "
+        "both, from the better word first. Empty: one link",
         fixed=True,
     )
     serial_port: str = setting(
         "",
         "Port of the surface unit of a wired tool, such as /dev/ttyUSB0; its bytes are published on rig/serial. Empty: "
-        "the bytes come on rig/serial",
+        "the bytes arrive on rig/serial",
         fixed=True,
     )
     gauge: int = setting(
@@ -41,9 +41,9 @@ class ReceiverSettings:
     )
     tool_code: str = setting(
         "",
-        "ISCWSA / OWSG tool code for the sigma of surveys, where the tool sends none; empty: ordinary MWD",
+        "ISCWSA / OWSG tool code for the sigma of surveys, used if the tool sends no sigma. Empty: ordinary MWD",
         fixed=True,
     )
-    place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as of the estimator")
-    verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as of the estimator")
+    place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as in the estimator")
+    verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as in the estimator")
     ages: AgeRules = setting(AgeRules, "How values age between words")

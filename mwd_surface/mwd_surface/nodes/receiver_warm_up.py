@@ -13,14 +13,15 @@ from mwd_sensors.telemetry.pulse_position import PULSE_TU
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 from mwd_surface.receiver.link.receivers import receiver_of
 
-_SAMPLES = 100.0  # a TU or a period of the carrier: more than the grid has, as a gauge gives
-_NOISE = 0.1  # standard deviation by amplitude: the noise model needs noise
+# Samples per time unit of the code, or per carrier period; more than in the receiver's grid, as from a gauge.
+_SAMPLES = 100.0
+_NOISE = 0.1  # standard deviation relative to the amplitude; the noise model needs some noise
 
 
 def warm_up(tools: Iterable[ToolConfiguration]) -> None:
-    """Receive an artificial survey of each tool: it reaches every kernel, so that the first sample is not delayed."""
+    """Receive an artificial survey of each tool, which runs every kernel, so that the first sample is not delayed."""
     for tool in tools:
-        if tool.code != "serial":  # bytes are read without kernels
+        if tool.code != "serial":  # no kernel is needed to read bytes
             _receive_survey(tool)
 
 
@@ -36,7 +37,7 @@ def _receive_survey(tool: ToolConfiguration) -> None:
 
 
 def _pulses(tool: ToolConfiguration, time_s: Array) -> Array:
-    """Pulses of a survey of zeros, shape (n,), without a unit, at times from its start, shape (n,), s."""
+    """Return the pulses of a survey of zeros at times from its start, s; shapes (n,), no unit."""
     items = tool.surveys[0]
     edges = np.array(encode(tool, items, (0,) * len(items), 0).edges) * tool.tu_s
     since = time_s - edges[np.maximum(np.searchsorted(edges, time_s, side="right") - 1, 0)]
@@ -44,7 +45,7 @@ def _pulses(tool: ToolConfiguration, time_s: Array) -> Array:
 
 
 def _carrier(tool: ToolConfiguration, time_s: Array) -> Array:
-    """Carrier of a survey of zeros, shape (n,), without a unit, at times from its start, shape (n,), s."""
+    """Return the carrier of a survey of zeros at times from its start, s; shapes (n,), no unit."""
     phases: list[float] = []
     for group in on_air.groups(tool, "survey", 0):
         phases += on_air.signal(tool, group, tool.sent(group.items, (0,) * len(group.items))).phases

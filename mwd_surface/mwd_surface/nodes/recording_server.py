@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a well: started, stopped and split by services; the recorder's status on `recorder`."""
+"""Recordings of a well: services start, stop and split them; the topic `recorder` has the recorder's status."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
 
-_STOP_TIMEOUT_S = 1.3  # of each step of stopping a recording, so that all of them stay below 3 s
-_ATTACH_TIMEOUT_S = 0.4  # of each table or file that is added to a recording
-_RETRY_S = 5.0  # between attempts to start a recording
+_STOP_TIMEOUT_S = 1.3  # for each step of stopping a recording, so that all steps together take less than 3 s
+_ATTACH_TIMEOUT_S = 0.4  # for each table or file that is added to a recording
+_RETRY_S = 5.0  # between two attempts to start a recording
 _RESUMES = "free the disk, or make its folder writable; recording resumes by itself"
 _FASTER = "use a faster disk, or record fewer topics"
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
@@ -34,7 +34,7 @@ _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level
 SAMPLES = ("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature")
 
 Attachment = tuple[str, str, bytes]
-"""Name, media type and content of a file inside a recording."""
+"""Name, media type and content of a file in a recording."""
 
 
 class RecordingServer:
@@ -46,7 +46,7 @@ class RecordingServer:
     context : SurfaceContext
         Node, folder, live state and alarm log.
     settings : SurfaceSettings
-        Its sections `record` and `recorder` are used.
+        Only the sections `record` and `recorder` are used.
     tables : callable
         Returns named tables of strings; they become metadata of every file.
     attachments : callable
@@ -74,7 +74,7 @@ class RecordingServer:
         self._attachments, self._on_start = attachments, on_start
         self._wanted = False
         self._tried_at = -_RETRY_S
-        # Why the recording that is wanted has not started, and the remedy.
+        # Reason why a wanted recording has not started, and the remedy.
         self._refusal = ("", "")
         self._recorder = Recorder(
             context.folder / "bags",
@@ -82,14 +82,14 @@ class RecordingServer:
             tables=tables,
             event_topic=self._node.resolve_topic_name("recorder/events"),
         )
-        # Topics of samples that are recorded: where the first stamp of each in this recording is kept, ns, 0 before the
-        # first sample. Bursts count as the single samples they stand for.
+        # By recorded topic of samples: first stamp in this recording, ns; 0 before the first sample. Bursts count under
+        # the topic of their single samples.
         self._first_ns: dict[str, int] = {}
         self._unheard: dict[str, tuple[str, str]] = {}
         self._heard = False
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, qos: str = "") -> bool:
-        """Record a message, as `Recorder.put`."""
+        """Record a message, see `Recorder.put`."""
         taken = self._recorder.put(topic, type_name, data, log_ns, qos=qos)
         if taken and topic in self._unheard:
             name, single = self._unheard.pop(topic)
@@ -99,7 +99,7 @@ class RecordingServer:
         return taken
 
     def tell_streams(self) -> None:
-        """Publish the status at once where a topic of samples has begun to arrive: the estimator waits for it."""
+        """Publish the status at once when a topic of samples begins to arrive, because the estimator waits for it."""
         if self._heard:
             self._heard = False
             self._publish_status(self._recorder.status())
@@ -118,20 +118,20 @@ class RecordingServer:
         self._node.add_service(Trigger, "snapshot_recording", self.snapshot)
 
     def activate(self) -> None:
-        """Start to record, if that is enabled."""
+        """Start to record if recording is enabled."""
         self._wanted = self._settings.enabled
         self._tried_at = -_RETRY_S
         self._start_wanted()
 
     def _start_wanted(self) -> None:
-        """Start the recording that is wanted; where that fails, raise an alarm and try again later."""
+        """Start the wanted recording; on failure raise an alarm and try again later."""
         if not self._wanted or time.monotonic() - self._tried_at < _RETRY_S:
             return
         self._tried_at = time.monotonic()
         try:
             self._start(self._settings.name)
         except RecorderError as error:
-            self._refusal = str(error), f"{error.remedy}; it is tried every {_RETRY_S:g} s"
+            self._refusal = str(error), f"{error.remedy}; it is retried every {_RETRY_S:g} s"
             self._alarm_log.raise_alarm("recording.start", Severity.CRITICAL, *self._refusal)
             return
         self._wanted, self._refusal = False, ("", "")
@@ -165,7 +165,7 @@ class RecordingServer:
             self._node.get_logger().error(printable(f"recording not finished: {error}"))
 
     def _attach_files(self) -> None:
-        """Attach the files to the recording that ends."""
+        """Attach the files to the recording before it ends."""
         for name, media_type, data in self._attachments():
             try:
                 self._recorder.attach(name, media_type, data, time.time_ns(), _ATTACH_TIMEOUT_S)
@@ -174,7 +174,7 @@ class RecordingServer:
                 return
 
     def add_tables(self, tables: Mapping[str, Mapping[str, str]]) -> None:
-        """Add metadata to the running recording; one that starts later has it from the start."""
+        """Add metadata to the running recording; later recordings have it from the start."""
         if self._recorder.status().state != RecorderState.RECORDING:
             return
         for name, values in tables.items():
@@ -204,7 +204,7 @@ class RecordingServer:
         return self._respond(response, self._recorder.split, "finished")
 
     def snapshot(self, _request: Any, response: Any) -> Any:
-        """Write the last seconds kept in memory to a recording of their own (service)."""
+        """Write the last seconds kept in memory to a separate recording (service)."""
         return self._respond(response, self._recorder.snapshot, "written")
 
     def _respond(self, response: Any, action: Callable[[], Path], word: str) -> Any:
@@ -222,7 +222,7 @@ class RecordingServer:
     # Once a second.
 
     def update(self) -> None:
-        """Publish the recorder's status, raise its alarms, start what could not start."""
+        """Publish the recorder's status, raise its alarms, and retry a start that failed."""
         self._start_wanted()
         status = self._recorder.status()
         self._publish_status(status)
@@ -237,11 +237,11 @@ class RecordingServer:
             self._alarm_log.log_event("recorder", event.text, _SEVERITIES[event.level])
 
     def status(self) -> RecorderStatus:
-        """Status of the recorder."""
+        """Return the status of the recorder."""
         return self._recorder.status()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """State of the recorder."""
+        """Return the state of the recorder."""
         status = self._recorder.status()
         values = (("messages", str(status.messages)), ("dropped", str(status.dropped)))
         text, remedy = status.state.name.lower(), ""
@@ -255,7 +255,7 @@ class RecordingServer:
 
 
 def _first_stamp(topic: str, data: bytes) -> int | None:
-    """Return the stamp of the first sample of a message, ns; None where it cannot be read."""
+    """Return the stamp of the first sample of a message, ns; None if it cannot be read."""
     try:
         if topic in burst.TOPICS:
             samples = burst.decode(data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as a node: publishes its messages again, at their own rate or another, with /clock."""
+"""Replay node: publishes the messages of a recording again, at their own rate or another, with /clock."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from mwd_surface.bags.topic_info import REMEDY
 from mwd_surface.ros.topics import message_class
 
 _TIMER_PERIOD = 0.002  # s
-# Most messages of one timer callback, so that services are served and subscribers keep up when the replay is late.
+# Largest number of messages per timer callback, so that services respond and subscribers keep up after a delay.
 _MAX_PER_CALLBACK = 100
-_MAX_PER_STEP_CALLBACK = 50  # a step has no pace; subscribers must keep up with it
-_SAY_EVERY_S = 10.0  # between two words on how far the replay is
-_MOST_LATCHED = 1000  # messages of a latched topic; also for a recorded depth of 0, which is without limit
-_FOREVER_S = 9e9  # what recordings write for "no limit" is longer
+_MAX_PER_STEP_CALLBACK = 50  # a step runs without pace, so subscribers must keep up
+_SAY_EVERY_S = 10.0  # between two log lines on the progress of the replay
+_MOST_LATCHED = 1000  # messages kept of a latched topic; also for a recorded depth of 0, which means no limit
+_FOREVER_S = 9e9  # durations above this are the value that recordings store for "no limit"
 _NOT_STARTED = "the replay has not begun"
 
 
@@ -64,7 +64,7 @@ class ReplaySettings:
     topics: list[str] = setting([], "Topics to publish; empty: all", fixed=True)
     sensors_only: bool = setting(
         False,
-        "Publish only the topics of sonde and rig, so that estimator and surface can run beside the replay",
+        "Publish only the topics of sonde and rig, so that estimator and surface can run together with the replay",
         fixed=True,
     )
     clock_hz: float = setting(
@@ -82,7 +82,7 @@ class ReplaySettings:
 
 @dataclasses.dataclass
 class _Step:
-    """A step under way: ends after `remaining` messages, or before the first message later than `until_ns`."""
+    """A running step: it ends after `remaining` messages, or before the first message later than `until_ns`."""
 
     remaining: int
     until_ns: int | None
@@ -91,7 +91,7 @@ class _Step:
 
 
 class ReplayNode(GraphNode[ReplaySettings]):
-    """Publishes a recording; the process ends with the last message unless `loop` is set."""
+    """Node that publishes a recording; the process ends with the last message unless `loop` is set."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("replay", ReplaySettings(), **node_options)
@@ -135,7 +135,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._last_clock = -math.inf
 
     def deactivate(self) -> None:
-        """Respond to a step that will not end."""
+        """Answer a step that cannot end any more."""
         self._end_step(False, "the replay stops")
 
     def cleanup(self) -> None:
@@ -146,14 +146,14 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
     def _start(self) -> None:
         rate = self.settings.rate if self.settings.rate > 0.0 else math.inf
-        # Reading the first chunk takes time; the pace starts after it.
+        # Reading the first chunk takes time; start the pace after that.
         begin = self._go_to(self._from_ns)
         self._pace = Pace(begin, time.monotonic(), rate)
         self._rounds = 1
         self._said_at = time.monotonic()
 
     def _go_to(self, log_ns: int) -> int:
-        """Continue with the first message received at or after `log_ns`; returns when it was received, ns."""
+        """Continue with the first message received at or after `log_ns`; return the time it was received, ns."""
         if self._bag is None:
             raise RuntimeError("the bag is closed; configure the node first")
         self._messages: Iterator[Message] = self._bag.messages(list(self._topic_publishers), log_ns, self._to_ns)
@@ -202,7 +202,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
     def _end(self, pace: Pace) -> None:
         if self.settings.loop and self._published:
-            self.get_logger().info(printable(f"round {self._rounds} is over; begins again"))
+            self.get_logger().info(printable(f"round {self._rounds} is over; the replay begins again"))
             pace.seek(self._go_to(self._from_ns), time.monotonic())
             self._rounds += 1
             return
@@ -224,7 +224,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         if self._pace is None:
             response.success, response.message = False, _NOT_STARTED
             return response
-        self._end_step(False, "paused" if pause else "the replay goes on")
+        self._end_step(False, "paused" if pause else "the replay continues")
         if self._pace.paused == pause:
             response.success, response.message = True, "paused already" if pause else "going on already"
         else:
@@ -304,7 +304,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
             )
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Progress, and topics that are not published."""
+        """Return the progress, and the topics that are not published."""
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
             message = "over; subscribers acknowledge the last messages" if self._over else "waiting for a listener"
@@ -331,7 +331,7 @@ def published_topics(bag: Bag, settings: ReplaySettings) -> tuple[list[TopicInfo
     Raises
     ------
     BagError
-        The bag does not have a topic that is asked for, or none can be published here.
+        The bag lacks a requested topic, or no topic can be published here.
     """
     chosen, left_out = [], []
     asked = set(settings.topics)
@@ -362,11 +362,11 @@ def published_topics(bag: Bag, settings: ReplaySettings) -> tuple[list[TopicInfo
 
 def profile(recorded: str) -> QoSProfile:
     """
-    Derive a profile to publish with, compatible with every subscriber of the recorded one.
+    Return a profile to publish with, compatible with every subscriber of the recorded profile.
 
     A writer forgets messages beyond its depth even if a subscriber has not acknowledged them, and a replay publishes
-    faster than the sensor did: its depth is `LONG_QUEUE`. Of a latched topic the depth is what late subscribers
-    receive: it follows the recording.
+    faster than the sensor did: the depth is therefore `LONG_QUEUE`. A latched topic keeps the recorded depth, because
+    the depth decides what late subscribers receive.
     """
     try:
         first = parse_qos(recorded)[0]
@@ -386,7 +386,7 @@ def profile(recorded: str) -> QoSProfile:
 
 
 def _duration(recorded: Mapping[str, Any]) -> Duration:
-    """Convert a recorded duration; the middleware's "for ever" is no limit."""
+    """Convert a recorded duration; the middleware's value for "infinite" becomes no limit."""
     seconds = float(recorded["sec"]) + float(recorded["nsec"]) / NANOSECONDS
     return Duration(seconds=seconds if 0.0 <= seconds < _FOREVER_S else 0.0)
 

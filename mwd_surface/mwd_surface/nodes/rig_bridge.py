@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rig interfaces: the values of the page and the surveys go out, rig data and requests come in."""
+"""Rig interfaces: send the values of the page and the surveys, receive rig data and requests."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.survey_list import SurveyList
 
-_VALUES_PERIOD = 0.1  # s between values sent to the rig interfaces
-_STATUS_PERIOD = 1.0  # s between writes of their status file
+_VALUES_PERIOD = 0.1  # s between two sets of values sent to the rig interfaces
+_STATUS_PERIOD = 1.0  # s between two writes of their status file
 
 
 class RigBridge:
@@ -39,13 +39,13 @@ class RigBridge:
     context : SurfaceContext
         Node, live state, alarm log and request queue; its folder takes the interfaces' status and certificates.
     settings : RigSettings
-        Of the interfaces.
+        Settings of the interfaces.
     well : str
         Name of the well.
     authority : ControlAuthority
-        For controllers that come through the interfaces.
+        Authority for controllers that connect through the interfaces.
     simulated : callable
-        Whether the tool is a simulation.
+        Returns whether the tool is a simulation.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class RigBridge:
             self._alarm_log.log_event(f"rig {name}", error, Severity.WARNING)
 
     def open(self) -> None:
-        """Open the topic of the rig's data where an interface can receive any."""
+        """Open the topic of the rig's data if an interface can receive any."""
         if self._settings.takes_data:
             self._publisher = self._node.add_publisher(msg.RigState, "rig/state", TOPICS["rig/state"][1])
 
@@ -92,26 +92,26 @@ class RigBridge:
         self._status_file.unlink(missing_ok=True)
 
     def _on_rig_data(self, source: str, samples: Samples) -> None:
-        """Take data of the rig, from the thread of an interface; what comes while the node is inactive is dropped."""
-        # Kept, it would be published on activation with the time of that, and an old depth would look like one of now.
+        """Accept rig data in the thread of an interface; data is dropped while the node is inactive."""
+        # Data kept until activation would then be published with the wrong time: an old depth would look current.
         if self._node.active:
             self._rig_data.put((source, samples))
 
     def on_surveys(self, surveys: SurveyList) -> None:
-        """Take the changed survey list."""
+        """Pass the changed survey list to the interfaces."""
         self._surveys = accepted_surveys(surveys)
         if self._port.wants_trajectory:
             self._port.publish_trajectory(witsml(survey_table(surveys, surveys.changed_ns)))
 
     def update(self, now: float) -> None:
-        """Publish received rig data; send values and write the status file where they are due. now: steady time, s."""
+        """Publish received rig data; send values and write the status file when due. `now` is monotonic time, s."""
         while self._publisher is not None and not self._rig_data.empty():
             source, samples = self._rig_data.get()
-            # The interfaces stamp with the wall clock, the graph with the node's clock.
+            # The interfaces stamp with the wall clock; use the node's clock on the graph.
             samples["stamp_ns"] = self._context.now_ns()
             self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(source))[0].tobytes())
         if now >= self._send_at:
-            # From the time it was due, so that a late call does not slow the rate.
+            # Count from the due time, so that a late call does not lower the rate.
             self._send_at = max(self._send_at, now - _VALUES_PERIOD) + _VALUES_PERIOD
             self.send_values()
         if now - self._status_written_at >= _STATUS_PERIOD:
@@ -119,7 +119,7 @@ class RigBridge:
             self._write_status(now)
 
     def send_values(self, *, active: bool = True) -> None:
-        """Send the newest values to every interface; active False: they must not be acted upon."""
+        """Send the newest values to every interface; `active` False tells receivers not to act on them."""
         if not self._port.enabled:
             return
         self._values = rig_values(
@@ -142,11 +142,11 @@ class RigBridge:
             self._status_error = f"{error.filename}: {error.strerror}"
 
     def diagnostics(self) -> list[Diagnostic]:
-        """State of each interface."""
+        """Return the state of each interface."""
         found = []
         if self._status_error:
             found.append(
-                Diagnostic("rig status file", WARN, self._status_error, "free the disk; it is tried every second")
+                Diagnostic("rig status file", WARN, self._status_error, "free the disk; it is retried every second")
             )
         for one in self._port.status():
             values = [

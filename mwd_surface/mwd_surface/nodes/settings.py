@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the surface node; those of a room of this package stand in that room."""
+"""Parameters of the surface node; each room of this package defines its own parameters."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from mwd_surface.trajectory.slide_sheet import SlideRules
 
 @dataclasses.dataclass(frozen=True)
 class RecordSettings:
-    """What is recorded."""
+    """Parameters of the recording."""
 
     enabled: bool = setting(True, "Start a recording when the node is activated", fixed=True)
     name: str = setting(
-        "", "Folder name of the recording; numbered where taken, and made of date and time where empty", fixed=True
+        "", "Folder name of the recording; a number is added if it is in use. Empty: date and time", fixed=True
     )
     topics: list[str] = setting(
         list(TOPICS),
@@ -49,10 +49,10 @@ class SurfaceSettings:
     serve_page: bool = setting(True, "Serve the live page", fixed=True)
     strict: bool = setting(
         False,
-        "Refuse to start where the page cannot be served; false: raise an alarm and try again every 5 s",
+        "Refuse to start if the page cannot be served; false: raise an alarm and try again every 5 s",
         fixed=True,
     )
-    link: LinkSettings = setting(LinkSettings, "How the surface hears the tool")
+    link: LinkSettings = setting(LinkSettings, "How the surface receives the tool")
     well: Well = setting(Well, "The well")
     plan: PlanSettings = setting(PlanSettings, "The planned well path")
     advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering")
@@ -62,9 +62,9 @@ class SurfaceSettings:
     rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data")
     slides: SlideRules = setting(SlideRules, "The slide sheet")
     record: RecordSettings = setting(RecordSettings, "What is recorded")
-    recorder: RecorderSettings = setting(RecorderSettings, "How it is recorded")
+    recorder: RecorderSettings = setting(RecorderSettings, "How recordings are written")
     page: PageSettings = setting(PageSettings, "The live page")
-    live: LiveSettings = setting(LiveSettings, "What the page shows")
+    live: LiveSettings = setting(LiveSettings, "Values and limits of the page")
     foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove")
     rig: RigSettings = setting(RigSettings, "Rig interfaces")
     control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps")

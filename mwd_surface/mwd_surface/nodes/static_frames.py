@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fixed transforms of one well: wellhead and rig floor at the origin of its path, the bit ahead of the sonde."""
+"""The fixed transforms of one well: wellhead and rig floor at the origin of the path, the bit ahead of the sonde."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NORTH_EAST_DOWN = [float(v) for v in frames.orientation_et(np.eye(3))]
 
 
 class StaticFrames:
-    """Publishes `/tf_static`, again where the tool's frame or its distance to the bit is another one."""
+    """Publisher of `/tf_static`; it publishes again when the tool's frame or its distance to the bit changes."""
 
     def __init__(self, context: SurfaceContext) -> None:
         self._context = context
@@ -29,9 +29,9 @@ class StaticFrames:
 
     def publish(self, tool_frame: str, sensor_to_bit: float) -> None:
         """
-        Publish the transforms where they changed.
+        Publish the transforms if they changed.
 
-        tool_frame: of the tool's messages, empty while unknown; sensor_to_bit: distance along the tool, m.
+        tool_frame : frame of the tool's messages, empty while unknown. sensor_to_bit : distance along the tool, m.
         """
         if self._published == (tool_frame, sensor_to_bit):
             return
@@ -41,7 +41,8 @@ class StaticFrames:
         turned = wellhead.transform.rotation
         turned.x, turned.y, turned.z, turned.w = _NORTH_EAST_DOWN
         floor = node.frame(wire.RIG_FRAME)
-        # Rig data that come in by an interface of ours bear its name as frame: it is the rig floor.
+        # Rig data received through an interface of this project have the interface's name as frame; it is the rig
+        # floor.
         ours = [self._transform(floor, node.frame(name)) for name in (OPCUA, WITS, MODBUS)]
         transforms = [wellhead, self._transform(local, floor), *ours]
         if tool_frame:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The surface as a node: connects recorder, survey list, page and rig interfaces with the graph and with each other.
+The surface node: it connects recorder, survey list, page and rig interfaces with the graph and with each other.
 
-Each part has a module of its own beside this one; this module creates the parts, calls them from two timers, and
-connects them with the topics.
+Each part has its own module in this folder; this module creates the parts, calls them from two timers, and connects
+them with the topics.
 """
 
 from __future__ import annotations
@@ -57,17 +57,17 @@ from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.trajectory.slide_file import NAME, SLIDES, read_stretches, stretch_table
 
-_LIVE_PERIOD = 0.05  # s between updates of page and toolface
-_SLOW_PERIOD = 1.0  # s between updates of everything else
+_LIVE_PERIOD = 0.05  # s between two updates of page and toolface
+_SLOW_PERIOD = 1.0  # s between two updates of everything else
 
 
 class SurfaceNode(GraphNode[SurfaceSettings]):
-    """Everything between the sonde's topics and the people and machines on the rig."""
+    """Node between the topics of the sonde and the people and machines on the rig."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("surface", SurfaceSettings(), **node_options)
         self._closers: list[Callable[[], Any]] = []
-        # Once a second the page is updated whether or not a browser is connected.
+        # Once a second the page is updated even if no browser is connected.
         self._page_due = True
 
     def changeable_at_runtime(self, name: str) -> bool:
@@ -83,7 +83,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._surveys.change_settings(settings.well, settings.rules, settings.leg, self._plan.plan)
             self._show_well()
 
-        # A disk may take its time; the node meanwhile serves page and rig.
+        # Read the plan in the worker: a disk may be slow, and the node continues to serve page and rig.
         self._shared.worker.submit(lambda: self._plan.read(settings.plan, settings.well.north_reference), apply)
 
     def _show_well(self) -> None:
@@ -112,7 +112,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._outlet = outlet = NodeOutlet(self, worker, slide_file)
         self._time = SteadyTime()
         clock = WellClock(self._time.now_ns())
-        # A graph with simulated time stamps its alarms with that time.
+        # In a graph with simulated time, alarms have that time.
         stamp = self._graph_ns if self.get_parameter("use_sim_time").value else None
         outlet.alarm_log = AlarmLog(clock, outlet.tell, stamp)
         well_context = WellContext(clock, LiveState(live_settings(settings)), outlet.alarm_log, outlet)
@@ -175,7 +175,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return part
 
     def _on_recording_started(self) -> None:
-        """Write what was said and drilled before into a recording that begins, for whoever plays it."""
+        """Write the latched messages and the slide sheet into a recording that begins, for a later playback."""
         self._router.repeat_latched()
         self._recording.add_tables({SLIDES: stretch_table(self._well.slides.stretches())})
 
@@ -224,7 +224,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self.add_timer(_SLOW_PERIOD, self._update_slow)
 
     def _open_requests_to_the_tool(self) -> None:
-        # The feedback of an action is a topic, which others than the action's client may subscribe to.
+        # The feedback of an action is a topic to which others than the action's client may subscribe.
         for action, action_type, callback in (
             ("north_seek", NorthSeek, self._well.diagnostics.on_north_seek),
             ("rotary_survey", RotarySurvey, self._well.diagnostics.on_rotary_survey),
@@ -241,7 +241,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._downlink.activate()
 
     def deactivate(self) -> None:
-        """Mark the values for the rig as not to be used, then finish the recording."""
+        """Mark the values for the rig as unusable, then finish the recording."""
         self._router.take_streams()
         self._downlink.stop()
         self._rig.send_values(active=False)
@@ -253,7 +253,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         for close in closers:
             try:
                 close()
-            except Exception:  # noqa: BLE001  (a part that cannot close must not keep the others open)
+            except Exception:  # noqa: BLE001  (one part that fails to close must not keep the others open)
                 self.get_logger().error(printable(f"cannot close:\n{traceback.format_exc()}"))
 
     # Messages and requests.
@@ -265,19 +265,19 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return response
 
     def _handle_request(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
-        """Carry out a request of page or rig, in the node's thread."""
+        """Carry out a request of page or rig in the thread of the node."""
         if name != "take_survey":
             return call_service(self._service_callbacks, name, arguments)
         if self._survey_client is None:
             return False, "over a link the tool takes a survey by itself whenever the pumps stop; stop them for one"
         if not self._survey_client.service_is_ready():
-            return False, "the estimator is not there"
+            return False, "the estimator does not run"
         asked = self._survey_client.call_async(srv.TakeSurvey.Request(**arguments))
         asked.add_done_callback(self._on_survey_answer)
-        return True, "asked for a survey; how it goes and ends stands under Survey"
+        return True, "survey requested; see its progress and result under Survey"
 
     def _on_survey_answer(self, asked: Any) -> None:
-        """Show why a survey that a person asked for was not taken; one that was taken comes as a message."""
+        """Show why a requested survey was not taken; a survey that was taken arrives as a message."""
         answer = asked.result()
         if not answer.success:
             self._shared.alarm_log.log_event("survey", answer.message, Severity.WARNING)
@@ -286,7 +286,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     # Timers.
 
     def _update_live(self) -> None:
-        # What arrives from here on waits for the next call, so that no message comes late to its cell.
+        # Messages that arrive from here on wait for the next call, so that no message is late for its time cell.
         until_ns = self._time.now_ns()
         self._shared.requests.run_requests()
         self._shared.worker.run_callbacks()
@@ -295,7 +295,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         now, before_ns = time.monotonic(), self._well.clock.now_ns
         self._rig.update(now)
         self._well.advance(until_ns)
-        # The page gets states at the end of a cell, which a recording played to the same time has too.
+        # The page gets the state at the end of a time cell, so that a recording played to the same time shows the same.
         if self._well.clock.now_ns > before_ns:
             self._page.update(without_clients=self._page_due)
             self._page_due = False
@@ -317,7 +317,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._page_due = True
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Report on recorder, page, Foxglove, inputs, rig, control, survey list, messages and topics to record."""
+        """Return the states of recorder, page, inputs, rig, control, list, messages and recorded topics."""
         parts = (
             self._recording,
             self._page,
@@ -335,10 +335,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return [*found, self._of_inputs()]
 
     def _of_inputs(self) -> Diagnostic:
-        """Source of the depth, and the clock of each input."""
+        """Return the source of the depth, and the clock of each input."""
         table = self._well.inputs.table
         apart = f", {table.depth_difference:.1f} m from another source" if table.depth_difference is not None else ""
-        text = f"depth from {table.depth_source}{apart}" if table.depth_source else "no depth comes in"
+        text = f"depth from {table.depth_source}{apart}" if table.depth_source else "no depth is received"
         rows = tuple((row.name, _words(row)) for row in table.inputs)
         level, remedy = (OK, "") if table.depth_source else (WARN, "connect the rig data, or set the depth by hand")
         return Diagnostic("inputs", level, text, remedy, rows)

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey list of a well: surveys and the operator's decisions in; list, path and exports out; kept on disk."""
+"""
+The survey list of a well: input are surveys and the operator's decisions; output are list, path and exports.
+
+The list is stored on disk.
+"""
 
 from __future__ import annotations
 
@@ -40,14 +44,14 @@ from mwd_surface.trajectory.well_path import Definitive
 
 class SurveyListServer(SurveyBook):
     """
-    The survey list of one well as a part of the surface node: with services, on disk, exported, reported.
+    Survey list of one well as a part of the surface node: with services, storage on disk, exports and reports.
 
     Parameters
     ----------
     context : SurfaceContext
-        Node, folder, alarm log and worker. The list is kept in the subfolder `surveys`, exported files in `exports`.
+        Node, folder, alarm log and worker. The list is stored in the subfolder `surveys`, exported files in `exports`.
     settings : SurfaceSettings
-        Its sections `well`, `rules`, `leg` and `depth` are used.
+        Only the sections `well`, `rules`, `leg` and `depth` are used.
     plan : PlanMonitor
         The planned path.
 
@@ -99,7 +103,7 @@ class SurveyListServer(SurveyBook):
         self._store.close()
 
     def change_settings(self, well: Well, rules: ListRules, leg: LegSettings, plan: Plan | None) -> None:
-        """Apply other settings of well, rules, leg and plan; where they do not fit the list, raise an alarm."""
+        """Apply changed settings of well, rules, leg and plan; raise an alarm if they do not fit the list."""
         try:
             surveys = self.surveys.configured(well, rules).along(plan)
         except ValueError as error:
@@ -147,7 +151,7 @@ class SurveyListServer(SurveyBook):
         return response
 
     def _tell(self, kind: int, request: Any, response: Any, **fields: Any) -> None:
-        """Publish a request of a person with its outcome, for recordings."""
+        """Publish a person's request with its outcome, for recordings."""
         event = msg.OperatorEvent(kind=kind, success=response.success, message=response.message, **fields)
         event.operator_name = request.operator_name
         event.header.stamp = stamp(self._decided_ns)
@@ -198,7 +202,7 @@ class SurveyListServer(SurveyBook):
         return response
 
     def export(self, request: Any, response: Any) -> Any:
-        """Export the list in one of the formats (service); the response is sent when the file is written."""
+        """Export the list in one of the formats (service); the response is sent after the file is written."""
         table, folder = self._table(), self._folder / "exports"
 
         def write() -> Path:
@@ -221,7 +225,7 @@ class SurveyListServer(SurveyBook):
     # Saving, publishing, reports.
 
     def replace(self, surveys: SurveyList) -> None:
-        """Put another list in force, saved: a list that cannot be written down (ValueError) changes nothing."""
+        """Replace and save the list; a list that cannot be written as a file (ValueError) changes nothing."""
         if surveys is not self.surveys:
             self._save(surveys)
             super().replace(surveys)
@@ -230,9 +234,9 @@ class SurveyListServer(SurveyBook):
         try:
             self._store.save(surveys)
         except StoreError as error:
-            # Tried every second, and logged once.
+            # Saving is retried every second, and the error is logged once.
             if str(error) != self._save_error:
-                remedy = "free the disk; it is tried every second"
+                remedy = "free the disk; it is retried every second"
                 self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)
             self._save_error = str(error)
             return
@@ -245,7 +249,7 @@ class SurveyListServer(SurveyBook):
             self._save(self.surveys)
 
     def show(self) -> None:
-        """Show list and path, publish them, and make the report."""
+        """Show list and path, publish them, and write the report."""
         super().show()
         self._report()
 
@@ -257,11 +261,11 @@ class SurveyListServer(SurveyBook):
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
 
     def publish_accepted(self, record: SurveyRecord) -> None:
-        """Publish a survey that came into use."""
+        """Publish a survey that is now in use."""
         self._accepted_publisher.publish(messages.record_message(record))
 
     def _table(self) -> Callable[[], SurveyTable]:
-        """Return a function that computes the printed table of the present list, in any thread."""
+        """Return a function that computes the printed table of the current list, in any thread."""
         surveys, bit_depth = self.surveys, self.bit_depth
         made_ns, stretches = self._alarm_log.now_ns(), self.slide_sheet()
 
@@ -272,7 +276,11 @@ class SurveyListServer(SurveyBook):
         return table
 
     def _report(self) -> None:
-        """Make the report of the present list in the background; of changes during that time only the last counts."""
+        """
+        Write the report of the current list in the background.
+
+        Of several changes meanwhile only the last is reported.
+        """
         if self._reporting or self._reported is self.surveys or not self.surveys.records:
             return
         surveys, table = self.surveys, self._table()
@@ -287,20 +295,20 @@ class SurveyListServer(SurveyBook):
         self._worker.submit(lambda: _files(table(), report=True), made)
 
     def attachments(self) -> list[tuple[str, str, bytes]]:
-        """Files for a recording: the surveys as CSV, and the report where it is of the present list."""
+        """Return files for a recording: the surveys as CSV, and the report if it belongs to the current list."""
         if not self.surveys.records:
             return []
-        # A list that has changed a moment ago has no report yet.
+        # A list that has just changed has no report yet.
         return self._files if self._reported is self.surveys else _files(self._table()(), report=False)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """State of the list."""
+        """Return the state of the list."""
         text = self._save_error or f"{len(self.surveys.records)} surveys"
         return [Diagnostic("survey list", ERROR if self._save_error else OK, text)]
 
 
 def _files(table: SurveyTable, *, report: bool) -> list[tuple[str, str, bytes]]:
-    """Name, type and content of what a recording keeps of a list."""
+    """Return name, type and content of the files about a list that a recording stores."""
     found = [
         (f"surveys_{FORMATS[kind].word}.csv", "text/csv", FORMATS[kind].make(table)) for kind in ("csv", "raw_csv")
     ]

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Messages of the surface node: each one that it receives is recorded, forwarded to Foxglove and handed to the well.
+Routing of the messages of the surface node to the recording, to Foxglove and to the well.
 
-Streams wait in buffers and are taken twenty times a second; a message of any other topic is handled at once, after the
-stream messages received before it. A message that the node itself publishes is recorded as it is published. Recording
-and well get the same messages in the same order with the same times, so that a recording played into a well gives the
-state that the live page showed.
+Stream messages wait in buffers and are processed twenty times a second. A message of any other topic is processed at
+once, after the stream messages received before it. A message that the node itself publishes is recorded as it is
+published. Recording and well get the same messages in the same order with the same times, so that a recording played
+into a well gives the state that the live page showed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Handler = Callable[[bytes], None]
 
 class TopicRouter:
     """
-    Subscribes to the topics of the contract and to further topics that are to be recorded.
+    Subscriber to the topics of the contract and to further topics that are to be recorded.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class TopicRouter:
     record : callable
         `record(topic, type, data, received_ns, qos=...)`, called for the messages of recorded topics.
     foxglove : FoxgloveBridge
-        Gets every message, where it is switched on.
+        Receives every message if it is enabled.
     handlers : mapping
-        From topic to the function that is called at once with each serialised message.
+        Topic to the function that is called at once with each serialised message.
     well : LiveWell
-        Gets the messages of its topics, recorded or not.
+        Receives the messages of its topics, recorded or not.
     steady : SteadyTime
         The time of the well.
     """
@@ -69,14 +69,14 @@ class TopicRouter:
         self._well, self._steady = well, steady
         self._streams: list[tuple[MessageBuffer, Callable[[bytes, int], None]]] = []
         self._missing: set[str] = set()
-        # Own topics that late subscribers receive: their last messages, and what records one.
+        # Latched topics of this node: their last messages, and the function that records one.
         self._latched: list[tuple[deque[bytes], Callable[[bytes], None]]] = []
 
     def open(self, recorded_topics: list[str], excluded: Collection[str] = ()) -> None:
         """
         Subscribe to the topics of the contract that are recorded, forwarded or handled.
 
-        excluded: topics that are not subscribed to, whoever asks for them.
+        excluded : topics that are never subscribed to, even if requested.
         """
         node = self._node
         own = {one.topic_name: one for one in node.publishers if isinstance(one, TopicPublisher)}
@@ -115,7 +115,7 @@ class TopicRouter:
                 handler(data)
 
         def on_event(data: bytes) -> None:
-            # Stream messages received before this one are recorded before it.
+            # Record the stream messages received before this message first.
             self.take_streams()
             route(data, time.time_ns())
 
@@ -126,7 +126,7 @@ class TopicRouter:
             self._node.add_subscription(msg_type, name, on_event, buffered(profile), raw=True)
 
     def _keep_published(self, publisher: TopicPublisher, name: str, *, is_recorded: bool) -> None:
-        """Record and forward a topic of this node as it is published, with the time at which the page shows it."""
+        """Record and forward a topic of this node when it is published, with the time at which the page shows it."""
         msg_type, profile = TOPICS[name]
         full_name, typed, offered = publisher.topic_name, type_name(msg_type), profile_yaml(profile)
         record, forward = self._record if is_recorded else None, self._foxglove.put
@@ -150,13 +150,13 @@ class TopicRouter:
         publisher.on_published = on_published
 
     def repeat_latched(self) -> None:
-        """Record again what a late subscriber receives of the own topics: a recording that has just begun needs it."""
+        """Record again the latched messages of this node's own topics, which a recording that has just begun needs."""
         for last, keep in self._latched:
             for data in last:
                 keep(data)
 
     def take_streams(self) -> None:
-        """Route the stream messages that wait, in the order in which they were received."""
+        """Route the waiting stream messages in the order in which they were received."""
         taken = []
         for buffer, route in self._streams:
             messages = buffer.take()
@@ -180,12 +180,12 @@ class TopicRouter:
                     continue
                 publishers = self._node.get_publishers_info_by_topic(full_name)
                 profile = publishers[0].qos_profile if publishers else STATE
-                # Discovery does not carry the history of a profile.
+                # Discovery does not report the history policy of a profile.
                 offered = QoSProfile(depth=100, reliability=profile.reliability, durability=profile.durability)
                 self._subscribe(full_name, msg_type, offered, is_recorded=True)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Topics to be recorded that do not exist yet."""
+        """Return the topics to be recorded that do not exist yet."""
         if not self._missing:
             return []
         message = f"not there yet: {', '.join(sorted(self._missing))}"

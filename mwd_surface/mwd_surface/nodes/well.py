@@ -15,7 +15,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the three nodes until one of them is stopped; the sonde ends first.
 
-    What is published inside a process is handed over without the transport. One callback runs at a time, and a crash
+    Messages inside the process are passed on without the transport. One callback runs at a time, and a crash
     ends all three: several processes use the cores and survive each other.
     """
     return run_nodes([SurfaceNode, EstimatorNode, SondeNode], args)

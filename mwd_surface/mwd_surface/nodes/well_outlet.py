@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of a well, published, saved and logged by the surface node."""
+"""Publishing, saving and logging of a well's results by the surface node."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 class NodeOutlet(WellOutlet):
     """
-    Publishes, saves and logs what a well tells.
+    Outlet that publishes, saves and logs the results of a well.
 
     Parameters
     ----------
@@ -45,18 +45,18 @@ class NodeOutlet(WellOutlet):
     worker : BackgroundWorker
         Runs slow work.
     slide_file : Path
-        Of the slide sheet.
+        File of the slide sheet.
 
     Attributes
     ----------
     alarm_log : AlarmLog
-        Of the same well; set by whoever makes both.
+        Alarm log of the same well; set by the code that creates both.
     surveys : SurveyListServer or None
         Publishes the list.
     listeners : list of callable
-        Called with the survey list whenever it has changed.
+        Called with the survey list after each change.
     rig_listeners : list of callable
-        Called with the rig data in force as they came.
+        Called with the rig data in force as received.
     recorder : callable
         Returns the status of the recorder.
     """
@@ -84,14 +84,14 @@ class NodeOutlet(WellOutlet):
     def tell(self, text: str, severity: Severity) -> None:
         """Write an event or an alarm into the log of the process."""
         logger = self._node.get_logger()
-        # rclpy holds each line of code to one severity.
+        # rclpy allows only one severity for each line of code.
         if severity == Severity.CRITICAL:
             logger.error(text)
         else:
             logger.info(text)
 
     def warn(self, text: str) -> None:
-        """Write a warning into the log of the process, at most one in ten seconds."""
+        """Write a warning into the log of the process, at most once in ten seconds."""
         self._node.get_logger().warning(printable(text), throttle_duration_sec=10.0)
 
     def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
@@ -141,7 +141,7 @@ class NodeOutlet(WellOutlet):
             self.alarm_log.clear_alarm("slides.unsaved")
 
     def on_accepted(self, record: SurveyRecord) -> None:
-        """Publish a survey that came into use."""
+        """Publish a survey that is now in use."""
         if self.surveys is not None:
             self.surveys.publish_accepted(record)
 
@@ -153,21 +153,21 @@ class NodeOutlet(WellOutlet):
             listener(surveys)
 
     def on_rig_state(self, samples: Samples) -> None:
-        """Hand rig data to the listeners."""
+        """Pass rig data to the listeners."""
         for listener in self.rig_listeners:
             listener(samples)
 
     def simulator_seen(self) -> bool:
-        """Return whether a simulator, which alone publishes the truth, has been seen since the node was configured."""
+        """Return whether a simulator was seen since the node was configured; only a simulator publishes the truth."""
         self._simulated = self._simulated or self._node.count_publishers("truth") > 0
         return self._simulated
 
     def is_simulated(self) -> bool:
-        """Return whether a simulator or a replay makes the data."""
+        """Return whether the data comes from a simulator or a replay."""
         return self.simulator_seen() or bool(self._node.get_parameter("use_sim_time").value)
 
     def readings(self) -> dict[str, float]:
-        """Return how full queue and disk of the recorder are, by the rows of the table of supervision."""
+        """Return the load of the recorder's queue and disk, by the rows of the table of supervision."""
         if self.recorder is None:
             return {}
         status = self.recorder()
@@ -182,7 +182,11 @@ class NodeOutlet(WellOutlet):
 
 
 def _disk(folder: Path) -> dict[str, float]:
-    """Return one over the free GB on the disk of a folder; empty where the recorder reports that the disk fails."""
+    """
+    Return the inverse of the free space, 1/GB, on the disk of a folder.
+
+    Empty if the recorder reports a disk failure.
+    """
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     try:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording to attitude and surveys: what it holds, the estimator over it, what is written, two runs compared."""
+"""Processing of a recording to attitude and surveys: inspection, estimation, output files, comparison of two runs."""

@@ -25,14 +25,15 @@ _DEG = 180.0 / math.pi
 # Units of the last decimal: six decimals of a degree, nine of a gravity component.
 _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
-# Stamp with sign, angles and their sigmas, three components, commas and the end of the line, without the status words.
+# Largest length of a row without the status words: stamp with sign, angles and sigmas, three components, commas,
+# newline.
 _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
-# The digits of 0 to 9999: each division yields four digits.
+# Digits of the numbers 0 to 9999, so that each division yields four digits.
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 
 class Lines:
-    """Makes the lines of successive blocks in a reused buffer: a result is valid until the next call."""
+    """Formatter of the lines of successive blocks in a reused buffer: a result is valid until the next call."""
 
     def __init__(self) -> None:
         self._buffer = np.empty(0, dtype=np.uint8)
@@ -72,7 +73,7 @@ class Lines:
 
 def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """Return the distinct status masks and the index of the mask of each row."""
-    # Status changes rarely: look only at the rows where it changes.
+    # The status rarely changes: look only at the rows where it does.
     starts = np.flatnonzero(np.concatenate([[True], status[1:] != status[:-1]]))
     masks, which = np.unique(status[starts], return_inverse=True)
     return masks, np.repeat(which, np.diff(np.append(starts, len(status)))).astype(np.int64)

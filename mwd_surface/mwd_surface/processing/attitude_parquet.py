@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Attitude as Parquet: the columns of the CSV, not rounded, and the north reference of the azimuth."""
+"""Attitude as Parquet: the columns of the CSV without rounding, and the north reference of the azimuth."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ _GROUP_ROWS = 131_072
 
 class Writer:
     """
-    Writes a file row group by row group.
+    Writer of a file, one row group at a time.
 
-    Unknown values are null. `status` is words joined by bars, as in the CSV.
+    Unknown values are null. `status` is a text of words joined by bars, as in the CSV.
 
     Raises
     ------
     OSError
-        From every method: the file cannot be written.
+        The file cannot be written; every method may raise this.
     """
 
     def __init__(self, path: Path) -> None:
-        # Sensor data compress only in their high bytes; a dictionary of them only costs time.
+        # Only the high bytes of sensor data compress well; a dictionary would only cost time.
         self._file = pq.ParquetWriter(
             path,
             SCHEMA,

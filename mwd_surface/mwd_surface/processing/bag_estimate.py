@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The estimator over a recording, in constant memory and in stages.
+Running the estimator over a recording, in constant memory and in stages.
 
-A thread reads blocks ahead of the estimator and another one writes behind it. The pipeline is that of the live node.
+One thread reads blocks ahead of the estimator and another thread writes the results. The pipeline is that of the live
+node.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from mwd_surface.processing.used_samples import UsedSamples
 from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
-# Between the stamps of sensors that were logged together, s; beyond, one of them has another clock.
+# Largest difference of the stamps of sensors logged together, s; beyond it, one sensor uses another clock.
 _SKEW_S = 1.0
 
 
@@ -58,11 +59,11 @@ class _Result:
     Attributes
     ----------
     output, log_ns : Output and ndarray of int64
-        Of some IMU samples, and when these were logged; or None.
+        Results of some IMU samples, and the log times of these samples; or None.
     originals : list of Originals
         Messages of the bag.
     until_ns : int
-        No message logged up to then is still to come.
+        No message logged up to this time will follow.
     """
 
     output: Output | None
@@ -79,11 +80,11 @@ class BagEstimate:
     ----------
     bag : Bag
     estimator, given : settings
-        Of the estimator and of the input.
+        Settings of the estimator and of the input.
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
     smooth : bool
-        Use the samples after each one for its gravity too.
+        Smooth the gravity of each sample with the samples after it.
     merger : Merger, optional
         Receives the results, and all messages of the bag.
     recorded : Recorded, optional
@@ -109,7 +110,8 @@ class BagEstimate:
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
         self._compensation, self._merger = compensation, merger
-        # A recording waits for nobody's clock: a date outside the model ends the run before it begins.
+        # Nobody waits for a recording as for a live node: a date outside the field model is refused before the run
+        # begins.
         derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)
@@ -121,7 +123,7 @@ class BagEstimate:
         same = estimator == (recorded or Recorded()).estimator
         self._requests = RecordedRequests(bag, self._list.namespace, begin_ns, with_field=same)
         self._used = UsedSamples(bag, self._list.namespace)
-        # Companions of the last two blocks, which a restart of the estimate needs again.
+        # Samples of the other sensors in the last two blocks, which a restart of the estimate needs again.
         self._companions: list[tuple[BlockSamples, Block]] = []
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
         self._span = asked_span(bag, given)
@@ -137,8 +139,8 @@ class BagEstimate:
         """
         Run the estimator and return the summary.
 
-        sink: gets the output of each block, in order of time, in a thread of its own; an exception of it ends the run.
-        progress: gets the share done, 0 to 1.
+        sink : called with the output of each block, in order of time, in a separate thread; its exception ends the run.
+        progress : called with the completed share, 0 to 1.
         """
         self._warn_of_input()
 
@@ -169,11 +171,11 @@ class BagEstimate:
         units = {"mag": self.topics.mag, "precision": self.topics.precision}
         self._summary.warnings += [f"{units[unit]} is not used: {why}" for unit, why in unusable.items()]
         assumed = self._pipeline.mount.assumed
-        taken = "is taken in the axes of the IMU"
+        taken = "is assumed to have the axes of the IMU"
         self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
 
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
-        """Read the bag, with its messages as they are where a merger wants them."""
+        """Yield the blocks of the bag, with its unchanged messages if there is a merger."""
         if self._merger is not None:
             yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
             return
@@ -188,7 +190,8 @@ class BagEstimate:
                 block = self._stream.take(recorded)
                 refuse(self._stream.problems)
                 samples = self._checked(block)
-                # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
+                # The other sensors are one block ahead of the IMU, so that block boundaries do not affect how samples
+                # are paired.
                 self._push_companions(samples, block)
                 logged = _last_log(recorded, originals)
                 for imu in self._queue.done():
@@ -211,7 +214,7 @@ class BagEstimate:
         yield _Result(self._pipeline.finish())
 
     def _estimated(self, imu: Imu) -> Iterator[_Result]:
-        """Estimate samples, with the requests that were made in their time."""
+        """Yield the results of samples and of the requests that fall into their time."""
         for part, requests in self._requests.cut(imu.samples["stamp_ns"], imu.log_ns):
             if part.stop > part.start:
                 followed = None if imu.followed is None else imu.followed.part(part)
@@ -220,11 +223,11 @@ class BagEstimate:
                 yield from self._asked(request)
 
     def _asked(self, request: Request) -> Iterator[_Result]:
-        """Make a request of the recording again."""
+        """Repeat a request of the recording."""
         try:
             output = request.apply(self._pipeline)
         except ValueError as error:
-            self._summary.warnings.append(f"{request.kind} of the recording is not taken again: {error}")
+            self._summary.warnings.append(f"{request.kind} of the recording is not repeated: {error}")
             return
         if request.begins_anew:
             for samples, block in self._companions:
@@ -252,18 +255,22 @@ class BagEstimate:
         return samples
 
     def _check_units(self, samples: BlockSamples) -> None:
-        """Check the units of the first samples of IMU and magnetometer; one that is none in any unit is not used."""
+        """
+        Check the units of the first IMU and magnetometer samples.
+
+        A magnetometer implausible in any unit is not used.
+        """
         new = {name: samples[name] for name in self._unchecked & samples.keys()}
         self._unchecked -= new.keys()
         if self._list.as_live:
-            # The live estimator judged these readings by its own checks, and so do its surveys here.
+            # The live estimator judged these readings by its own checks, and this run repeats its surveys.
             return
         warnings = check_units(self.topics, new)
         self._summary.warnings += warnings
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
 
     def _judge_covariances(self, samples: BlockSamples) -> None:
-        """Take out what covariances declare absent, and reckon with larger noise, as the live estimator does."""
+        """Remove vectors that covariances declare absent, and account for larger noise, as the live estimator does."""
         topics, known = self.topics, len(self._noise.noise)
         for topic, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG), (topics.precision, wire.IMU)):
             if topic is None or topic not in samples:
@@ -277,7 +284,7 @@ class BagEstimate:
             self._pipeline.set_noise(self._noise.noise)
 
     def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
-        """Leave out sensors whose stamps are of another clock than the IMU's, by the times of recording."""
+        """Leave out sensors whose stamps come from another clock than the IMU's, judged by the log times."""
         topics = self.topics
         if topics.imu not in samples or topics.imu in self._stream.without_time:
             return
@@ -297,7 +304,7 @@ class BagEstimate:
                 self._summary.warnings += [words] * (words not in self._summary.warnings)
 
     def _pass_gate(self, samples: BlockSamples) -> None:
-        """Replace values that no sensor can read by NaN, before calibration and smoother spread them."""
+        """Replace impossible sensor values by NaN, before calibration and smoother spread them."""
         topics, gate = self.topics, self._pipeline.gate
         passes = {topics.imu: gate.imu, topics.mag: gate.mag, topics.precision: gate.precision}
         for topic, take in {**passes, topics.temperature: gate.temperature}.items():
@@ -306,9 +313,10 @@ class BagEstimate:
 
     def _push_companions(self, samples: BlockSamples, block: Block, *, again: bool = False) -> None:
         """
-        Push all samples but those of the IMU; block: the same with the times of their messages.
+        Push all samples except those of the IMU.
 
-        again: they were pushed before, and the estimate has begun anew since.
+        block : the same samples with the log times of their messages. again : the samples were pushed before, and the
+        estimate has been restarted since.
         """
         topics = self.topics
         if not again:

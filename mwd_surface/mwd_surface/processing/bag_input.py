@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What of a bag goes into the estimator: the topics of one well, in SI, plausible, of a recording that is whole.
+Selection of the estimator's input from a bag: the topics of one well, in SI and plausible, in a complete recording.
 
-What cannot be used is refused with what to do about it, or reported as a warning.
+Input that cannot be used is refused with advice on what to do, or reported as a warning.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-# Results of a graph that show which namespaces are wells of ours, and the IMU topic of its estimator there.
+# Topics of results that show which namespaces are wells of this program, and their estimator's IMU topic.
 _RESULTS = {
     "attitude": "mwd_msgs/msg/Attitude",
     "gravity": "mwd_msgs/msg/Gravity",
@@ -60,42 +60,40 @@ _RESULTS = {
 }
 _ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
-_LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
-_AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and longest time, ns, of a mean that shows gravity
-# A smaller mean specific force is not gravity in any of the units m/s2, g and mg; the mean of a turning tool is larger.
-# The same limit as the lowest of `units`.
+_LOOKED_AT = 2000  # number of messages of all topics together after which frames and times are considered known
+_AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and longest time, ns, of a mean that must show gravity
+# A mean specific force below this is not gravity in m/s2, g or mg; even a turning tool has a larger mean. The lowest
+# limit of `units` is the same.
 _LEAST_GRAVITY = 0.3
-_IN_TURNS = 4  # changes of the frame of a topic that show two units
-_SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
+_IN_TURNS = 4  # number of frame changes of a topic that prove two units
+_SAME_AT_LEAST = 10  # number of messages with the same time that prove that the messages have no time
 
 
 @dataclasses.dataclass(frozen=True)
 class InputSettings:
-    """What to take from a bag, and how it is to be read."""
+    """Choice of the input from a bag, and how to read it."""
 
     imu_topic: str = setting(
-        "", "Topic of the IMU or its gyro; empty: the one that ends in imu/data_raw, or the only one"
+        "", "Topic of the IMU or its gyro; empty: the topic ending in imu/data_raw, or the only one"
     )
-    accel_topic: str = setting(
-        "", "Topic of the accelerometer where the IMU's is only its gyro; empty: as its name says"
-    )
-    mag_topic: str = setting("", "Topic of its magnetometer; empty: imu/mag beside it, or the only one")
-    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw beside the IMU")
-    temperature_topic: str = setting("", "Topic of the IMU's temperature; empty: imu/temperature beside it")
-    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state beside the IMU, or the only one")
+    accel_topic: str = setting("", "Topic of the accelerometer if imu_topic is only the gyro; empty: found by its name")
+    mag_topic: str = setting("", "Topic of its magnetometer; empty: imu/mag next to it, or the only one")
+    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw next to the IMU")
+    temperature_topic: str = setting("", "Topic of the IMU's temperature; empty: imu/temperature next to it")
+    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state next to the IMU, or the only one")
     accel_unit: str = setting("m/s2", "Unit of the specific force", choices=tuple(units.FACTORS["acceleration"]))
     gyro_unit: str = setting("rad/s", "Unit of the angular rate", choices=tuple(units.FACTORS["rate"]))
     mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
-    start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0)
-    end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
-    partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
+    start_s: float = setting(0.0, "Begin this long after the first message", unit="s", low=0.0)
+    end_s: float = setting(math.inf, "End this long after the first message", unit="s", low=0.0)
+    partial: bool = setting(False, "Use the readable part of a bag that is cut off or damaged")
     sensor_to_bit_m: float | None = setting(
-        None, "Sonde behind the bit; nan: as the recording says, else 0", unit="m", low=0.0, high=100.0
+        None, "Distance from sonde to bit; nan: from the recording, else 0", unit="m", low=0.0, high=100.0
     )
     stamps: str = setting(
         "header",
-        "Times of the samples: those of their headers, or headers brought to the clock of the recording, where the "
-        "sensors' clocks disagree or were not set",
+        "Times of the samples: header uses the stamps of the messages; recording converts them to the clock of the "
+        "recorder, for sensors whose clocks disagree or were not set",
         choices=("header", "recording"),
     )
     depths: str = setting("", "Table of depths, CSV; empty: the depths of the rig in the recording")
@@ -108,39 +106,40 @@ def option_of(name: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Topics:
-    """The topics of one well in a bag; None where the bag has none."""
+    """The topics of one well in a bag; a topic that the bag lacks is None."""
 
     imu: str
     mag: str | None
     precision: str | None
     temperature: str | None
     rig: str | None
-    #: topic of the accelerometer where `imu` is only the gyro
+    #: topic of the accelerometer if `imu` is only the gyro
     accelerometer: str | None = None
-    #: what the messages of `imu` carry
+    #: vectors that the messages of `imu` carry
     kind: Kind = Kind.WHOLE
 
     @property
     def all(self) -> list[str]:
-        """Those that are there."""
+        """Topics that are not None."""
         names = (self.imu, self.mag, self.precision, self.temperature, self.rig, self.accelerometer)
         return [name for name in names if name is not None]
 
 
 def find_topics(bag: Bag, given: InputSettings) -> Topics:
     """
-    The topics of the well that is meant.
+    Return the topics of the selected well.
 
     Raises
     ------
     BagError
-        There is no IMU, or more than one well and none named, or a topic named has another type.
+        The bag has no IMU, or several wells and none is named, or a named topic has another type.
     """
     for name, quantity in ((given.imu_topic, RATE), (given.accel_topic, FORCE), (given.mag_topic, MAGNETIC)):
         _name_vector(bag, name, quantity)
     named_accelerometer = named_topic(bag, given.accel_topic, wire.IMU)
     imu = named_topic(bag, given.imu_topic, wire.IMU) or _imu_of(bag, named_accelerometer)
-    # An estimator of ours took each message for a whole reading: zeros in it are a fault of the sensor.
+    # A live estimator of this program used each message as a complete reading: zeros in a message are then a sensor
+    # fault.
     used_live, accelerometer = namespace_of(bag, imu) in graph_namespaces(bag), named_accelerometer
     if not used_live and accelerometer is None:
         imu, accelerometer = _halves(bag, imu)
@@ -148,12 +147,12 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     namespace = imu.removesuffix(relative) if relative is not None else None
 
     def beside(layout: wire.Layout, *relatives: str, alone: bool = False) -> str | None:
-        """The topic in the same namespace; else the only one that cannot be another well's."""
+        """Return the topic in the same namespace, else the only topic that cannot belong to another well."""
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
                 return f"{namespace}{relative}"
         there = [name for name in bag.topics if name not in (imu, accelerometer) and _has(bag, name, layout)]
-        # A message of the type is more certainly the sensor than a vector that its name says to be one.
+        # A message of the type identifies the sensor better than a vector whose name suggests the quantity.
         there = [name for name in there if bag.topics[name].type_name == layout.type_name] or there
         usual = [name for name in there if name.endswith(relatives)]
         if namespace is not None:
@@ -175,7 +174,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
 
 
 def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
-    """Leave out the second unit on a topic, as the live estimator does: the first frame is in force."""
+    """Use only the first frame of a topic, as the live estimator does: other frames belong to a second unit."""
     seen: dict[str, list[str]] = {name: [] for name in names if bag.topics[name].type_name != burst.TYPE_NAME}
     for count, (_, name, _, data) in enumerate(bag.messages(list(seen)) if seen else ()):
         with contextlib.suppress(wire.WireError):
@@ -183,13 +182,13 @@ def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
         if count > _LOOKED_AT:
             break
     for name, frames in seen.items():
-        # A driver may change the name of its frame, but not again and again.
+        # A driver may change the name of its frame once, but not repeatedly.
         if sum(1 for one, other in itertools.pairwise(frames) if one != other) >= _IN_TURNS:
             bag.use_frame(name, frames[0])
 
 
 def graph_namespaces(bag: Bag) -> list[str]:
-    """Return the namespaces, each with a slash at its end, in which a bag has results of an estimator of ours."""
+    """Return the namespaces, with a slash at the end, in which a bag has results of this program's estimator."""
     return sorted(
         {
             about.name.removesuffix(name)
@@ -202,9 +201,9 @@ def graph_namespaces(bag: Bag) -> list[str]:
 
 def namespace_of(bag: Bag, imu: str) -> str | None:
     """
-    Return the namespace of the well of an IMU, with a slash at its end; None where it is not known.
+    Return the namespace of the well of an IMU, with a slash at its end; None if it is not known.
 
-    An IMU under a name of its driver belongs to the one well whose results the bag has.
+    An IMU whose name was chosen by its driver belongs to the only well with results in the bag.
     """
     for name in (IMU, IMU_BURST):
         if imu.endswith(name):
@@ -214,19 +213,19 @@ def namespace_of(bag: Bag, imu: str) -> str | None:
 
 
 def _measured(bag: Bag, names: Sequence[str]) -> list[str]:
-    """Return the topics of IMUs without those that the estimator publishes: it turns and orients the same samples."""
+    """Return the topics of IMUs without those that the estimator publishes, which repeat the same samples."""
     own = {f"{space}{_ORIENTED}" for space in graph_namespaces(bag)}
     return [name for name in names if name not in own] or list(names)
 
 
 def wells(bag: Bag, given: InputSettings) -> list[Topics]:
     """
-    Return the topics of every well in a bag: of each IMU with the usual name, or of the one that is meant.
+    Return the topics of every well in a bag: for each IMU with the usual name, or for the selected one.
 
     Raises
     ------
     BagError
-        As `find_topics`.
+        See `find_topics`.
     """
     usual = [name for name in bag.topics if name.endswith(IMU) and _has(bag, name, wire.IMU)]
     if given.imu_topic or len(usual) < 2:
@@ -235,7 +234,7 @@ def wells(bag: Bag, given: InputSettings) -> list[Topics]:
 
 
 def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
-    """What of the choice of topics its user should know: taken under an unusual name, or left out for it."""
+    """Return remarks on the choice of topics: topics used under an unusual name, and topics left out."""
     remarks = []
     for taken, named, usual, what in (
         (topics.imu, given.imu_topic, (IMU, IMU_BURST), "IMU"),
@@ -243,35 +242,35 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
     ):
         if taken == topics.imu and topics.accelerometer is not None:
             remarks.append(
-                f"the gyro of {topics.imu} and the accelerometer of {topics.accelerometer} are joined by time"
+                f"the gyro of {topics.imu} and the accelerometer of {topics.accelerometer} are paired by time"
             )
         elif taken is not None and not named and not taken.endswith(usual):
-            remarks.append(f"{taken} is taken for the {what}: the recording has no other")
+            remarks.append(f"{taken} is used as the {what}: the recording has no other")
     remarks += [
-        f"{name} comes in several frames by turns: two units publish it, and only that of the frame {frame!r} is used"
+        f"{name} comes in several alternating frames: two units publish it, and only frame {frame!r} is used"
         for name, frame in bag.frames_used.items()
         if name in topics.all
     ]
     if topics.mag is None:
         others = [name for name in bag.topics if _has(bag, name, wire.MAG)]
         if others:
-            remarks.append(f"no magnetometer beside {topics.imu}; name it with --mag-topic: {', '.join(others)}")
+            remarks.append(f"no magnetometer next to {topics.imu}; choose one with --mag-topic: {', '.join(others)}")
     if topics.precision is None:
         wells = (IMU, IMU_BURST, PRECISION, PRECISION_BURST)
         used = (topics.imu, topics.accelerometer)
         others = [n for n in bag.topics if _has(bag, n, wire.IMU)]
         others = [n for n in _measured(bag, others) if n not in used and not n.endswith(wells)]
         if others:
-            remarks.append(f"not used: {', '.join(others)}; name the precision unit with --gyro-topic")
+            remarks.append(f"not used: {', '.join(others)}; choose the precision unit with --gyro-topic")
     if topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY):
         remarks.append(
-            f"{topics.imu}: gyro and accelerometer come in turns, with zeros for the other: joined by time"
+            f"{topics.imu}: gyro and accelerometer alternate, with zeros for the other: paired by time"
             if topics.kind == Kind.IN_TURNS
             else f"{topics.imu}: messages of zeros among the readings are left out"
         )
     rigs = [name for name in bag.topics if _has(bag, name, wire.RIG_STATE) and name != topics.rig]
     if rigs and topics.rig is None:
-        remarks.append(f"no depth: name the topic of the rig with --rig-topic: {', '.join(rigs)}")
+        remarks.append(f"no depth: choose the topic of the rig with --rig-topic: {', '.join(rigs)}")
     elif rigs and not given.rig_topic:
         remarks.append(f"depths are taken from {topics.rig}; not used: {', '.join(rigs)}")
     return remarks
@@ -279,7 +278,7 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
 
 def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     """
-    Return topics whose messages carry no time of their own, as far as the first of them show: all zero, or all equal.
+    Return topics without times of their own: the stamps of their first messages are all zero, or all equal.
 
     names : topics of samples, the IMU first.
     """
@@ -287,7 +286,7 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
     found = {name for name, (_, samples) in first.items() if _timeless(samples["stamp_ns"])}
     if names[0] in found:
-        # A lone first zero may be a clock that begins there; not where the others have none either.
+        # A single first stamp of zero may be the start of a clock, unless the other topics have no time either.
         found |= {name for name, (_, samples) in first.items() if not samples["stamp_ns"].any()}
     return frozenset(found)
 
@@ -297,7 +296,7 @@ def _timeless(stamp_ns: NDArray[np.int64]) -> bool:
 
 
 def in_si(block: Block, topics: Topics, given: InputSettings) -> Block:
-    """Return a block with the samples of IMU and magnetometer in SI; they are changed in place."""
+    """Return a block with the samples of IMU and magnetometer in SI; the samples are changed in place."""
     for name, field, quantity, unit in (
         (topics.imu, "linear_acceleration", "acceleration", given.accel_unit),
         (topics.imu, "angular_velocity", "rate", given.gyro_unit),
@@ -313,17 +312,19 @@ def in_si(block: Block, topics: Topics, given: InputSettings) -> Block:
 
 
 class OptionNeededError(ValueError):
-    """Samples that can be used with other options of the input, which the sentence names."""
+    """The samples can be used with other options of the input, which the message names."""
 
 
 def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
     """
-    Warnings of readings that are implausible in any unit; samples: some of the IMU and of the magnetometer, in SI.
+    Return warnings of readings that are implausible in any unit.
+
+    samples : some samples of the IMU and of the magnetometer, in SI.
 
     Raises
     ------
     OptionNeededError
-        Readings that look like another unit, all of them in one sentence with the options that say so.
+        Readings look like another unit; the message names all of them and the options to set.
     """
     warnings, words, options = [], [], []
     for name, field, quantity, option in QUANTITIES:
@@ -333,26 +334,26 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
             words.append(f"{topic}: {found[0]}")
             options.append(f"{option} {found[1]}")
         elif found:
-            remedy = "; not used: look at the magnetometer or its driver" if name == "mag" else ""
+            remedy = "; not used: check the magnetometer and its driver" if name == "mag" else ""
             warnings.append(f"{topic}: {found[0]}{remedy}")
     if options:
-        raise OptionNeededError(f"{'; '.join(words)}; say so with {' '.join(options)}")
+        raise OptionNeededError(f"{'; '.join(words)}; set it with {' '.join(options)}")
     return warnings
 
 
 def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
-    """Raise OptionNeededError where the motion still showed another unit at the end; the error names the option."""
+    """Raise OptionNeededError if the motion indicated another unit until the end; the message names the option."""
     last = {fault.check: fault for fault in faults if fault.unit == Unit.CONVENTIONAL}
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
             option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
             topic = topics.mag if fault.place // 3 == 2 else topics.imu
-            raise OptionNeededError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
+            raise OptionNeededError(f"{topic}: {describe(fault).message}; set it with {option} {unit}")
 
 
 def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
     """
-    How the units sit in the tool, by the settings, the frames that the messages name and the bag's static transforms.
+    Return how the units are mounted in the tool, from the settings, the message frames and the static transforms.
 
     Raises
     ------
@@ -370,13 +371,13 @@ def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
 
 
 def tool_frame(bag: Bag, topics: Topics, mount: Mount) -> str:
-    """Frame of the tool's axes, as the estimator names it live: that of the samples, unless they are turned."""
+    """Return the frame of the tool's axes, named as in the live estimator: that of the samples, unless rotated."""
     frame = frame_names(bag, [topics.imu]).get(topics.imu, wire.SONDE_FRAME)
     return frame[: frame.rfind("/") + 1] + wire.SONDE_FRAME if mount.turns else frame
 
 
 def frame_names(bag: Bag, topics: list[str]) -> dict[str, str]:
-    """Frame that the first messages of each topic name; topics that name none are left out."""
+    """Return the frame in the first messages of each topic; topics without a frame are left out."""
     found: dict[str, str] = {}
     for count, (_, name, _, data) in enumerate(bag.messages(topics)):
         with contextlib.suppress(wire.WireError):
@@ -388,7 +389,7 @@ def frame_names(bag: Bag, topics: list[str]) -> dict[str, str]:
 
 
 def static_transforms(bag: Bag) -> Transforms:
-    """Static transforms in a bag, of all its topics that end in tf_static."""
+    """Return the static transforms in a bag, from all topics whose name ends in tf_static."""
     transforms = Transforms()
     topics = [t.name for t in bag.topics.values() if t.name.endswith("tf_static") and t.type_name == _TRANSFORMS]
     for _, name, _, data in bag.messages(topics) if topics else ():
@@ -399,29 +400,29 @@ def static_transforms(bag: Bag) -> Transforms:
 
 
 def refuse_damaged(bag: Bag, given: InputSettings) -> None:
-    """Raise BagError for a damaged recording, unless what can be read is asked for."""
+    """Raise BagError for a damaged recording, unless `given.partial` accepts it."""
     if given.partial or (bag.complete and not _cut_off(bag.path)):
         return
     if is_being_written(bag.path):
         raise BagError(
-            f"{bag.path} is being recorded", "stop the recording first, or take what can be read with --partial"
+            f"{bag.path} is being recorded", "stop the recording first, or use the readable part with --partial"
         )
     notes = worth_saying(bag)
     reason = f": {notes[-1]}" if notes else ""
     raise BagError(
         f"{bag.path} is cut off or damaged{reason}",
-        f"make it whole with `mwd recover {bag.path}`, or take what can be read with --partial",
+        f"repair it with `mwd recover {bag.path}`, or use the readable part with --partial",
     )
 
 
 def worth_saying(bag: Bag) -> list[str]:
-    """Notes on a recording that a user should see."""
-    # Most recordings of others carry no checksums; that is no news to who processes one.
+    """Return the notes on a recording that a user should see."""
+    # Most recordings of other programs carry no checksums, so this note would tell the user nothing.
     return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
 
 
 def _cut_off(path: Path) -> bool:
-    """Whether a file lacks its very end: nothing may be lost, but nobody can know."""
+    """Return whether a file lacks its very end: nothing may be missing, but that cannot be known."""
     for file in path.glob("*.mcap") if path.is_dir() else [path]:
         if file.suffix == ".mcap":
             with file.open("rb") as opened:
@@ -432,7 +433,7 @@ def _cut_off(path: Path) -> bool:
 
 
 def _name_vector(bag: Bag, name: str, quantity: str) -> None:
-    """Let a topic of vectors that a user names for a sensor stand for its quantity, unless its own name says which."""
+    """Assign the quantity of a sensor to a topic of vectors that a user chooses, unless its name tells the quantity."""
     for candidate in (name, f"/{name}"):
         about = bag.topics.get(candidate)
         if about is not None and about.type_name == wire.VECTOR.type_name and not about.quantity:
@@ -446,7 +447,7 @@ def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
     Raises
     ------
     BagError
-        There is no topic of that name, or its messages do not carry such samples.
+        There is no topic of that name, or its messages do not carry samples of this type.
     """
     if not name:
         return None
@@ -465,12 +466,12 @@ def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
 
 def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
-    Return the IMU: as single messages or, where there are none, in bursts or as vectors.
+    Return the topic of the IMU: of single messages or, if there are none, of bursts or vectors.
 
-    It may have any name where it is the only one. accelerometer: topic that is known to be only this half.
+    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half.
     """
     here = [t for t in bag.topics.values() if t.type_name == wire.IMU.type_name and t.name != accelerometer]
-    # A topic without a message is no candidate where another one has some.
+    # Ignore topics without messages if another topic has some.
     here = [topic for topic in here if topic.count] or here
     usual = [topic.name for topic in here if topic.name.endswith(IMU)]
     if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
@@ -488,20 +489,20 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
         which = f"end in {IMU!r}" if usual else "may be the IMU"
         raise BagError(
             f"{bag.path} has {len(candidates)} topics that {which}: {', '.join(candidates)}",
-            "name the one you mean with --imu-topic",
+            "choose one with --imu-topic",
         )
     vectors = [t.name for t in bag.topics.values() if t.type_name == wire.VECTOR.type_name and t.count]
     if vectors:
         raise BagError(
             f"{bag.path} has no IMU, and the names of its vectors ({wire.VECTOR.type_name}) do not say what they "
             f"measure: {', '.join(vectors)}",
-            "name the gyro with --imu-topic, the accelerometer with --accel-topic, the magnetometer with --mag-topic",
+            "choose the gyro with --imu-topic, the accelerometer with --accel-topic, the magnetometer with --mag-topic",
         )
     return bag.find_topic(wire.IMU.type_name, IMU)
 
 
 def _likely(bag: Bag, candidates: list[str]) -> list[str]:
-    """Return the topics whose readings may be an IMU, without accelerometer halves and topics without gravity."""
+    """Return the topics whose readings may be an IMU's; accelerometer halves and topics without gravity are not."""
     first = {name: first_samples(bag, name) for name in candidates}
     whole = [name for name in candidates if kind_of(first[name]) != Kind.GYRO and not is_accelerometer(first[name])]
     if whole:
@@ -511,7 +512,7 @@ def _likely(bag: Bag, candidates: list[str]) -> list[str]:
 
 
 def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
-    """Return the topics of gyro and accelerometer; one topic, and None, where the IMU is whole."""
+    """Return the topics of gyro and accelerometer; one topic and None if the IMU is complete."""
     kind, alone = _kind(bag, imu), _is_accelerometer(bag, imu)
     if kind != Kind.GYRO and not alone:
         return imu, None
@@ -521,12 +522,12 @@ def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
         gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
         return (gyro, imu) if gyro is not None else (imu, None)
     halves = [name for name in others if _is_accelerometer(bag, name)]
-    # Of two, one may be without gravity.
+    # If there are two, one may be without gravity.
     return imu, _nearest(imu, [name for name in halves if not without_gravity(first_samples(bag, name))] or halves)
 
 
 def _nearest(name: str, others: list[str]) -> str | None:
-    """Return the topic that shares the most of its name with this one; None where there is none, or several do."""
+    """Return the topic whose name shares most with this one; None if there is none, or several share equally."""
     pairs = {other: zip(name, other, strict=False) for other in others}
     shared = {
         other: sum(1 for _ in itertools.takewhile(lambda two: two[0] == two[1], pairs[other])) for other in others
@@ -536,7 +537,7 @@ def _nearest(name: str, others: list[str]) -> str | None:
 
 
 def _kind(bag: Bag, imu: str) -> Kind:
-    """Return what the messages of a topic of an IMU carry."""
+    """Return which vectors the messages of an IMU topic carry."""
     if quantity := bag.topics[imu].quantity:
         return Kind.GYRO if quantity == RATE else Kind.ACCELEROMETER
     return kind_of(first_samples(bag, imu))
@@ -547,7 +548,7 @@ def _is_accelerometer(bag: Bag, name: str) -> bool:
 
 
 def first_samples(bag: Bag, name: str) -> Samples:
-    """Return the first samples of a topic of an IMU, with the fields of `FIELDS`; empty where none can be read."""
+    """Return the first samples of an IMU topic, with the fields of `FIELDS`; empty if none can be read."""
     layout = wire.IMU.dtype_of(FIELDS[wire.IMU.type_name])
     for block in bag.blocks([name], block_messages=_LOOKED_AT, fields=FIELDS):
         return np.asarray(block[name][1][: 2 * _LOOKED_AT], dtype=layout)
@@ -556,15 +557,15 @@ def first_samples(bag: Bag, name: str) -> Samples:
 
 def without_gravity(samples: Samples) -> bool:
     """
-    Whether a driver has taken gravity off its specific force: the mean of some moment is far below any unit's gravity.
+    Return whether a driver has removed gravity: a mean specific force is far below gravity in any unit.
 
-    Even of a shaken and turning tool a mean over some samples is near gravity, in whatever unit.
+    Even if the tool shakes and turns, a mean over some samples is near gravity, in whatever unit.
     """
     force = samples["linear_acceleration"]
     if len(force) < _SAME_AT_LEAST or not np.any(force):
         return False
     interval_ns = float(np.median(np.diff(samples["stamp_ns"])))
-    # Within so short a time a tool hardly turns.
+    # In such a short time a tool hardly turns.
     each = min(max(int(_AVERAGED_NS / interval_ns), 1), _AVERAGED) if interval_ns > 0.0 else 1
     count = len(force) // each
     means = force[: count * each].reshape(count, each, 3).mean(axis=1)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Two runs of the estimator beside each other: station by station, and the statistics of their attitudes.
+Comparison of two runs of the estimator: station by station, and statistics of their attitudes.
 
-What is compared are the numbers people get (the files of `mwd process`), so that runs of two versions, two methods, two
-machines, or a run and a golden one, can be compared. Constant memory: the attitudes are walked side by side.
+The files of `mwd process` are compared, so that runs of two versions, two methods, two machines, or a run and a golden
+run can be compared. Memory stays constant: both attitudes are read in parallel.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.processing import run_folder
 from mwd_surface.processing.run_folder import ANGLES, Rows
 
-# Largest differences allowed, by name; a name that is not given allows none beyond the printed digits.
+# Largest allowed differences, by name; without a limit, only rounding of the printed digits is allowed.
 LIMITS = {
     "survey_inclination_deg": "of a station's inclination, deg",
     "survey_azimuth_deg": "of a station's azimuth, deg",
@@ -35,7 +35,7 @@ LIMITS = {
 }
 _STATION_ANGLES = (("inclination_deg", False), ("azimuth_deg", True), ("toolface_deg", True))
 _SIGMAS = ("sigma_inclination_deg", "sigma_azimuth_deg", "sigma_toolface_deg")
-_PAIRED_WITHIN_NS = 2_000_000_000  # stations further apart are not the same one
+_PAIRED_WITHIN_NS = 2_000_000_000  # stations farther apart in time are different stations
 _ROUNDING = 1.0 + 1e-9
 
 
@@ -44,8 +44,8 @@ class StationDifference:
     """
     One station of the expected run and its counterpart.
 
-    differences: by column, ours less expected, deg (shares for sigmas); nan where only one of the two knows it.
-    words: what differs in words; empty where nothing does.
+    differences : by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the
+    value. words : text on differences that are not numbers; empty if there are none.
     """
 
     sequence: str
@@ -57,7 +57,7 @@ class StationDifference:
 
 @dataclasses.dataclass(frozen=True)
 class Statistics:
-    """Differences of one quantity over the samples that both runs have and know: deg."""
+    """Differences of one quantity over the samples in which both runs have it, deg."""
 
     name: str
     count: int
@@ -70,20 +70,20 @@ class Statistics:
 @dataclasses.dataclass(frozen=True)
 class Comparison:
     """
-    What differs between a run and what is expected.
+    Differences between a run and the expected run.
 
     Attributes
     ----------
     stations : tuple of StationDifference
     missing, extra : tuple of str
-        Stations only the expected run has, or only ours, as "number at depth".
+        Stations only in the expected run, or only in this run, as "number at depth".
     statistics : tuple of Statistics
     rows, rows_missing, rows_extra : int
-        Samples both have; only the expected run; only ours.
+        Number of samples in both runs; only in the expected run; only in this run.
     status_differs : int
-        Samples with other status words.
+        Number of samples with different status words.
     failures : tuple of str
-        Every limit that is exceeded, in words; empty where the runs agree.
+        A sentence for each limit that is exceeded; empty if the runs agree.
     """
 
     stations: tuple[StationDifference, ...]
@@ -104,14 +104,14 @@ class Comparison:
 
 def read_limits(path: Path) -> dict[str, float]:
     """
-    Limits of a YAML file: name -> {limit, reason}. A limit without its reason is refused.
+    Return the limits in a YAML file: name -> {limit, reason}. A limit without a reason is refused.
 
     Raises
     ------
     ValueError
-        It is no YAML, not such a table, a name is unknown, or a reason lacks.
+        The file is not YAML or not such a table, a name is unknown, or a reason is missing.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     table = read_yaml(path)
     if not isinstance(table, dict):
@@ -126,12 +126,12 @@ def read_limits(path: Path) -> dict[str, float]:
 
 def checked_limits(limits: dict[str, float]) -> dict[str, float]:
     """
-    The limits, every one known and a number from 0 on.
+    Return the limits if all names are known and all values are numbers from 0 on.
 
     Raises
     ------
     ValueError
-        One is not.
+        A name is unknown or a value is not allowed.
     """
     for name, value in limits.items():
         if name not in LIMITS:
@@ -143,10 +143,10 @@ def checked_limits(limits: dict[str, float]) -> dict[str, float]:
 
 def compare(ours: Path, expected: Path, limits: dict[str, float] | None = None) -> Comparison:
     """
-    Compare the run in folder `ours` with the one in `expected`.
+    Compare the run in folder `ours` with the run in folder `expected`.
 
-    Every station and every sample of the expected run must be in ours; what ours has beyond is reported and allowed for
-    samples (an expected run may keep one row a second), not for stations.
+    `ours` must have every station and sample of the expected run. Additional samples are reported and allowed, because
+    an expected run may keep one row per second; additional stations are not allowed.
 
     Raises
     ------
@@ -194,7 +194,11 @@ def _name(line: dict[str, str]) -> str:
 def _stations(
     ours: list[dict[str, str]], expected: list[dict[str, str]]
 ) -> tuple[list[StationDifference], list[str], list[str]]:
-    """Pairs by nearest time, each station in one pair at most; what stays alone."""
+    """
+    Pair the stations by nearest time, each station in one pair at most.
+
+    Return pairs, missing and additional stations.
+    """
     left = list(ours)
     pairs, missing = [], []
     for line in expected:
@@ -235,7 +239,7 @@ def _station_failures(stations: list[StationDifference], limits: dict[str, float
         for name, value in one.differences.items():
             key = "survey_sigma_share" if name in _SIGMAS else f"survey_{name}"
             limit = limits.get(key, 0.0)
-            # Not "greater": a nan, known in one of the runs only, fails as well.
+            # The comparison is negated so that a nan, known in one run only, also fails.
             if not abs(value) <= limit * _ROUNDING + 1e-9:
                 yield f"station {one.sequence}: {name} differs by {value:+.4g}, limit {limit:g}"
 
@@ -259,7 +263,7 @@ class _Walk:
         self.rows = self.rows_missing = self.rows_extra = self.status_differs = 0
 
     def add(self, ours: Rows, expected: Rows) -> None:
-        """Take rows of the same stamps."""
+        """Add rows with equal stamps."""
         self.rows += len(ours["stamp_ns"])
         self.status_differs += int(np.count_nonzero(ours["status"] != expected["status"]))
         for column in ANGLES:
@@ -268,7 +272,7 @@ class _Walk:
                 difference = (difference + 180.0) % 360.0 - 180.0
             self._sum(column.removesuffix("_deg"), difference, ours[column], expected[column])
         a, b = ours["gravity"], expected["gravity"]
-        # Half-angle by the chord: exact zero for equal vectors, which arccos is not.
+        # The half-angle from the chord is exactly zero for equal vectors; arccos is not.
         chord = np.linalg.norm(a - b, axis=1)
         angle = np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
         self._sum("gravity", angle, a[:, 0], b[:, 0])
@@ -282,7 +286,7 @@ class _Walk:
         self._largest[name] = max(self._largest[name], float(np.abs(known).max(initial=0.0)))
 
     def statistics(self) -> tuple[Statistics, ...]:
-        """Of each quantity."""
+        """Return the statistics of each quantity."""
         found = []
         for name, (count, total, squares) in self._sums.items():
             mean = total / count if count else math.nan
@@ -292,7 +296,7 @@ class _Walk:
 
 
 def _side_by_side(ours: Iterator[Rows], expected: Iterator[Rows], walk: _Walk) -> Iterator[tuple[Rows, Rows]]:
-    """Rows of equal stamps, as far as both runs have come; of repeated stamps the first row counts."""
+    """Yield rows with equal stamps as far as both runs have been read; of repeated stamps the first row counts."""
     ours, expected = (map(_in_order, run) for run in (ours, expected))
     a, b = next(ours, None), next(expected, None)
     while a is not None and b is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Continuous inclination and azimuth over depth: the attitude of a processed run, paired with the rig's depths."""
+"""Continuous inclination and azimuth over depth: the attitude of a processed run paired with the depths of the rig."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.processing import run_folder
 from mwd_surface.trajectory.dense_trajectory import Continuous
 
-# The bit is on bottom within so many metres of the deepest it was.
+# The bit is on bottom within this distance of its greatest depth, m.
 _ON_BOTTOM = 0.3
-# A string that begins or ends to move accelerates the tool along the hole, which tilts its inclination, s.
+# Time to ignore after the string starts or stops, s: its acceleration along the hole tilts the measured inclination.
 _SETTLES = 10.0
-# Longest silence of the rig that is bridged, s.
+# Longest gap in the rig's data that is bridged, s.
 _LONGEST_GAP = 60.0
 
 
 def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
     """
-    Continuous measurements while new hole was made.
+    Return continuous measurements from times at which new hole was drilled.
 
     Parameters
     ----------
     folder : Path
-        What `mwd process` wrote.
+        Results of `mwd process`.
     bag : Bag
-        The recording it was made of, with the rig's state.
+        The processed recording, with the state of the rig.
     sensor_to_bit : float
-        m.
+        Distance from sensor to bit, m.
 
     Raises
     ------
     BagError
         The recording has no depths of the rig.
     OSError, ValueError
-        As `run_folder.attitude`.
+        See `run_folder.attitude`.
     """
     stamps, bit = _bit_depths(bag)
     parts: list[tuple[Array, Array, Array]] = []
@@ -54,24 +54,26 @@ def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
 
 def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:
     """
-    Bit depth at times while new hole is made steadily.
+    Return the bit depth at times at which new hole is drilled steadily.
 
     Parameters
     ----------
     stamps_ns, bit_depth : ndarray, shape (n,), n >= 2
-        What the rig reported, in order of time; m.
+        Reports of the rig in order of time; ns and m.
     at_ns : ndarray, shape (m,)
+        Times, ns.
 
     Returns
     -------
     ndarray, shape (m,)
-        m; nan off bottom, at rest, in a gap of the rig's data and in the first and last seconds of a movement.
+        Bit depth, m; nan off bottom, at rest, in a gap of the rig's data and in the first and last seconds of a
+        movement.
     """
     after = np.clip(np.searchsorted(stamps_ns, at_ns), 1, len(stamps_ns) - 1)
     depth = np.interp(at_ns, stamps_ns, bit_depth)
     deepest = np.maximum.accumulate(bit_depth)
     advances = np.diff(bit_depth) > 0.0
-    # Stamps at which the movement of each interval began and ended.
+    # Stamps at which the movement containing each interval began and ended.
     began = np.where(advances & ~np.concatenate([[False], advances[:-1]]), stamps_ns[:-1], stamps_ns[0])
     began = np.maximum.accumulate(began)
     ended = np.where(advances & ~np.concatenate([advances[1:], [False]]), stamps_ns[1:], stamps_ns[-1])
@@ -84,7 +86,7 @@ def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:
 
 
 def _bit_depths(bag: Bag) -> tuple[Stamps, Array]:
-    """Stamps, ns, and bit depth, m, where the rig knew it."""
+    """Return stamps, ns, and bit depths, m, where the rig knew the depth."""
     topic = bag.find_topic(wire.RIG_STATE.type_name, "rig/state")
     rows = [block[topic][1] for block in bag.blocks([topic]) if topic in block]
     if rows:

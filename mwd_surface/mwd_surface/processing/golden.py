@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Golden recordings: a short bag beside the answers it once gave, and how far today's answers may be from them.
+Golden recordings: a short bag with earlier results, and the allowed difference of new results from them.
 
-A golden folder holds what is given, `bag/`, `config.yaml` (settings of the estimator that are not the default) and
-`limits.yaml` (name -> limit and its reason, see `compare.LIMITS`), and the answers, `surveys.csv` and `attitude.csv`
-(one row a second, which keeps it small).
+A golden folder holds the input, `bag/`, `config.yaml` (settings of the estimator that differ from the default) and
+`limits.yaml` (name -> limit and its reason, see `compare.LIMITS`), and the results, `surveys.csv` and `attitude.csv`
+(one row per second, to keep it small).
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _KEPT_EVERY_NS = 1_000_000_000
 
 
 def is_golden(folder: Path) -> bool:
-    """Whether this is a golden folder."""
+    """Return whether the folder is a golden folder."""
     return (folder / "bag").is_dir() and (folder / "limits.yaml").is_file()
 
 
 def is_recording(path: Path) -> bool:
-    """Whether this is a recording rather than the results of one."""
+    """Return whether the path is a recording rather than the results of one."""
     if path.is_file():
         return path.suffix in (".mcap", ".db3")
     return (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))
@@ -37,12 +37,12 @@ def is_recording(path: Path) -> bool:
 
 def limits_of(folder: Path) -> dict[str, float]:
     """
-    The limits an expected run comes with; none for an ordinary run.
+    Return the limits that belong to an expected run; none for an ordinary run.
 
     Raises
     ------
     ValueError
-        limits.yaml is not as it should be.
+        limits.yaml is not valid.
     """
     file = folder / "limits.yaml"
     return compare.read_limits(file) if file.is_file() else {}
@@ -51,7 +51,7 @@ def limits_of(folder: Path) -> dict[str, float]:
 @contextmanager
 def processed(path: Path, like: Path) -> Iterator[Path]:
     """
-    The folder of a run: `path` itself, or, where `path` is a recording, what comes of it with the settings of `like`.
+    Yield the folder of a run: `path` itself or, if `path` is a recording, its results with the settings of `like`.
 
     Raises
     ------
@@ -69,17 +69,17 @@ def processed(path: Path, like: Path) -> Iterator[Path]:
 
 def accept(golden: Path) -> None:
     """
-    Make today's answers the golden ones.
+    Replace the golden results by the results of this version.
 
     Raises
     ------
     ValueError
         `golden` lacks its bag or its limits.
     BagError, OSError
-        The bag cannot be processed, or the answers not be written.
+        The bag cannot be processed, or the results cannot be written.
     """
     if not is_golden(golden):
-        raise ValueError(f"{golden} is no golden folder: bag/ and limits.yaml make one")
+        raise ValueError(f"{golden} is not a golden folder: it needs bag/ and limits.yaml")
     limits_of(golden)
     with tempfile.TemporaryDirectory(prefix="mwd_golden_") as folder:
         run = Path(folder) / "run"
@@ -98,7 +98,7 @@ def _process(path: Path, like: Path, run: Path) -> None:
 
 
 def _keep_some(source: Path, target: Path) -> None:
-    """The first row of every second: text for text, so that nothing is rounded twice."""
+    """Keep the first row of every second as text, so that nothing is rounded twice."""
     last = -1
     with source.open(encoding="utf-8") as rows, target.open("w", encoding="utf-8") as kept:
         kept.write(next(rows))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Inertial data that come in halves: a gyro and an accelerometer on two topics, or in turns on one, joined by time.
+Pairing of inertial data that arrive in halves: gyro and accelerometer on two topics, or alternating on one topic.
 
-Drivers send a vector that a message does not carry as zeros, as no numbers, or with a covariance that begins with -1
+Drivers write a vector that a message does not carry as zeros, as NaN, or with a covariance that begins with -1
 (REP-145). A specific force of exactly zero is not a measurement. The accelerometer is interpolated to the times of the
-gyro, so that equal times give the very numbers of a whole message.
+gyro, so that equal times give exactly the numbers of a complete message.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Samples, Stamps
 
 _GYRO, _ACCEL = "angular_velocity", "linear_acceleration"
-# Share of the messages without a vector from which a topic is a half, and from which messages come in turns.
+# Shares of messages without a vector above which a topic is one half, or its messages alternate.
 _HALF, _IN_TURNS = 0.98, 0.05
-# Least number of changes between the two kinds of messages that come in turns; a sensor that fails changes once.
+# Least number of changes between the two kinds of alternating messages; a failing sensor changes only once.
 _CHANGES = 8
 # Longest gap of the accelerometer that is interpolated: the larger of a number of its intervals and a time, ns.
 _INTERVALS, _SHORTEST_NS = 5, 100_000_000
-_RATED = 16  # intervals that its rate is told from
+_RATED = 16  # number of intervals from which its rate is computed
 
 
 @unique
 class Kind(StrEnum):
-    """Vectors that the messages of an IMU's topic carry."""
+    """Vectors that the messages of an IMU topic carry."""
 
     WHOLE = "whole"
     GYRO = "gyro"
@@ -39,13 +39,13 @@ class Kind(StrEnum):
 
 
 def kind_of(samples: Samples) -> Kind:
-    """Return what the messages of a topic carry, by some of them, dtype of the IMU with its covariances."""
+    """Return which vectors the messages of a topic carry, from some of its samples with their covariances."""
     no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
     if not len(samples) or (no_gyro & no_accel).all():
         return Kind.WHOLE
     if no_accel.mean() >= _HALF and no_gyro.mean() < _HALF:
         return Kind.GYRO
-    # Zero rates may be a gyro at rest: a half needs rates that the driver marks as not provided, or NaN throughout.
+    # Zero rates may come from a gyro at rest: a half needs rates that are declared absent, or NaN throughout.
     if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
         return Kind.ACCELEROMETER
     if among_readings(no_accel):
@@ -54,7 +54,7 @@ def kind_of(samples: Samples) -> Kind:
 
 
 def among_readings(empty: NDArray[np.bool_]) -> bool:
-    """Whether empty messages come again and again among others; a sensor that fails is empty from then on."""
+    """Return whether empty messages recur among others; a failed sensor stays empty."""
     if not len(empty):
         return False
     changes = int(np.count_nonzero(empty[1:] != empty[:-1]))
@@ -62,18 +62,18 @@ def among_readings(empty: NDArray[np.bool_]) -> bool:
 
 
 def is_accelerometer(samples: Samples) -> bool:
-    """Whether messages carry a specific force and no rate at all: one half, where another topic is the other."""
+    """Return whether messages carry a specific force and never a rate: one half, if another topic is the other half."""
     return len(samples) > 0 and bool(_without(samples, _GYRO).all() and not _without(samples, _ACCEL).any())
 
 
 class Joiner:
     """
-    Joins the halves of an IMU, block by block; any cut of the stream gives the same samples.
+    Joiner of the halves of an IMU, block by block; the samples do not depend on how the stream is cut.
 
     Parameters
     ----------
     kind : Kind
-        Of the topic of the gyro. Where both halves come on it, the numbers of a message tell what it carries.
+        Kind of the gyro's topic. If it has both halves, the numbers of a message tell which half it carries.
     """
 
     def __init__(self, kind: Kind) -> None:
@@ -86,7 +86,7 @@ class Joiner:
 
     @property
     def first_log_ns(self) -> int | None:
-        """Log time of the first message that waits for its other half, ns; None where none does."""
+        """Log time of the first message that waits for its other half, ns; None if none waits."""
         return int(self._gyro[0][0][0]) if self._gyro else None
 
     def push(
@@ -96,7 +96,7 @@ class Joiner:
         if self._kind in (Kind.IN_TURNS, Kind.SOME_EMPTY) and gyro is not None:
             log_ns, samples = gyro
             no_accel = _without(samples, _ACCEL)
-            # Where only full messages and empty ones come, a rate of zero is a measurement.
+            # If all messages are either complete or empty, a rate of zero is a measurement.
             has_gyro = ~_without(samples, _GYRO) if self._kind == Kind.IN_TURNS else ~no_accel
             accel = log_ns[~no_accel], samples[~no_accel]
             gyro = log_ns[has_gyro], samples[has_gyro]
@@ -137,12 +137,12 @@ class Joiner:
         origin = int(known[0])
         for axis in range(3):
             samples[_ACCEL][:, axis] = np.interp(stamps - origin, known - origin, self._accel[:, axis])
-        # Beyond the ends of the accelerometer, and in its gaps, nothing was measured.
+        # Outside the accelerometer's time range, and in its gaps, there is no measurement.
         limit = max(_INTERVALS * self._interval, _SHORTEST_NS)
         outside = (stamps < known[before] - limit) | (stamps > known[after] + limit)
         samples[_ACCEL][outside | (known[after] - known[before] > limit)] = np.nan
         samples[f"{_ACCEL}_covariance"] = self._covariance
-        # Clear the mark "not measured" of the covariance: the joined sample has both vectors.
+        # Clear the mark "not measured" in the covariance: the joined sample has both vectors.
         for vector in (_GYRO, _ACCEL):
             column = samples[f"{vector}_covariance"]
             column[column[:, 0] == -1.0] = 0.0
@@ -152,7 +152,7 @@ class Joiner:
 
 
 def _without(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Messages that do not carry a vector, shape (n,)."""
+    """Return which messages do not carry a vector, shape (n,)."""
     values = samples[vector]
     empty = (values == 0.0).all(axis=1) | ~np.isfinite(values).any(axis=1)
     return np.asarray(empty | input_covariance.not_provided(samples, vector))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-IMU samples that wait for their turn: for the block after theirs, or until enough after them was seen to smooth them.
+Queue of IMU samples that wait for the next block, or for enough later samples to smooth them.
 
-The estimator must have everything else of their time before it is given IMU samples; a smoother needs what came after.
+The estimator must have all other samples of their time before it gets IMU samples; a smoother needs later samples.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.mount import Mount, MountSettings, resolve
 
-# Samples that follow on a longer silence do not change those before it.
+# Samples that follow a longer gap do not change those before it.
 _SILENCE_NS = 60 * wire.NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
 class Imu:
-    """Samples whose turn it is, when they were logged, and their gravity where a smoother followed it."""
+    """Samples ready for the estimator, their log times, and their gravity if a smoother followed it."""
 
     samples: Samples
     log_ns: Stamps
@@ -36,10 +36,10 @@ class Imu:
 
 class ImuQueue:
     """
-    Holds samples back.
+    Queue that holds samples back.
 
-    smooth : settings of the method bounded, to smooth gravity by; None: no smoothing.
-    mount : how the units sit in the tool, in whose axes gravity is followed.
+    smooth : settings of the method bounded, for smoothing gravity; None: no smoothing. mount : mount of the units in
+    the tool; gravity is smoothed in tool axes.
     """
 
     def __init__(self, smooth: Params | None = None, mount: Mount | None = None) -> None:
@@ -57,7 +57,7 @@ class ImuQueue:
 
     @property
     def first_log_ns(self) -> int:
-        """Log time of the first sample that waits, ns; ask only if one does."""
+        """Log time of the first waiting sample, ns; only valid if a sample waits."""
         return int((self._old or self._new)[0][1][0])
 
     def add(self, samples: Samples, log_ns: Stamps) -> None:
@@ -66,7 +66,7 @@ class ImuQueue:
             self._new.append((samples, log_ns))
 
     def done(self) -> Iterator[Imu]:
-        """Remove and return the samples whose turn has come; call it when everything else of their time was pushed."""
+        """Remove and return the samples that are ready; call this after everything else of their time was pushed."""
         new, self._new = self._new, []
         if self._smoother is None:
             yield from (Imu(samples, log_ns, None) for samples, log_ns in new)
@@ -81,7 +81,7 @@ class ImuQueue:
                 yield from self._taken([self._push(part[0])])
 
     def finish(self) -> Iterator[Imu]:
-        """Remove and return all samples that wait."""
+        """Remove and return all waiting samples."""
         yield from self.done()
         yield from self._finished()
 
@@ -91,7 +91,7 @@ class ImuQueue:
             return Track.empty(0)
         samples = self._mount.imu_in_tool(samples)
         stamps, accel = samples["stamp_ns"], samples["linear_acceleration"]
-        # As the estimator sees them.
+        # Use the same samples as the estimator.
         gyro = self._jumps.without(stamps, np.ascontiguousarray(samples["angular_velocity"]))
         return smoother.push(stamps, gyro, accel, clip_flags.of(samples))
 

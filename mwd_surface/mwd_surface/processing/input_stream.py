@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The samples of a recording as the estimator takes them: each once, on one clock, whole, and in SI.
+Streams of a recording's samples as the estimator needs them: each once, on one clock, complete, and in SI.
 
 Every command that works on the sensors of a recording reads it through these streams; `mwd inspect` and `mwd process`
-refuse it for the same reasons.
+refuse a recording for the same reasons.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from mwd_surface.processing.bag_input import (
 )
 from mwd_surface.processing.half_imu import Joiner, Kind, among_readings
 
-# Width of the bins of time in which the clocks of a sensor and of the recorder are compared, ns.
+# Width of the time bins in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
-# Clocks further apart cannot be paired, s; the delay of a message is less.
+# Samples cannot be paired if their clocks differ by more, s; message delays are shorter.
 _APART_S = 1.0
-# Messages in a bin that show a clock.
+# Number of messages in a bin that are enough to compare clocks.
 _FEW = 5
-# Least time since 1970 of a clock that was set (1989), ns.
+# Least time since 1970 of a clock that has been set (1989), ns.
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
-_RAW = "record the driver's raw data (its topic often ends in data_raw), or switch its removal of gravity off"
+_RAW = "record the driver's raw data (its topic often ends in data_raw), or disable its removal of gravity"
 
 
 class Problem(NamedTuple):
-    """Why samples cannot be used as they are; option: name and value of the setting that helps, empty: none does."""
+    """Reason why samples cannot be used as they are; `option` has name and value of a helpful setting, or is empty."""
 
     sentence: str
     option: tuple[str, str] | None = None
@@ -61,10 +61,10 @@ class SampleStream:
     ----------
     bag : Bag
     names : sequence of str
-        Topics; messages that are no samples with a stamp pass as they are. The IMU comes first where there is one.
+        Topics, the IMU first if there is one; messages without stamped samples pass unchanged.
     given : InputSettings
     held : str
-        Topic whose samples are held back while it is not known if all come twice (`RepeatedSamples`), as live.
+        Topic whose samples are held back until it is known whether all come twice (`RepeatedSamples`), as in live use.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class SampleStream:
     without_time : frozenset of str
         Topics whose messages carry no time of their own.
     undated : dict of str to int
-        Samples left out so far because they carry no time, although others of their topic do.
+        Samples left out so far because they have no time although others of their topic do.
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
@@ -89,12 +89,12 @@ class SampleStream:
 
     @property
     def repeated(self) -> dict[str, int]:
-        """Samples left out so far because the same one had come before, by topic."""
+        """Number of samples left out so far because they were repeated, by topic."""
         return {name: one.count for name, one in self._repeated.items() if one.count}
 
     @property
     def remarks(self) -> list[str]:
-        """What is unusual about the times of the topics, and what was left out so far, in words."""
+        """Return sentences on unusual times of the topics, and on samples left out so far."""
         names = ", ".join(sorted(self.without_time))
         return [
             *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
@@ -109,12 +109,12 @@ class SampleStream:
         ]
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the blocks of the recording, or of the part of it that is asked for."""
+        """Yield the blocks of the recording, or of the requested part of it."""
         for block in self._bag.blocks(self.names, *asked_span(self._bag, self._given)):
             yield self.take(block)
 
     def take(self, block: Block) -> Block:
-        """Return a block of the topics as it is to be used."""
+        """Return a block of the topics in the form to use."""
         out = {}
         for name, (log_ns, samples) in block.items():
             if name in self._stamped:
@@ -124,7 +124,7 @@ class SampleStream:
         return {name: part for name, part in out.items() if len(part[0])}
 
     def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples without a time among others that have one, as before a driver's clock is set."""
+        """Leave out samples without a time if others have one, such as those before a driver's clock was set."""
         if name in self.without_time:
             return log_ns, samples
         dated = (samples["stamp_ns"] != 0) | (log_ns < CLOCK_SET_NS)
@@ -134,13 +134,13 @@ class SampleStream:
         return log_ns[dated], samples[dated]
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples that came before, as from a second publisher, by the rule of the live estimator."""
+        """Leave out repeated samples, as from a second publisher, by the rule of the live estimator."""
         if name not in self._repeated:
             return log_ns, samples
         return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Stamp samples without a time of their own by the recording, and bring others to its clock if asked to."""
+        """Stamp samples without a time by the log time, and convert other stamps to that clock if requested."""
         if name in self.without_time:
             samples["stamp_ns"] = log_ns
         elif name in self._clocks:
@@ -153,7 +153,7 @@ class SampleStream:
 
 class InputStream(SampleStream):
     """
-    Samples of a recording as the estimator takes them: whole, and in SI.
+    Samples of a recording in the form that the estimator needs: complete, and in SI.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class InputStream(SampleStream):
     ----------
     topics : Topics
     problems : list of Problem
-        Why the samples taken so far cannot be used, although the first ones could.
+        Reasons why the samples read so far cannot be used although the first ones could.
     """
 
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
@@ -177,20 +177,24 @@ class InputStream(SampleStream):
 
     @property
     def first_log_ns(self) -> int | None:
-        """Log time of the first message of the IMU that waits, for its other half or as a copy, ns; None: none does."""
+        """
+        Log time of the first IMU message that waits for its other half or as a possible copy, ns.
+
+        None if none waits.
+        """
         waiting = [self._repeated[self.topics.imu], self._joiner]
         found = [one.first_log_ns for one in waiting if one is not None]
         return min((at for at in found if at is not None), default=None)
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the blocks of the recording, or of the part of it that is asked for."""
+        """Yield the blocks of the recording, or of the requested part of it."""
         for block in self._bag.blocks(self.names, *asked_span(self._bag, self._given), fields=FIELDS):
             yield self.take(block)
         if rest := self.finish():
             yield rest
 
     def take(self, block: Block) -> Block:
-        """Return the block as the estimator takes it; samples of the IMU may be those of an earlier block."""
+        """Return the block in the form that the estimator needs; its IMU samples may be those of an earlier block."""
         if self._given.stamps == "header" and not self.problems:
             self.problems += _apart(self.topics, block, self.without_time)
         topics, out = self.topics, super().take(block)
@@ -204,7 +208,7 @@ class InputStream(SampleStream):
         return in_si({name: part for name, part in out.items() if len(part[0])}, topics, self._given)
 
     def finish(self) -> Block:
-        """Return the samples of the IMU that wait still."""
+        """Return the IMU samples that still wait."""
         name = self.topics.imu
         out: Block = {}
         held = self._repeated[name].finish()
@@ -220,19 +224,19 @@ class InputStream(SampleStream):
 
 class RecordingStream:
     """
-    Some topics of a recording, block by block: those of its wells as the estimator takes them, all others as they are.
+    Topics of a recording, block by block: those of its wells as the estimator needs them, all others unchanged.
 
     Parameters
     ----------
     bag : Bag
     names : sequence of str
-        Topics of the recording; a half of an IMU brings its other half.
+        Topics of the recording; one half of an IMU also includes the other half.
     given : InputSettings
 
     Attributes
     ----------
     names : list of str
-        Topics that come out: the halves of an IMU are one topic, that of the gyro.
+        Resulting topics: the halves of an IMU become one topic, that of the gyro.
     given : InputSettings
     """
 
@@ -248,13 +252,13 @@ class RecordingStream:
 
     @property
     def remarks(self) -> list[str]:
-        """What is unusual about the samples, and what was left out so far, in words; of the topics that are read."""
+        """Return sentences on unusual samples and on those left out so far, for the topics that are read."""
         found = [text for one in (*self._wells, self._others) for text in one.remarks]
         found += [problem.sentence for well in self._wells for problem in well.problems]
         return [text for text in found if not self._names_another(text)]
 
     def blocks(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Block]:
-        """Yield the blocks logged from (inclusive) and to (exclusive) a time."""
+        """Yield the blocks logged from `start_ns` (inclusive) to `end_ns` (exclusive)."""
         fields = {name: FIELDS[name] for name in (wire.IMU.type_name, wire.MAG.type_name)}
         for block in self._bag.blocks(self._read, start_ns, end_ns, fields=fields):
             rest = dict(block)
@@ -268,7 +272,7 @@ class RecordingStream:
                 yield waiting
 
     def _names_another(self, text: str) -> bool:
-        """Whether a remark is about a topic that is not read."""
+        """Return whether a remark is about a topic that is not read."""
         return text.startswith("/") and text.partition(":")[0] in self._bag.topics.keys() - set(self._read)
 
 
@@ -277,7 +281,7 @@ def _samples(count: int) -> str:
 
 
 def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
-    """Return the topics of the wells; none where a recording has no IMU, or several and none is named."""
+    """Return the topics of the wells; none if a recording has no IMU, or several and none is named."""
     try:
         return wells(bag, given)
     except BagError:
@@ -287,19 +291,19 @@ def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
 
 
 def asked_span(bag: Bag, given: InputSettings) -> tuple[int | None, int | None]:
-    """Return the log times from (inclusive) and to (exclusive) which a recording is read, ns; None: all of it."""
+    """Return the log times from (inclusive) and to (exclusive) which to read a recording, ns; None: no limit."""
     start = bag.start_ns + round(given.start_s * 1e9) if given.start_s > 0.0 else None
     return start, bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
 
 
 def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[Problem]:
-    """Return why the samples of a recording cannot be used as they are at a place, by the first of them."""
+    """Return why the samples of a recording cannot be used at a place, judged by the first samples."""
     found: list[Problem] = []
     accelerometer = topics.accelerometer or topics.imu
     samples = first_samples(bag, accelerometer)
     if topics.kind == Kind.GYRO and topics.accelerometer is None:
         sentence = f"{topics.imu} is the gyro of an IMU alone, and the recording has no topic of its accelerometer"
-        return [Problem(f"{sentence}; record both, or name a whole IMU with --imu-topic")]
+        return [Problem(f"{sentence}; record both, or choose a complete IMU with --imu-topic")]
     if topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY):
         samples = samples[(samples["linear_acceleration"] != 0.0).any(axis=1)]
     if without_gravity(samples):
@@ -309,28 +313,28 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
             if name != accelerometer and about.gives == wire.IMU.type_name and about.count
         ]
         raw = [name for name in others if not without_gravity(first_samples(bag, name))]
-        sentence = f"{accelerometer}: the driver has taken gravity off the acceleration, which inclination needs"
+        sentence = f"{accelerometer}: the driver has removed gravity from the acceleration, which the inclination needs"
         option = ("imu_topic", raw[0]) if len(raw) == 1 else None
         found.append(Problem(sentence if option else f"{sentence}; {_RAW}", option))
     if given.stamps == "header":
         found += _clock_problems(bag, topics)
         if not found and place.model and not place.date and not clock_was_set(bag, topics):
-            sentence = f"the clock of {topics.imu} was never set, and the field of a model needs the day"
-            found.append(Problem(f"{sentence}; the recorder knows it", ("stamps", "recording")))
+            sentence = f"the clock of {topics.imu} was never set, and the field model needs the date"
+            found.append(Problem(f"{sentence}; the recorder knows the date", ("stamps", "recording")))
     return found
 
 
 def refuse(found: list[Problem]) -> None:
-    """Raise ValueError for problems; OptionNeededError where options of the input help."""
+    """Raise ValueError for problems; OptionNeededError if options of the input solve them."""
     if not found:
         return
     sentence = "; ".join(one.sentence for one in found)
     options = " ".join(f"{option_of(one.option[0])} {one.option[1]}" for one in found if one.option)
-    raise OptionNeededError(f"{sentence}; say so with {options}") if options else ValueError(sentence)
+    raise OptionNeededError(f"{sentence}; set it with {options}") if options else ValueError(sentence)
 
 
 def _clock_problems(bag: Bag, topics: Topics) -> list[Problem]:
-    """Return whether the clocks of the units are apart at the beginning."""
+    """Return a problem if the clocks of the units differ at the beginning."""
     first: Block = {}
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG)}
     for name in _units(topics):
@@ -345,7 +349,7 @@ def _units(topics: Topics) -> list[str]:
 
 
 def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Problem]:
-    """Return whether the clocks of the units are apart in some bin of time of a block."""
+    """Return a problem if the clocks of the units differ in some time bin of a block."""
     offsets: dict[str, dict[int, float]] = {}
     for name in _units(topics):
         if name not in block:
@@ -356,7 +360,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Proble
         starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
         counts = np.diff(starts, append=len(numbers))
         found = zip(numbers[starts].tolist(), np.minimum.reduceat(offset, starts).tolist(), counts, strict=True)
-        # The message with the shortest delay in a bin shows the clock; a bin of a few messages may hold only late ones.
+        # The message with the shortest delay in a bin shows the clock; a bin with few messages may hold only late ones.
         offsets[name] = {number: value for number, value, count in found if count >= min(_FEW, len(numbers))}
     imu = offsets.pop(topics.imu, {})
     for name, found_offsets in offsets.items():
@@ -373,7 +377,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Proble
 
 
 def clock_was_set(bag: Bag, topics: Topics) -> bool:
-    """Whether the IMU's clock was set, as far as its first samples show, or the recorder's was not either."""
+    """Return whether the IMU's clock was set, by its first samples; true if the recorder's was not set either."""
     samples = first_samples(bag, topics.imu)
     unset = len(samples) > 0 and 0 < int(np.median(samples["stamp_ns"])) < CLOCK_SET_NS
     return not unset or bag.start_ns < CLOCK_SET_NS
@@ -381,10 +385,10 @@ def clock_was_set(bag: Bag, topics: Topics) -> bool:
 
 def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.int64]]]:
     """
-    Return the clock of the recorder less that of each topic, ns, at some log times; in between it changes evenly.
+    Return the recorder's clock minus that of each topic, ns, at some log times; interpolate linearly between them.
 
-    The message that was on its way the shortest time in each bin shows the clocks, so that bursts do no harm. A clock
-    that is set while it records has one course before and another one after.
+    The message with the shortest delay in each bin shows the difference of the clocks, so that bursts do no harm. A
+    clock that is set during the recording has one course before and another after.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}
@@ -396,7 +400,7 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
 
 @dataclasses.dataclass
 class _Course:
-    """A clock from one setting to the next: log times and offsets, ns, and whether the stamps jumped at its begin."""
+    """Course of a clock between two settings: log times and offsets, ns, and whether the stamps jumped at its start."""
 
     first_ns: int
     last_ns: int
@@ -410,7 +414,7 @@ class _Course:
         return min(self.bins.values())
 
     def take(self, log_ns: Stamps, offset: NDArray[np.int64]) -> None:
-        """Take messages: their log times and offsets, shape (n,), ns."""
+        """Add messages by their log times and offsets, shape (n,), ns."""
         self.count += len(log_ns)
         self.last_ns, self.last_offset = int(log_ns[-1]), int(offset[-1])
         numbers = log_ns // _BIN_NS
@@ -420,7 +424,7 @@ class _Course:
 
 
 def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -> None:
-    """Add messages to the course of a clock; one that differs by more than a delay begins another course."""
+    """Add messages to the course of a clock; an offset that differs by more than a delay begins another course."""
     late = np.diff(offset, prepend=courses[-1].last_offset if courses else offset[0])
     logged = np.diff(log_ns, prepend=courses[-1].last_ns if courses else log_ns[0])
     jumps = np.flatnonzero(np.abs(late) > _APART_S * 1e9)
@@ -432,14 +436,14 @@ def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -
         if mark > begin:
             courses[-1].take(log_ns[begin:mark], offset[begin:mark])
         if mark < len(offset):
-            # A late message leaves a gap in the log; a clock that is set moves the stamps.
+            # A late message leaves a gap in the log times; setting the clock moves the stamps.
             moved = abs(int(logged[mark] - late[mark])) > abs(int(logged[mark]))
             courses.append(_Course(int(log_ns[mark]), int(log_ns[mark]), int(offset[mark]), moved))
         begin = mark
 
 
 def _without_delays(courses: list[_Course]) -> list[_Course]:
-    """Leave out what only came late or was logged at no time: a few messages, and delays; join courses that agree."""
+    """Leave out courses of a few messages and courses that are only delays; join courses that agree."""
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
     for k, course in enumerate(courses):
@@ -457,7 +461,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
 
 
 def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
-    """Return log times and offsets, ns, that the courses run through."""
+    """Return log times and offsets, ns, of points on the courses."""
     at_ns, offsets = [], []
     for course in courses:
         numbers = sorted(course.bins)
@@ -468,7 +472,7 @@ def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
 
 
 def _comes_empty(bag: Bag, mag: str) -> bool:
-    """Whether messages of zeros come among the readings of a magnetometer."""
+    """Return whether messages of zeros occur among the readings of a magnetometer."""
     block: Block = next(bag.blocks([mag], block_messages=2000, fields={wire.MAG.type_name: ("magnetic_field",)}), {})
     return mag in block and among_readings(~(block[mag][1]["magnetic_field"] != 0.0).any(axis=1))
 
@@ -478,7 +482,7 @@ def _in_turns(topics: Topics) -> bool:
 
 
 def _duration(seconds: float) -> str:
-    """Return a time in words."""
+    """Return a duration as text."""
     for unit, size in (("years", 365.25 * 86400.0), ("days", 86400.0), ("h", 3600.0)):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.1f} {unit}"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a recording holds and what it lacks, and how `mwd process` is to be told to read it.
+Inspection of a recording: its contents, what it lacks, and the options with which `mwd process` can read it.
 
-The samples pass the checks of the sensors again and again, each time with what the checks found so far (unit, sign,
-mount), until nothing new is found. What was found becomes the options of `mwd process`.
+The samples pass the checks of the sensors repeatedly, each time with the findings so far (unit, sign, mount), until
+there is nothing new. The findings become the options of `mwd process`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from mwd_surface.surveys.survey_record import Verdict
 
 _UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
 _PASSES = 6
-# Numbers of the sensors that measure a vector, and faults of one whose messages declare that they do not provide it.
+# Number of each vector's sensor, and faults that a sensor has if its messages declare the vector absent.
 _SENSORS = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.DEAD, FaultCode.INVALID)
 _ASKEW = (
@@ -68,36 +68,36 @@ _ASKEW = (
 @dataclasses.dataclass(frozen=True)
 class Inspection:
     """
-    What was found.
+    Result of an inspection.
 
     Attributes
     ----------
     topics : Topics
     times : dict of str to StreamTimes
-        Of each topic used.
+        Times of each topic used.
     frames : dict of str to str
         Frame that the messages of each topic name.
     units : dict of str to str
-        What the readings are in: the names of the options to their units.
+        Units of the readings: name of the option to unit.
     mount : str
-        How the units are mounted, in words.
+        How the units are mounted, as text.
     turns_about : str
-        Axis of the unit that the string was seen to turn about, and which way it points; empty: it never turned.
+        Axis of the unit about which the string was seen to turn, and its direction; empty if it never turned.
     rests : int
         Intervals at rest that are long enough for a survey.
     rest_s : float
         Longest of them, s.
     faults : list of SensorFault
-        Of the sensors, that stood at the end, read as found.
+        Sensor faults present at the end, with the samples read as found.
     remarks : list of str
-        What is unusual.
+        Sentences on anything unusual.
     missing : list of (result, what it needs)
     surveys : list of str
-        Verdicts of the surveys that the command gives.
+        Verdicts of the surveys that the command yields.
     refusal : str
-        Why `mwd process` refuses the recording; empty where it does not.
+        Why `mwd process` refuses the recording; empty if it does not.
     command : str
-        That processes it; empty where `mwd process` refuses the recording.
+        Command that processes the recording; empty if `mwd process` refuses it.
     """
 
     topics: Topics
@@ -118,7 +118,11 @@ class Inspection:
 
 @dataclasses.dataclass
 class _Reading:
-    """One pass: how the samples were read, and what they showed; turned: turn of the string in axes of the IMU, rad."""
+    """
+    One pass over the recording: how the samples were read, and the findings.
+
+    turned : rotation vector of the string in axes of the IMU, rad.
+    """
 
     given: InputSettings
     estimator: EstimatorSettings
@@ -139,22 +143,22 @@ def inspect(
     progress: Callable[[float], None] = lambda _share: None,
 ) -> Inspection:
     """
-    Look through a bag.
+    Inspect a bag.
 
     Parameters
     ----------
     bag : Bag
     given, estimator : settings
-        What is known of it beforehand: topics, units, place, mount.
+        Known facts: topics, units, place, mount.
     output : Path
-        Folder that the command is to name.
+        Output folder to write into the command.
     progress : callable
-        Called with the share of a pass that is done, 0 to 1.
+        Called with the completed share of a pass, 0 to 1.
 
     Raises
     ------
     BagError
-        There is no IMU, or several; as `bag_input.find_topics`.
+        There is no IMU, or several; see `bag_input.find_topics`.
     """
     topics, given, refusal = _readable(bag, given, estimator)
     given = _with_units(bag, topics, given)
@@ -202,7 +206,7 @@ def inspect(
 
 
 def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> tuple[Topics, InputSettings, str]:
-    """Return the topics and settings that a recording can be read with, and why `mwd process` would refuse it still."""
+    """Return topics and settings with which a recording can be read, and why `mwd process` would still refuse it."""
     topics = find_topics(bag, given)
     for _ in range(_PASSES):
         found = problems(bag, topics, given, estimator.place)
@@ -215,7 +219,7 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
 
 
 def _processed(bag: Bag, reading: _Reading) -> tuple[Summary | None, str]:
-    """Return what `mwd process` makes of the recording; None, and why, where it refuses it."""
+    """Return the summary of `mwd process` for the recording; None and the reason if it refuses the recording."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     day = _day(reading, find_topics(bag, given).imu)
     settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator
@@ -227,7 +231,7 @@ def _processed(bag: Bag, reading: _Reading) -> tuple[Summary | None, str]:
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
-    """The settings with the units that the first readings are plausible in."""
+    """Return the settings with the units in which the first readings are plausible."""
     first: Block = {}
     for block in InputStream(bag, topics, given).blocks():
         first = {**block, **first}
@@ -261,7 +265,7 @@ def _read(
             reading.times[name].take(samples[name]["stamp_ns"], log_ns)
         for unit, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG)):
             if unit is not None and unit in samples:
-                # Take out what covariances declare absent, as `mwd process` does.
+                # Remove vectors that covariances declare absent, as `mwd process` does.
                 samples[unit], notes = input_covariance.judge(samples[unit], layout.type_name)
                 absent |= {_SENSORS[vector] for vector, note in notes.items() if note == input_covariance.ABSENT}
         if topics.mag in samples and "mag" not in mount.unusable:
@@ -293,14 +297,14 @@ def _read(
 
 
 def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -> None:
-    """Judge by the field of the place."""
+    """Set the expected field of the place for the checks."""
     reference = reference_of(estimator, first_ns)
     if reference is not None:
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
 
 def _note_turns(reading: _Reading, imu: Samples) -> None:
-    """Note the axis of the unit that points down-hole, by each three seconds in which the string turned."""
+    """Note which axis of the unit points down-hole, from each three seconds in which the string turned."""
     stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
     dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
     part = (stamps - stamps[0]) // (3 * wire.NANOSECONDS)
@@ -315,7 +319,7 @@ def _note_turns(reading: _Reading, imu: Samples) -> None:
 
 
 def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | None:
-    """How to read the samples instead, by the first fault that says so; None where none does."""
+    """Return corrected settings from the first fault that suggests a correction; None if no fault does."""
     before, given = reading.estimator.tool.mount, reading.given
     for fault in sorted(reading.faults, key=lambda one: one.since_ns):
         if fault.code == FaultCode.UNIT:
@@ -326,7 +330,7 @@ def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | N
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
         elif fault.code == FaultCode.MOUNT and reading.turned.any():
-            # By all of the recording, in axes of the unit: whatever mount it was read with.
+            # Use the whole recording, in axes of the unit, whatever mount it was read with.
             changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
         changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
         if changes:
@@ -345,7 +349,7 @@ def _mount_words(mount: Mount, topics: Topics) -> str:
 
 
 def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettings) -> list[str]:
-    """What is unusual about topics, times and sensors."""
+    """Return sentences on anything unusual about topics, times and sensors."""
     remarks = guesses(bag, topics, reading.given)
     if reading.estimator.tool.mount.imu not in (start.tool.mount.imu, *mounts.PRESETS):
         remarks.append(_ASKEW)
@@ -357,7 +361,7 @@ def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettin
 
 
 def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> list[tuple[str, str]]:
-    """What each result needs that the recording does not have."""
+    """Return for each missing result what the recording would need."""
     place, missing = reading.estimator.place, []
     if reason:
         missing.append(("surveys", reason))
@@ -366,11 +370,11 @@ def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> li
     elif "mag" in mount.unusable:
         missing.append(("magnetic azimuth", f"the mount of the magnetometer: {mount.unusable['mag']}"))
     if place.field == "none":
-        missing.append(("true north, checks of the field", "the place: --lat and --lon, or --field"))
+        missing.append(("true north, checks of the field", "the position: --lat and --lon, or --field"))
     elif place.model:
         first = reading.times[topics.imu].first_ns
         if not place.date and first < CLOCK_SET_NS:
-            missing.append(("the field of the model", "the day: --date YYYY-MM-DD, for the clock was not set"))
+            missing.append(("the field of the model", "the date: --date YYYY-MM-DD, because the clock was not set"))
     if topics.precision is None:
         missing.append(("gyro azimuth", "a high-precision unit: --gyro-topic"))
     elif place.lat_deg is None:
@@ -381,7 +385,7 @@ def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> li
 
 
 def _day(reading: _Reading, imu: str) -> str:
-    """Return the day of the field's model: the one given, else that of the first sample; empty for none."""
+    """Return the date for the field model: the given one, else that of the first sample; "" if there is none."""
     place, first = reading.estimator.place, reading.times[imu].first_ns
     if not place.model or place.date or first < CLOCK_SET_NS:
         return place.date if place.model else ""
@@ -389,7 +393,7 @@ def _day(reading: _Reading, imu: str) -> str:
 
 
 def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path) -> str:
-    """The command that processes the bag as it was read."""
+    """Return the command that processes the bag as it was read."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
     for name, usual in vars(InputSettings()).items():
         if (value := getattr(reading.given, name)) != usual and name != "partial":
@@ -414,7 +418,7 @@ def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path) -> str:
 
 
 def figures(times: StreamTimes) -> str:
-    """Rate, length and count of a topic, in words."""
+    """Return rate, length and count of a topic as text."""
     rate = f"{times.rate:.4g} Hz" if math.isfinite(times.rate) else "one message"
     return f"{times.count} samples, {rate}"
 

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey list of a recording that is processed: as the surface node kept it, where the recording is one of our own.
+Survey list of a processed recording, equal to the list of the surface node if this program made the recording.
 
-Depths come from a table that is given, else from the live list (for the same surveys), else from the rig's data.
-Decisions of people and revisions are taken over, in the order in which they were made, where the settings are those of
-the recording.
+Depths come from a given table, else from the live list (for the same surveys), else from the rig's data. Decisions of
+people and revisions are applied in the order in which they were made, if the settings are those of the recording.
 """
 
 from __future__ import annotations
@@ -38,19 +37,19 @@ Arrived = tuple[Stamps, Samples]
 
 class ListBuilder:
     """
-    Survey list and depths of one run over a recording.
+    Builder of survey list and depths for one run over a recording.
 
     Parameters
     ----------
     bag : Bag
     topics : Topics
-        Of the well.
+        Topics of the well.
     estimator, given : settings
-        In force.
+        Settings in force.
     recorded : Recorded
         Settings in the recording.
     frame : str
-        Of the tool, which each survey names.
+        Frame of the tool, which each survey names.
 
     Attributes
     ----------
@@ -75,36 +74,36 @@ class ListBuilder:
         self._surface = recorded.surface or SurfacePart()
         self._well = recorded.well(Well(name=namespace.strip("/") or Well().name))
         known = self._well.sensor_to_bit
-        #: m; None where neither the options nor the recording give it.
+        #: Distance from sensor to bit, m; None if neither the options nor the recording give it.
         self.sensor_to_bit = known if given.sensor_to_bit_m is None else given.sensor_to_bit_m
         self._table = read_depths(Path(given.depths)) if given.depths else None
         self._live = recorded_list(bag, namespace, self._well) if recorded.surface is not None else RecordedList()
-        # The live depth of a survey holds unless depths are given otherwise.
+        # The live depth of a survey holds unless depths are given in another way.
         self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
         self.depth = DepthTrack(self._surface.depth)
         self._given_depths = given.depths
         self._rig_topic = topics.rig
         self._live_used = 0
-        # The settings are those of the live list: it is to come out again.
+        # The settings are those of the live list, so the same list must result.
         self.as_live = self._live.last is not None and estimator == recorded.estimator
         self._changes = list(self._live.changes)
         self.surveys = SurveyList()
         self.warnings: list[str] = list(recorded.remarks)
         if self._live.without_events:
             self.warnings.append(
-                f"the recording has no operator events ({namespace}operator_events): surveys that people asked for are "
-                "not taken again, and only the decisions that its survey lists show are taken over; record that topic"
+                f"the recording has no operator events ({namespace}operator_events): requested surveys are "
+                "not repeated, and only decisions in its survey lists are applied; record that topic"
             )
         self._begun = False
 
     @property
     def uses_rig(self) -> bool:
-        """Whether the depths of the rig count."""
+        """Whether the depths of the rig are used."""
         return self._table is None
 
     @property
     def depth_source(self) -> str:
-        """Where the depths come from, in words."""
+        """Return the source of the depths as text."""
         if self._table is not None:
             return f"of the table {self._given_depths}"
         if self._live_used:
@@ -115,9 +114,9 @@ class ListBuilder:
 
     def take_rig(self, rig: Arrived, imu: Arrived | None) -> None:
         """
-        Take depths of the rig, `wire.RIG_STATE`, and the samples of the IMU of the same part of the recording.
+        Accept depths of the rig, `wire.RIG_STATE`, and the IMU samples of the same part of the recording.
 
-        Each comes with the times of its messages in the recording, which tell what arrived before what.
+        Both come with the log times of their messages, which show what arrived first.
         """
         if not self.uses_rig:
             return
@@ -131,9 +130,9 @@ class ListBuilder:
 
     def add(self, survey: Survey, log_ns: int | None = None) -> float:
         """
-        Add a survey of the estimator to the list; returns the measured depth of the sensor, m, nan if unknown.
+        Add a survey of the estimator to the list; return the measured depth of the sensor, m, nan if unknown.
 
-        log_ns: when its last sample was recorded, ns; what people changed before it was listed comes first.
+        log_ns : log time of its last sample, ns; changes that people made before it was listed are applied first.
         """
         if not self._begun:
             self._begin(survey)
@@ -155,7 +154,7 @@ class ListBuilder:
         return dataclasses.replace(survey_of_estimate(survey), frame_id=self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
-        """Change the list as people and estimator changed it up to a time of recording, ns."""
+        """Apply the changes that people and the estimator made up to a log time, ns."""
         while self._changes and until_ns is not None and self._changes[0].log_ns < until_ns:
             change = self._changes.pop(0)
             if isinstance(change, DepthByHand):
@@ -172,7 +171,7 @@ class ListBuilder:
         try:
             self.surveys = decided.applied(self.surveys, depths=self._live_depths)
         except ValueError as error:
-            self.warnings.append(f"the decision of {decided.operator_name} is not taken over: {error}")
+            self.warnings.append(f"the decision of {decided.operator_name} is not applied: {error}")
 
     def _revise(self, survey: Survey) -> None:
         """Revise a survey as the whole run says, unless the recorded revisions say it already."""
@@ -187,10 +186,10 @@ class ListBuilder:
 
     def finish(self, revisions: Sequence[Survey] = ()) -> tuple[SurveyList, str]:
         """
-        Return the list with the decisions of people, and in words how it compares with the live one.
+        Return the list with the decisions of people, and a text that compares it with the live list.
 
-        revisions: what the whole run says of its surveys; a live list with the same settings has its own, but for those
-        that it withdraws.
+        revisions : revised values of surveys from the whole run. A live list with the same settings has its own
+        revisions; then only withdrawn surveys are used.
         """
         if not self._begun:
             self.surveys = self._empty(dataclasses.replace(self._well, sensor_to_bit=self.sensor_to_bit))
@@ -200,17 +199,17 @@ class ListBuilder:
         if not self._live.records:
             return self.surveys, ""
         if not self.as_live and any(r.judgement for r in self._live.records.values()):
-            self.warnings.append("decisions of people in the live list are not taken over: other settings are in force")
-        # A message has the last decision about a survey only, without the revision that was known then.
+            self.warnings.append("decisions of people in the live list are not applied: other settings are in force")
+        # A message has only the last decision about a survey, without the revision that was known at that time.
         told = (dataclasses.replace(r, decisions=r.decisions[-1:], decided_revision=0) for r in self.surveys.records)
         ours = {record.survey.uuid: record for record in told}
         same = sum(ours.get(uuid) == record for uuid, record in self._live.records.items())
         missing = sum(uuid not in ours for uuid in self._live.records)
         text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
-        return self.surveys, text + (f", {missing} of it are not found again" if missing else "")
+        return self.surveys, text + (f", {missing} of them are not found again" if missing else "")
 
     def _begin(self, first: Survey) -> None:
-        """Begin the list where the live one began."""
+        """Begin the list where the live list began."""
         self._begun = True
         well = self._well
         place, recorded = self._estimator.place, self._recorded.estimator
@@ -230,10 +229,10 @@ class ListBuilder:
             kept = tuple(r for r in earlier if r.leg in legs)
             table = dataclasses.replace(self.surveys, records=kept).to_mapping()
             self.surveys = SurveyList.from_mapping(table, self._surface.rules)
-            self.warnings.append(f"{len(kept)} surveys of earlier recordings are taken over from the live list")
+            self.warnings.append(f"{len(kept)} surveys of earlier recordings are copied from the live list")
 
     def _empty(self, well: Well) -> SurveyList:
-        """Return the list before its first survey: with legs and plan of the live one, else as the settings say."""
+        """Return the list before its first survey: with legs and plan of the live list, else from the settings."""
         bare = SurveyList(well=well, rules=self._surface.rules)
         live = self._live.last
         if live is not None and live.well.north_reference == well.north_reference:
@@ -241,13 +240,13 @@ class ListBuilder:
             return dataclasses.replace(bare, legs=live.legs, leg=live.leg, plan=live.plan, tool=tool)
         if live is not None and (live.legs, live.plan) != (bare.legs, None):
             self.warnings.append(
-                f"legs and plan of the recording are not taken over: they are from {live.well.north_reference} north"
+                f"legs and plan of the recording are not used: they are from {live.well.north_reference} north"
             )
             return bare
         try:
             return arranged(bare, self._surface.leg)
         except ValueError as error:
-            self.warnings.append(f"the leg of the recording is not taken over: {error}")
+            self.warnings.append(f"the leg of the recording is not used: {error}")
             return bare
 
     def _clock_is_the_recorder_s(self, first: Survey) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a magnetometer sits in the tool, from a recording: by the angle between gravity and the reference field."""
+"""Mount of a magnetometer in the tool, found from the angle between gravity and the reference field in a recording."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing.bag_input import InputSettings, Topics, mount_of
 from mwd_surface.processing.input_stream import InputStream
 
-# Of the magnetic samples, those that its mount is looked for with; what gravity and field may differ by, sine and rad.
+# Every how many magnetic samples one is used; allowed differences of gravity (sine) and of the dip (rad).
 _EVERY, _STEADY, _DIP = 7, 0.01, 0.05
 
 
 def reference_of(estimator: EstimatorSettings, first_ns: int) -> Reference | None:
-    """The field of the place where that is known for the day; a day outside the model is named as missing."""
+    """Return the field of the place if it is known for the date; a date outside the model is reported as missing."""
     try:
         return derivation.reference(estimator, first_ns)
     except ValueError:
@@ -30,10 +30,10 @@ def reference_of(estimator: EstimatorSettings, first_ns: int) -> Reference | Non
 
 def mag_mounts(bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings) -> list[str]:
     """
-    Mounts of the magnetometer, of the 24 with axes along the tool's, that gravity and the reference field allow.
+    Return the mounts of the magnetometer, of the 24 along the tool's axes, that fit gravity and the reference field.
 
-    The angle between gravity and field is the dip's complement at every attitude: a wrong mount lets it vary as the
-    tool turns, or gives another dip. Empty without a reference field.
+    The angle between gravity and field is the complement of the dip in every attitude: with a wrong mount it varies as
+    the tool turns, or gives another dip. Empty without a reference field.
     """
     mount = mount_of(bag, topics, estimator.tool.mount)
     up, field, first_ns = [], [], 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates into a copy of the recording they come from, beside the original messages, for players and viewers."""
+"""Copy of a recording with the estimates added to the original messages, for players and viewers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.merged_bag import MergedBag
 from mwd_surface.processing.thinner import Thinner
 
-# As the estimator publishes them, relative to the namespace of the IMU.
+# Topics of the estimator, relative to the namespace of the IMU.
 _TOPICS = {
     "attitude": wire.ATTITUDE,
     "gravity": wire.GRAVITY,
@@ -30,14 +30,14 @@ _IMU = "imu/data_raw"
 
 
 def end_rows(output: Output) -> NDArray[np.int64]:
-    """Row of the attitude, of at least one, with which the interval of each survey ends; the last where none does."""
+    """Return the attitude row at which the interval of each survey ends; the last row if none does."""
     newest = np.maximum.accumulate(output.attitude["stamp_ns"])
     return np.searchsorted(newest, [survey.end_ns for survey in output.surveys]).clip(max=len(newest) - 1)
 
 
 class Merger:
     """
-    Writes the copy while the estimator runs.
+    Writer of the copy while the estimator runs.
 
     Parameters
     ----------
@@ -45,16 +45,16 @@ class Merger:
         Folder of the copy.
     bag : Bag
     imu_topic : str
-        Estimates are published in its namespace, and logged when it was.
+        Estimates are published in its namespace, and logged at its log times.
     thinner : Thinner
-        Of attitude and gravity.
+        Thinner of attitude and gravity.
 
     Attributes
     ----------
     remarks : list of str
-        What is called otherwise than one would expect.
+        Topics that have another name than expected.
     frame : str
-        Of the estimates; set it before the first.
+        Frame of the estimates; set it before the first one.
     """
 
     def __init__(self, path: Path, bag: Bag, imu_topic: str, thinner: Thinner) -> None:
@@ -80,10 +80,10 @@ class Merger:
         until_ns: int | None,
     ) -> None:
         """
-        Take what came next.
+        Write the next results and messages.
 
-        output, log_ns : what IMU samples gave, and when each of them was logged. originals : messages of the
-        recording. until_ns : nothing logged up to then is still to come.
+        output, log_ns : results of IMU samples, and the log time of each sample. originals : messages of the recording.
+        until_ns : nothing logged up to this time will follow.
         """
         for one in originals:
             self._merged.add_originals(one)
@@ -93,16 +93,16 @@ class Merger:
             picked = self._thinner(stamps)
             self._add("attitude", output.attitude[picked], log_ns[picked])
             self._add("gravity", output.gravity[picked], log_ns[picked])
-            # Logged with the IMU sample of their time, or the next one there is.
+            # Log these samples at the log time of the IMU sample of their time, or of the next IMU sample.
             newest = np.maximum.accumulate(stamps)
             for relative, samples in (("interference", output.interference), ("dynamics", output.dynamics)):
                 at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
-            # With the sample that ends the interval, or the first one after it that is not written yet.
+            # Log each survey with the sample that ends its interval, or with the first later one not written yet.
             for survey, at in zip(output.surveys, end_rows(output), strict=True):
                 self._write_survey(survey, int(log_ns[at]))
         elif output is not None:
-            # What was held back until no more samples came.
+            # These surveys were held back until no more samples arrived.
             for survey in output.surveys:
                 self._write_survey(survey, self._last_ns)
         if until_ns is not None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Stages of a run side by side: one thread fetches ahead of the work, one puts away behind it.
+Overlapping stages of a run: one thread fetches items ahead of the work, one thread processes results behind it.
 
 Each stage does one thing at a time and in order, and may be only a few items ahead of the next, so that memory stays
-bounded. What goes wrong in a stage is raised where its work is used; nothing is left running when the block ends.
+bounded. An error in a stage is raised where its result is used; no thread is left running when the block ends.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _DEPTH = 3
 @contextlib.contextmanager
 def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
     """
-    The items, worked out by a thread at most `depth` items before they are used.
+    Yield an iterator of the items, which a thread computes at most `depth` items before they are used.
 
-    An exception in `items` is raised where the next item would have been. When the block ends, early or not, the
-    thread finishes the item at hand and ends; a generator is closed by it.
+    An exception in `items` is raised where the next item would have been used. When the block ends, early or not, the
+    thread finishes the current item and ends; this closes a generator.
     """
-    # None: one slot each for what is ready; a pair of (item, failure) marks the end.
+    # Entries are (item,), an exception, or None at the end.
     ready: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(depth)
     stop = threading.Event()
 
@@ -45,7 +45,7 @@ def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
                 if stop.is_set():
                     break
             put(None)
-        except BaseException as error:  # noqa: BLE001  (raised again where the item is used)
+        except BaseException as error:  # noqa: BLE001  (raised where the item is used)
             put(error)
         finally:
             close = getattr(iterator, "close", None)
@@ -73,11 +73,11 @@ def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
 @contextlib.contextmanager
 def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[[T], None]]:
     """
-    A function that hands an item to a thread, which calls `work` with each in order.
+    Yield a function that passes an item to a thread, which calls `work` with each item in order.
 
-    It waits where `depth` items wait already. An exception of `work` ends the thread, and is raised by the next call
-    or at the end of the block. When the block ends well all items have been worked on; when it raises, those that wait
-    are dropped.
+    The function waits while `depth` items wait already. An exception of `work` ends the thread, and is raised by the
+    next call or at the end of the block. If the block ends normally all items have been processed; if it raises,
+    waiting items are dropped.
     """
     waiting: queue.Queue[tuple[T] | None] = queue.Queue(depth)
     drop = threading.Event()
@@ -89,7 +89,7 @@ def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[
                 continue
             try:
                 work(entry[0])
-            except BaseException as error:  # noqa: BLE001  (raised again where items are handed over)
+            except BaseException as error:  # noqa: BLE001  (raised where items are passed on)
                 failures.append(error)
 
     def give(item: T) -> None:

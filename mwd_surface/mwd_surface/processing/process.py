@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-`mwd process`: attitude, surveys and the configuration in force from a recording, written to a folder.
+`mwd process`: attitude, surveys and the settings in force from a recording, written to a folder.
 
-Results appear complete or not at all.
+Results appear completely or not at all.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ def process(
     """
     Write the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv, config.yaml and input.yaml.
 
-    surveys.json is the survey list as the surface node keeps it: `mwd export` and `mwd report` take the folder.
+    surveys.json is the survey list in the form of the surface node, so that `mwd export` and `mwd report` can read it.
 
     Parameters
     ----------
     bag : Bag
     folder : Path
-        Created where it does not exist; other files in it are left alone.
+        Created if it does not exist; other files in it are not changed.
     estimator, given : settings
-        Of the estimator and of the input.
+        Settings of the estimator and of the input.
     progress : callable
-        Called with the share that is done, 0 to 1.
+        Called with the completed share, 0 to 1.
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
     wanted : OutputSettings, optional
@@ -75,7 +75,7 @@ def process(
     BagError
         The bag is cut off or damaged (unless `given.partial`), or has no IMU sample.
     ValueError
-        The settings ask for a field that no model gives, or the IMU is not in SI.
+        The settings require a field that no model covers, or the IMU is not in SI.
     OSError
         The folder cannot be written.
     """
@@ -88,12 +88,12 @@ def process(
 
 
 def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> EstimatorSettings | None:
-    """Settings with the accelerometer reversed, where motion or dip showed to the end that it, and no other, is."""
+    """Return settings with the accelerometer reversed, if motion or dip showed this as the only fault until the end."""
     last = {fault.check: fault for fault in summary.faults}
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
     shown = any(fault.code in reversals and fault.sensors == (1,) for fault in standing)
-    # Where the live estimator rejected these surveys, they are rejected again.
+    # Surveys that the live estimator rejected are rejected again.
     if not shown or estimator.tool.mount.accelerometer != "up" or summary.as_live:
         return None
     return settings.changed(estimator, {"tool.mount.accelerometer": "down"})
@@ -122,7 +122,7 @@ def _processed(
         read = input_text(bag.path, given, calibrated=compensation is not None)
         (draft / INPUT).write_text(read, encoding="utf-8")
         summary.files = [file.name for file in draft.iterdir()]
-        # The largest first: what was asked for.
+        # List the largest file first: it is the main result.
         summary.files.sort(key=lambda name: _AFTER.index(name) if name in _AFTER else -1)
     return summary
 
@@ -135,14 +135,15 @@ def estimate(
     recorded: Recorded | None = None,
 ) -> Summary:
     """
-    Run the estimator over a bag; sink: called with the output of each block, in order, in a thread of its own.
+    Run the estimator over a bag.
 
-    recorded: the settings in the recording, for its survey list.
+    sink : called with the output of each block, in order, in a separate thread. recorded : settings in the recording,
+    for its survey list.
 
     Raises
     ------
     BagError, ValueError
-        As `process`; an exception of the sink ends the run.
+        See `process`; an exception of the sink ends the run.
     """
     return _finished(_run_of(bag, estimator, given, recorded=recorded), bag, given, sink, lambda _share: None)
 
@@ -172,7 +173,7 @@ def _finished(
 ) -> Summary:
     refuse_damaged(bag, given)
     summary = run.run(sink, progress)
-    # Damage may come to light only while reading.
+    # Damage may only be detected while reading.
     refuse_damaged(bag, given)
     if summary.rows == 0:
         if given.start_s > (long := (bag.end_ns - bag.start_ns) * 1e-9) > 0.0:

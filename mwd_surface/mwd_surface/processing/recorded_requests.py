@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Requests to the estimator in a recording: they are taken again at the same samples, so that the same surveys come of it.
+Requests to the estimator in a recording, repeated at the same samples so that the same surveys result.
 
-Surveys on request, while the string turns and north seeks, a reference field that was given, a restart.
+They are surveys on request, rotary surveys and north seeks, a given reference field, and a restart.
 """
 
 from __future__ import annotations
@@ -22,22 +22,20 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.message_conversion import stamp_of
 from mwd_surface.surveys.recorded_list import EVENT_TYPE, EVENTS
 
-# Longest time from a sample to the word of a request that took effect behind it, ns. It tells the passes of a recording
-# apart whose time goes back.
+# Longest time from a sample to the message of a request that took effect after it, ns. It separates the passes of a
+# recording whose time goes back.
 _LATEST_NS = 10 * NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """One request: the last sample before it and the time of its message, ns, its kind in words, and what it does."""
+    """One request: the last sample before it and the log time of its message, ns, its kind as text, and its action."""
 
     stamp_ns: int
     log_ns: int
     kind: str
     apply: Callable[[Pipeline], Output | None]
-    begins_anew: bool = (
-        False  #: it restarts the estimate: samples of the other sensors of later times are to come again
-    )
+    begins_anew: bool = False  #: restarts the estimate: later samples of the other sensors are needed again
 
 
 def _take_survey(pipeline: Pipeline, event: Any) -> None:
@@ -75,16 +73,16 @@ class RecordedRequests:
     ----------
     bag : Bag
     namespace : str
-        Of the well, with a slash at its end.
+        Namespace of the well, with a slash at its end.
     begin_ns : int
-        Time of recording before which requests do not count, ns.
+        Log time before which requests are ignored, ns.
     with_field : bool
-        Whether a reference field that was given counts: not where its user asks for another one.
+        Whether to use a reference field given in the recording; false if the user asks for another one.
 
     Attributes
     ----------
     remarks : list of str
-        Requests that could not be taken again.
+        Requests that could not be repeated.
     """
 
     def __init__(self, bag: Bag, namespace: str, begin_ns: int, *, with_field: bool) -> None:
@@ -98,12 +96,16 @@ class RecordedRequests:
             if event.kind not in _KINDS or not event.success or log_ns < begin_ns:
                 continue
             if event.kind == _FIELD_GIVEN and not with_field:
-                self.remarks.append(f"the field given live ({event.source}) is not used: another one is asked for")
+                self.remarks.append(f"the field given live ({event.source}) is not used: the settings give another one")
                 continue
             self._waiting.append(_request(log_ns, event))
 
     def cut(self, stamps: NDArray[np.int64], log_ns: NDArray[np.int64]) -> Iterator[tuple[slice, list[Request]]]:
-        """Cut samples, shapes (n,), ns, behind the sample of each request; give each part with the requests then."""
+        """
+        Split samples, shapes (n,), ns, after the sample of each request.
+
+        Yield each part with the requests due then.
+        """
         start = 0
         while self._waiting:
             first = self._waiting[0]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Intervals in which a tool stands, from its samples: how many are long enough for a survey, and which a unit hides.
+Intervals in which a tool rests: how many are long enough for a survey, and which a wrong gyro unit hides.
 
-The accelerometers show a rest too. Where they do while the gyro seems to turn or to shake, and neither gravity moves
-as that turn would move it nor any axis stands out as of a turning string, the gyro may be in another unit: read in
-rad/s, a gyro in deg/s turns and scatters 57 times as much as it does.
+The accelerometers show a rest too. If they do while the gyro seems to turn or shake, gravity does not move with that
+turn, and no axis stands out as that of a turning string, then the gyro may be in another unit: read in rad/s, a gyro in
+deg/s turns and scatters 57 times as much as it really does.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_surface.processing.input_stream import Problem
 
 _DEG = math.pi / 180.0
-# Ratio of the noise of the quietest axis of a gyro to that of the noisiest: that of a turning string is along its axis.
+# Least noise ratio of a gyro's quietest to noisiest axis; a turning string has most noise along its axis.
 _ALIKE = 0.4
-_FEW = 3  # samples in half a second, as of a survey
+_FEW = 3  # samples in half a second, as for a survey
 
 
 class Rests:
     """
-    Counts the intervals at rest, taken block by block, by the limits of a survey.
+    Counter of the intervals at rest, block by block, with the limits of a survey.
 
-    settings : of surveys in still intervals.
+    settings : settings of static surveys.
 
     Attributes
     ----------
     count : int
         Intervals of at least the settling and averaging time.
     longest_s : float
-        Longest interval.
+        Longest interval, s.
     hidden_s : float
-        Longest interval at rest by the accelerometers in which the gyro would be at rest if it were in deg/s.
+        Longest interval, s, at rest by the accelerometers in which the gyro would be at rest if it were in deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:
@@ -50,7 +50,7 @@ class Rests:
         self._open = np.empty(0, dtype=np.int64), np.empty((0, 6))
 
     def take(self, samples: Samples) -> None:
-        """Take samples of the IMU in SI."""
+        """Add samples of the IMU in SI."""
         stamps = np.concatenate([self._open[0], samples["stamp_ns"]])
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         values = np.concatenate([self._open[1], values])
@@ -59,7 +59,7 @@ class Rests:
         self._open = stamps[starts[-1] :], values[starts[-1] :]
         if len(starts) < 2:
             return
-        # All but the last half second, which may go on.
+        # Judge all half seconds except the last one, which may continue.
         counts, values = np.diff(starts), values[: starts[-1]]
         mean = np.add.reduceat(values, starts[:-1]) / counts[:, None]
         away = values - np.repeat(mean, counts, axis=0)
@@ -69,17 +69,17 @@ class Rests:
             self._close(mean[k], noise[k], bool(follows[k]) and counts[k] >= _FEW)
 
     def problems(self, imu: str, gyro_unit: str) -> list[Problem]:
-        """Return whether a unit of the gyro hides the rests; gyro_unit: in which it was read."""
+        """Return a problem if a wrong unit of the gyro hides rests; gyro_unit is the unit with which it was read."""
         if self.count or self.hidden_s < self._needed_s or gyro_unit != "rad/s":
             return []
         sentence = (
-            f"{imu}: the accelerometers rest for {self.hidden_s:.0f} s while the gyro turns or scatters as in deg/s "
-            "that are read as rad/s"
+            f"{imu}: the accelerometers rest for {self.hidden_s:.0f} s while the gyro turns or scatters like "
+            "values in deg/s read as rad/s"
         )
         return [Problem(sentence, ("gyro_unit", "deg/s"))]
 
     def _close(self, mean: Array, noise: Array, follows: bool) -> None:
-        """Judge half a second: mean and standard deviation of rate and force, shape (6,)."""
+        """Judge half a second by mean and standard deviation of rate and force, shape (6,)."""
         limit, speed = MAX_RATE * self._settings.motion, float(np.linalg.norm(mean[:3]))
         quiet = follows and bool(noise[3:].max() <= MAX_FORCE_NOISE * self._settings.motion) and math.isfinite(speed)
         steady = quiet and not bool(np.abs(mean[3:] - self._before).max() > MAX_FORCE_STEP)

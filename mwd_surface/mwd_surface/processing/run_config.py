@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""config.yaml and input.yaml of a run: settings in force, and what was read how, to be read back and used again."""
+"""config.yaml and input.yaml of a run: settings in force and how the input was read, for reading back and reuse."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mwd_surface.surveys.recorded_settings import kept
 
 
 def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
-    """config.yaml: every setting in force, ready for --config; what was read and how stands in comments."""
+    """Return config.yaml: every setting in force, ready for --config; comments state what was read and how."""
     head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
     head += [f"# {name}: {value}" for name, value in vars(topics).items() if value and value != Kind.WHOLE]
     for used, default in ((given, InputSettings()), (wanted, OutputSettings())):
@@ -33,7 +33,7 @@ def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: Outp
 
 
 def input_text(bag: Path, given: InputSettings, *, calibrated: bool) -> str:
-    """input.yaml: the recording, how it was read, and whether a calibration was applied to it."""
+    """Return input.yaml: the recording, how it was read, and whether a calibration was applied to it."""
     usual = settings_of.to_mapping(InputSettings())
     changed = {name: value for name, value in settings_of.to_mapping(given).items() if value != usual[name]}
     if given.depths:
@@ -45,7 +45,7 @@ def input_text(bag: Path, given: InputSettings, *, calibrated: bool) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class _InputFile:
-    """The table of input.yaml."""
+    """Table of input.yaml."""
 
     recording: str = settings_of.setting(doc="recording that was read")
     calibrated: bool = settings_of.setting(doc="whether a calibration was applied to it")
@@ -55,9 +55,9 @@ class _InputFile:
 @dataclasses.dataclass(frozen=True)
 class ProcessedInput:
     """
-    What `mwd process` read for the results in a folder, and with which settings.
+    Input of `mwd process` for the results in a folder, and its settings.
 
-    remarks: sentences about settings that this version cannot use.
+    remarks : sentences about settings that this version cannot use.
     """
 
     recording: Path
@@ -69,14 +69,14 @@ class ProcessedInput:
 
 def processed_input(folder: Path) -> ProcessedInput | None:
     """
-    What was read for the results in a folder; None where it holds none.
+    Return the input of the results in a folder; None if the folder holds no results.
 
     Raises
     ------
     SettingsError
-        A file of settings in it is not as it was written.
+        A settings file in the folder is not valid.
     OSError
-        It cannot be read.
+        A file cannot be read.
     """
     if not (folder / INPUT).is_file():
         return None
@@ -94,23 +94,23 @@ def estimator_config(path: Path) -> EstimatorSettings:
     Raises
     ------
     SettingsError
-        It is not YAML, or not a table of settings, or names a setting that does not exist.
+        The file is not YAML, is not a table of settings, or names an unknown setting.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     return settings_of.from_mapping(EstimatorSettings, read_config(path))
 
 
 def read_config(path: Path) -> dict[str, Any]:
     """
-    Settings of a YAML file: as config.yaml has them, or as a ROS parameter file gives them to the estimator node.
+    Return the settings in a YAML file, in the form of config.yaml or of a ROS parameter file for the estimator node.
 
     Raises
     ------
     SettingsError
-        It is not YAML, or not a table.
+        The file is not YAML, or not a table.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     table = read_yaml(path)
     if table is None:
@@ -124,7 +124,7 @@ def read_config(path: Path) -> dict[str, Any]:
 
 
 def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
-    """Tables in tables as one with dotted names; an empty one stays, as a value."""
+    """Return nested tables as one table with dotted names; an empty table stays as a value."""
     out: dict[str, Any] = {}
     for name, value in table.items():
         inner = value and isinstance(value, dict)
@@ -133,7 +133,7 @@ def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
 
 
 def _nested(table: dict[str, Any]) -> dict[str, Any]:
-    """Dotted names, as ROS writes them, as tables in tables."""
+    """Return dotted names, as ROS writes them, as nested tables."""
     out: dict[str, Any] = {}
     for name, value in _dotted(table).items():
         *parents, leaf = name.split(".")
@@ -141,8 +141,8 @@ def _nested(table: dict[str, Any]) -> dict[str, Any]:
         for parent in parents:
             place = place.setdefault(parent, {})
             if not isinstance(place, dict):
-                raise settings_of.SettingsError(f"{name}: {parent} is no table, but {place!r}")
+                raise settings_of.SettingsError(f"{name}: {parent} is not a table, but {place!r}")
         if place.get(leaf):
-            raise settings_of.SettingsError(f"{name}: is a table of settings, and given as {value!r} too")
+            raise settings_of.SettingsError(f"{name}: is a table of settings, but also given as {value!r}")
         place[leaf] = value
     return out

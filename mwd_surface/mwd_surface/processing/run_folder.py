@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `mwd process` left in a folder, read back: its surveys, and its attitude in blocks, whatever the file format."""
+"""Reading the results of `mwd process` from a folder: its surveys, and its attitude in blocks, in any file format."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ Rows = dict[str, NDArray[Any]]
 
 
 def is_run(folder: Path) -> bool:
-    """Whether this folder holds the results of a run."""
+    """Return whether the folder holds the results of a run."""
     return (folder / "surveys.csv").is_file() and attitude_file(folder) is not None
 
 
 def attitude_file(folder: Path) -> Path | None:
-    """The attitude of a run: attitude.parquet or attitude.csv."""
+    """Return the attitude file of a run: attitude.parquet or attitude.csv; None if there is none."""
     found = (folder / f"attitude.{ending}" for ending in ("parquet", "csv"))
     return next((path for path in found if path.is_file()), None)
 
 
 def surveys(folder: Path) -> list[dict[str, str]]:
     """
-    Lines of surveys.csv, column -> text.
+    Return the lines of surveys.csv, column -> text.
 
     Raises
     ------
     OSError
-        There is none.
+        The file does not exist or cannot be read.
     """
     text = read_text(folder / "surveys.csv", budgets.LIST)
     check_lines(text, budgets.LIST)
@@ -55,17 +55,17 @@ def surveys(folder: Path) -> list[dict[str, str]]:
 
 def attitude(folder: Path) -> Iterator[Rows]:
     """
-    Attitude in blocks, in the order of the file.
+    Yield the attitude in blocks, in the order of the file.
 
-    Each block: `stamp_ns`, shape (n,), ns; the angles of `ANGLES`, deg, nan where unknown; `gravity`, shape (n, 3),
-    unit vector down, nan where unknown; `status`, shape (n,), words joined by a bar.
+    Each block: `stamp_ns`, shape (n,), ns; the angles of `ANGLES`, deg, nan if unknown; `gravity`, shape (n, 3), unit
+    vector down, nan if unknown; `status`, shape (n,), words joined by a bar.
 
     Raises
     ------
     FileNotFoundError
         The folder has no attitude.
     ValueError
-        It is none of ours.
+        The file was not written by `mwd process`.
     """
     file = attitude_file(folder)
     if file is None:
@@ -93,7 +93,7 @@ def _batches(file: Path) -> Iterator[pa.RecordBatch]:
             budgets.RUN.check("records", about.num_rows)
             groups = range(about.num_row_groups)
             budgets.RUN.check_ratio(size, sum(about.row_group(k).total_byte_size for k in groups))
-            # Runs of equal values pack any number of rows into a few bytes: by their width in memory.
+            # Runs of equal values pack any number of rows into a few bytes: count the rows by their width in memory.
             budgets.RUN.check_ratio(size, about.num_rows * _ROW_BYTES)
             yield from opened.iter_batches(columns=list(_COLUMNS))
         return

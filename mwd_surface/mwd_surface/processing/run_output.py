@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run writes: attitude in the format asked for, surveys, faults of sensors; complete, or not at all."""
+"""Output files of a run: attitude in the requested format, surveys, faults of sensors; complete, or not at all."""
 
 from __future__ import annotations
 
@@ -34,30 +34,34 @@ FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind",
 
 @dataclasses.dataclass(frozen=True)
 class OutputSettings:
-    """What to write."""
+    """Choice of the output."""
 
     format: str = setting("csv", "File of the attitude", choices=FORMATS)
-    rate_hz: float = setting(0.0, "At most so many rows a second; 0: one for every IMU message", unit="Hz", low=0.0)
-    smooth: bool = setting(False, "Gravity of each sample from what came after it too; method bounded only")
+    rate_hz: float = setting(
+        0.0, "Largest number of rows per second; 0: one row for every IMU message", unit="Hz", low=0.0
+    )
+    smooth: bool = setting(False, "Smooth gravity with later samples; method bounded only")
 
 
 def results_in(folder: Path) -> list[Path]:
-    """Results of a run that lie in a folder."""
+    """Return the files in a folder that are results of a run."""
     return [folder / name for name in _RESULTS if (folder / name).is_symlink() or (folder / name).exists()]
 
 
 @contextlib.contextmanager
 def drafts(folder: Path) -> Iterator[Path]:
     """
-    A folder beside `folder` to write results into; they move to `folder` when the block ends well, else vanish.
+    Yield a temporary folder next to `folder` for results.
 
-    Results of an earlier run in `folder` go, whatever their format, so that it never holds those of two; other files in
-    it stay.
+    They move to `folder` if the block ends normally, else vanish.
+
+    Results of an earlier run in `folder` are deleted in every format, so that the folder never mixes two runs; other
+    files stay.
 
     Raises
     ------
     OSError
-        `folder` is a file, or it cannot be made or written.
+        `folder` is a file, or it cannot be created or written.
     """
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(20, "it is a file, not a folder", str(folder))
@@ -84,14 +88,14 @@ def drafts(folder: Path) -> Iterator[Path]:
 def destination(
     folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
 ) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
-    """What writes the attitude of each block."""
+    """Yield the function that writes the attitude of each block, and the merger, if any."""
     thinner = Thinner(wanted.rate_hz)
     if wanted.format == "mcap":
         with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
             yield lambda _output: None, merger
         return
     if wanted.format == "parquet":
-        # Not for everyone: it takes longer to load than a short recording to process.
+        # Import only if needed: loading this module takes longer than processing a short recording.
         from mwd_surface.processing import attitude_parquet
 
         with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
@@ -133,7 +137,7 @@ def survey_text(records: Iterable[SurveyRecord]) -> str:
 
 
 def fault_text(faults: list[SensorFault]) -> str:
-    """faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
+    """Return faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
     return station_csv.text(
         FAULT_COLUMNS,
         (

@@ -20,7 +20,7 @@ from mwd_estimation.survey.survey import Survey
 from mwd_surface.processing.bag_input import Topics
 from mwd_surface.surveys.survey_list import SurveyList
 
-_MANY_REFUSED = 0.1  # share of the samples that is worth a warning
+_MANY_REFUSED = 0.1  # share of refused samples above which a warning is given
 _MANY_DISTURBED = 0.05
 _MANY_GAPS = 0.5
 
@@ -28,45 +28,45 @@ _MANY_GAPS = 0.5
 @dataclasses.dataclass
 class Summary:
     """
-    Result of a bag.
+    Result of a run over a bag.
 
     Attributes
     ----------
     rows : int
-        IMU messages.
+        Number of IMU messages.
     start_ns, end_ns : int
-        Stamps of the first and the last of them.
+        Stamps of the first and the last IMU message.
     rejected, gaps, without_gravity, without_azimuth : int
-        Rows with that flag or lack.
+        Number of rows with that flag or without that value.
     disturbed : int
-        Rows without an azimuth because the magnetic field was off its reference.
+        Rows without an azimuth because the magnetic field differed from its reference.
     total_off, dip_off : float
         Largest deviation of total field and dip from the reference near those rows, T, rad.
     lowest, highest : float
-        Range of the inclination, rad; nan where there is none.
+        Range of the inclination, rad; nan if there is none.
     north, reference : str
-        North of the azimuth, and where the field comes from.
+        North of the azimuth, and source of the reference field.
     surveys : list of (Survey, measured depth in m or nan)
         As first decided.
     listed : SurveyList
         The same surveys as the surface node keeps them, with their definitive values.
     depths : str
-        Where the depths of the surveys come from, in words.
+        Source of the depths of the surveys, as text.
     live : str
-        How this list compares with the live one of the recording; empty where it has none.
+        Comparison of this list with the live list of the recording; empty if there is none.
     no_survey : str
         Why there is no survey, in words; empty where there are some.
     faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
     files : list of str
-        Names of what was written.
+        Names of the files written.
     mag_used : bool
         Whether the magnetometer was used.
     other_input : list of str
-        How the samples of the recording differ from those that the live estimator used; empty where they do not.
+        Differences between the recorded samples and those that the live estimator used; empty if there are none.
     as_live : bool
-        The settings are those of the live survey list in the recording.
+        Whether the settings are those of the live survey list in the recording.
     """
 
     topics: Topics
@@ -98,7 +98,7 @@ class Summary:
 
     @property
     def seconds(self) -> float:
-        """Time covered, s."""
+        """Time covered by the rows, s."""
         return (self.end_ns - self.start_ns) * 1e-9
 
     def count(self, output: Output) -> None:
@@ -129,7 +129,7 @@ class Summary:
 
 
 def hindrance(pipeline: Pipeline, summary: Summary) -> str:
-    """Return what kept the estimator from a survey most often, in words."""
+    """Return the most frequent reason why the estimator took no survey, as text."""
     settings, found = pipeline.settings.survey, pipeline.still.hindrances
     needed = settings.settle_s + settings.duration_s
     if not settings.automatic:
@@ -137,7 +137,7 @@ def hindrance(pipeline: Pipeline, summary: Summary) -> str:
     if summary.seconds < needed:
         return f"a survey needs {needed:g} s of data at rest, and there are {max(summary.seconds, 0.0):.1f} s"
     if summary.without_gravity == summary.rows:
-        return "the inclination is never known: see the faults of the sensors"
+        return "the inclination was never known: see the faults of the sensors"
     if not found:
         return f"no rest lasted {needed:g} s"
     often, reason = max(found.values(), key=lambda one: one[0])
@@ -145,27 +145,27 @@ def hindrance(pipeline: Pipeline, summary: Summary) -> str:
 
 
 def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: EstimatorSettings) -> list[str]:
-    """Return what is worth a warning once the whole recording has passed the pipeline."""
+    """Return the warnings after the whole recording has passed the pipeline."""
     warnings = []
     if summary.rejected > _MANY_REFUSED * summary.rows:
         warnings.append(
             f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
-            "are not finite or beyond reason"
+            "are not finite or impossible"
         )
-    # Where the time went back to its begin or before it, there is no rate.
+    # If the time went back to its beginning or before, there is no rate.
     if summary.gaps > _MANY_GAPS * summary.rows and summary.seconds > 0.0:
         rate_hz = (summary.rows - 1) / summary.seconds
         warnings.append(
             f"the IMU gives {rate_hz:.2g} samples/s, and most of them follow a gap: no survey can be averaged, and the "
-            "attitude is that of single samples; record it at the rate of the sensor"
+            "attitude comes from single samples; record at the rate of the sensor"
         )
     if summary.disturbed > _MANY_DISTURBED * summary.rows:
         possible = derivation.interference_params(estimator).axial
         warnings.append(
-            f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
-            f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
+            f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field differs from "
+            f"the reference (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
             f"dip off): external interference, or a string magnetised beyond {1e9 * possible:,.0f} nT (by "
-            "tool.axial_interference_nt), which the first survey that is accepted tells"
+            "tool.axial_interference_nt), which the first accepted survey will show"
         )
     if pipeline.went_back:
         often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]

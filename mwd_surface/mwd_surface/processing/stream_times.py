@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The times of one topic of a recording: its rate, gaps, stamps that do not advance, and its clock against the log."""
+"""Times of one topic of a recording: rate, gaps, stamps that do not advance, and clock against the recorder's."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 # A gap is longer than this number of intervals, and longer than this time, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
-# Number of samples in a row whose mean interval is that of the stream, also where they come in bursts. A step above
-# this multiple of the usual interval begins a burst; a step above this multiple of the one between bursts is a gap.
+# _RATED: number of consecutive samples whose mean interval is that of the stream, also if they arrive in bursts.
+# _BURSTS: a step above this multiple of the usual interval begins a burst; a step above this multiple of the interval
+# between bursts is a gap.
 _RATED, _BURSTS = 64, 3.0
-# A clock off the recorder's by more is worth a word, s; a drift, as a share of time.
+# Difference of a clock from the recorder's above which there is a remark, s; the same for drift, as a share of time.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
 _FEW = 10
 
 
 class StreamTimes:
     """
-    Times of the samples of a topic, taken block by block.
+    Times of the samples of a topic, read block by block.
 
     Attributes
     ----------
     count, gaps, backwards : int
-        Samples, gaps, and stamps that do not advance.
+        Number of samples, gaps, and stamps that do not advance.
     first_ns, last_ns : int
-        Stamps; 0 before any.
+        First and last stamp; 0 before any sample.
     longest_gap_s, gap_at_s : float
-        Longest gap, and how long after the first sample it begins.
+        Longest gap, and its start after the first sample, s.
     """
 
     def __init__(self) -> None:
@@ -41,7 +42,7 @@ class StreamTimes:
         self._offsets: list[tuple[int, float]] = []
 
     def take(self, stamp_ns: Stamps, log_ns: Stamps) -> None:
-        """Take samples: stamps and log times, shape (n,), ns."""
+        """Add samples by their stamps and log times, shape (n,), ns."""
         if not len(stamp_ns):
             return
         begin = self.last_ns if self.count else int(stamp_ns[0])
@@ -52,7 +53,7 @@ class StreamTimes:
         if math.isnan(self._interval_s) and (forward > 0.0).any():
             self._interval_s, self._burst_s = _intervals(forward[forward > 0.0])
         limit = max(_INTERVALS * self._interval_s, _BURSTS * self._burst_s, _SHORTEST_S)
-        # Of a clock that is set while it records nothing is known.
+        # If the clock is set during the recording, the length of a gap is unknown.
         long = np.flatnonzero(steps > limit)
         self.gaps += len(long)
         if len(long) and steps[long].max() > self.longest_gap_s:
@@ -61,34 +62,38 @@ class StreamTimes:
             self.gap_at_s = (int(stamp_ns[k]) - self.first_ns) * 1e-9 - self.longest_gap_s
         self.count += len(stamp_ns)
         self.last_ns = int(stamp_ns[-1])
-        # The messages that were on their way the shortest time show the clocks.
+        # The messages with the shortest delay show the difference of the clocks.
         self._offsets.append((int(log_ns[-1]), float((log_ns - stamp_ns).min()) * 1e-9))
 
     @property
     def rate(self) -> float:
-        """Samples a second, by the first of them; nan for a single one."""
+        """Number of samples per second, from the first samples; nan for a single sample."""
         return 1.0 / self._interval_s if self._interval_s > 0.0 else math.nan
 
     @property
     def bursts(self) -> bool:
-        """Whether stamps come in bursts, as those of messages stamped when they arrive."""
+        """Whether stamps come in bursts, like those of messages stamped on arrival."""
         return self._burst_s > _BURSTS * self._interval_s
 
     @property
     def offset_s(self) -> float:
-        """Clock of the recorder less that of the stamps, s; nan before any sample."""
+        """Clock of the recorder minus that of the stamps, s; nan before any sample."""
         return min((offset for _, offset in self._offsets), default=math.nan)
 
     @property
     def drift(self) -> float:
-        """Change of that, as a share of time; nan from less than some blocks."""
+        """Rate of change of `offset_s`, s/s; nan if there are too few blocks."""
         if len(self._offsets) < _FEW:
             return math.nan
         at = np.array([log_ns - self._offsets[0][0] for log_ns, _ in self._offsets]) * 1e-9
         return float(np.polyfit(at, [offset for _, offset in self._offsets], 1)[0]) if at[-1] > 60.0 else math.nan
 
     def remarks(self, regular: bool = True) -> list[str]:
-        """What is unusual, in words; regular: the topic has one rate, so that gaps mean something."""
+        """
+        Return sentences on anything unusual.
+
+        `regular` means that the topic has one rate, so that gaps have a meaning.
+        """
         found = []
         if self.gaps and regular:
             often = "a gap" if self.gaps == 1 else f"{self.gaps} gaps, the longest"
@@ -116,10 +121,11 @@ class StreamTimes:
 
 def _intervals(steps: Array) -> tuple[float, float]:
     """
-    Return the interval of a stream and the usual time from one burst to the next, s, by its first steps, shape (n,).
+    Return the interval of a stream and the usual interval between bursts, s, from its first steps, shape (n,).
 
-    The median of the longest steps among some samples in a row is that of a burst, or of a regular stream its interval.
-    The mean interval of a stream in bursts leaves out gaps; of a regular stream it is the median, for some may be lost.
+    In a stream of bursts, the interval between bursts is the median of the longest step among some consecutive samples;
+    in a regular stream this median is the interval. The mean interval of a stream in bursts leaves out gaps. In a
+    regular stream the median is used, because some samples may be lost.
     """
     count = min(_RATED, len(steps))
     rows = np.lib.stride_tricks.sliding_window_view(steps, count)[:: max(count // 2, 1)]

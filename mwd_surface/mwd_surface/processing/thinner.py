@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fewer rows of a fast stream: the first one in each equal interval since the epoch, whatever the block boundaries."""
+"""Reduction of a fast stream to the first row in each equal interval since the epoch, however it is cut."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 class Thinner:
     """
-    Picks rows of streams by their stamps.
+    Selector of rows of streams by their stamps.
 
     rate_hz : largest number of rows per second; 0 keeps every row.
     """

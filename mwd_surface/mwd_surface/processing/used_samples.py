@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a recording holds the samples that the live estimator used: those of its own counters, topic by topic."""
+"""Check whether a recording holds the samples that the live estimator used, by its counters for each topic."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
 
 @dataclasses.dataclass
 class _Count:
-    """Samples of one run of the estimator on a topic: as counted live, between two stamps, ns; and as recorded."""
+    """Sample counts of one run of the estimator on a topic: used live between two stamps, ns, and recorded."""
 
     first_ns: int
     last_ns: int
@@ -29,9 +29,9 @@ class _Count:
 
 class UsedSamples:
     """
-    Counts of samples that were used live, and of those that come from the recording.
+    Counts of the samples used live and of the samples in the recording.
 
-    bag : Bag. namespace : of the well, with a slash at its end.
+    bag : Bag. namespace : namespace of the well, with a slash at its end.
     """
 
     def __init__(self, bag: Bag, namespace: str) -> None:
@@ -45,7 +45,11 @@ class UsedSamples:
                 self._take_count(str(one.topic), stamp_of(one.first), stamp_of(one.last), int(one.samples))
 
     def _take_count(self, topic: str, first_ns: int, last_ns: int, used: int) -> None:
-        """Take a count: the same run of the estimator counts on, another one begins at another stamp or with fewer."""
+        """
+        Add a count.
+
+        A count that restarts at another stamp or with fewer samples belongs to another run of the estimator.
+        """
         runs = self._counts.setdefault(topic, [])
         if runs and used >= runs[-1].used and first_ns == runs[-1].first_ns:
             runs[-1] = _Count(first_ns, last_ns, used)
@@ -64,7 +68,7 @@ class UsedSamples:
                     run.recorded_from_ns = min(run.recorded_from_ns or begin, begin)
 
     def differences(self, topics: Topics) -> list[str]:
-        """Say of each topic in use how the recording differs from what was used live."""
+        """Return a sentence for each used topic whose recording differs from the samples used live."""
         found = []
         for topic in topics.all:
             single = self._singles.get(topic, topic)

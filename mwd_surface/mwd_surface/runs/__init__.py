@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whole jobs that a command starts: simulate, calibrate, play back, supervise nodes, look at the machine."""
+"""Whole jobs behind a command: simulate, calibrate, play back, supervise nodes, check the machine."""

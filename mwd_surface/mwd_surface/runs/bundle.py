@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A zip for a bug report: versions, checks of the machine, settings, logs, survey list, the last minutes of the recording.
+A zip file for a bug report: versions, checks of the machine, settings, logs, survey list, end of the recording.
 
-Nothing secret goes into it: parameters and lines that name a token or password are left out, the words of token files
-are blotted out wherever they stand, and the home folder is written as ~.
+Secrets stay out: parameters and lines that name a token or password are left out, the contents of token files are
+replaced wherever they occur, and the home folder is written as ~.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs.doctor import examine
 
-# A log is cut to so much of its end.
+# Number of bytes kept from the end of a log.
 _LOG_BYTES = 2_000_000
 _SECRET = re.compile(r"(?i)(token|password|passphrase|secret)")
 # Files of a run that say what it was; all else stays where it is.
 _TEXTS = ("*.log", "*.yaml", "surveys*.json", "surveys*.csv", "faults.csv", "rig_status.json")
 _VARIABLES = ("ROS_", "RMW_", "FASTRTPS_", "AMENT_", "MWD_", "NUMBA_", "PYTHON")
-_MOST_BYTES = 20_000_000  # of one text file other than a log
+_MOST_BYTES = 20_000_000  # largest size of one text file other than a log
 
 
 @dataclasses.dataclass(frozen=True)
 class Bundle:
-    """What went into it: names in the zip, the recording it took the end of (or None), and what it could not take."""
+    """Result: names in the zip, the recording whose end was copied (or None), and what could not be included."""
 
     names: list[str]
     recording: Path | None
@@ -49,20 +49,20 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
     Parameters
     ----------
     folder : Path
-        Looked through with all that is below it.
+        Searched with all its subfolders.
     target : Path
-        The zip; complete or not at all.
+        The zip file; it is written completely or not at all.
     minutes : float
-        Of the end of the newest recording; 0: none.
+        Length of the end of the newest recording to copy; 0: none.
     versions : str
-        Of this project and of what it stands on.
+        Versions of this project and of its libraries.
     environment : mapping
-        Variables of the process.
+        Environment variables of the process.
 
     Raises
     ------
     FileNotFoundError
-        There is no such folder.
+        The folder does not exist.
     OSError
         The zip cannot be written.
     """
@@ -92,7 +92,7 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
 
 
 def clean(text: str, secrets: tuple[str, ...]) -> str:
-    """The text without lines that name a secret, with the words of `secrets` and the home folder blotted out."""
+    """Return the text without lines that name a secret; words in `secrets` and the home folder are replaced."""
     lines = ["(a line about a secret is left out)" if _SECRET.search(line) else line for line in text.splitlines()]
     joined = "\n".join(lines) + "\n"
     for word in secrets:
@@ -102,7 +102,7 @@ def clean(text: str, secrets: tuple[str, ...]) -> str:
 
 
 def newest_recording(folder: Path) -> Path | None:
-    """The recording that was written last, at or below a folder; None where there is none."""
+    """Return the recording in a folder or its subfolders that was written last; None if there is none."""
     if folder.is_file():
         return folder
     files = [row for ending in ("mcap", "db3", "mcap.zstd", "db3.zstd") for row in _below(folder, f"*.{ending}")]
@@ -112,12 +112,12 @@ def newest_recording(folder: Path) -> Path | None:
 
 def copy_end(recording: Path, target: Path, minutes: float) -> int:
     """
-    Copy the last minutes of a recording, latched tables before them included; the number of messages.
+    Copy the last minutes of a recording, with the latched messages before them; return the number of messages.
 
     Raises
     ------
     BagError
-        It is no recording.
+        The path is not a recording.
     """
     with Bag(recording) as bag, BagWriter(target) as writer:
         begin = bag.end_ns - round(minutes * 60 * wire.NANOSECONDS)
@@ -141,7 +141,7 @@ def copy_end(recording: Path, target: Path, minutes: float) -> int:
             writer.write(channels[name], data, log_ns)
         for table, values in bag.metadata().items():
             if table == "rosbag2":
-                continue  # of the whole recording
+                continue  # it describes the whole recording
             writer.add_metadata(table, {name: text for name, text in values.items() if not _SECRET.search(name)})
         return writer.messages
 
@@ -152,7 +152,7 @@ def _before(bag: Bag, topics: list[str], end_ns: int) -> Iterator[tuple[int, str
 
 
 def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
-    """Words that must not leave this machine: of token files in the folder, and of variables named as secrets."""
+    """Return words that must stay on this machine: tokens in files of the folder and secret environment variables."""
     words = [value for name, value in environment.items() if _SECRET.search(name)]
     for file, status in _below(folder, "*token*"):
         if status.st_size <= budgets.SECRET.size:
@@ -162,7 +162,11 @@ def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _below(folder: Path, pattern: str) -> Iterator[tuple[Path, os.stat_result]]:
-    """Files below a folder, in order; one that a running node takes away meanwhile is left out."""
+    """
+    Yield the files in a folder and its subfolders, in order.
+
+    Files that a running node removes meanwhile are skipped.
+    """
     for file in sorted(folder.rglob(pattern)) if folder.is_dir() else ():
         with contextlib.suppress(FileNotFoundError):
             if file.is_file():
@@ -172,7 +176,7 @@ def _below(folder: Path, pattern: str) -> Iterator[tuple[Path, os.stat_result]]:
 def _texts(
     folder: Path, versions: str, environment: Mapping[str, str], remarks: list[str]
 ) -> Iterator[tuple[str, str]]:
-    """Name and content of each text of the bundle; remarks: gets what went away while it was packed."""
+    """Yield name and content of each text of the bundle; add files that disappear meanwhile to `remarks`."""
     yield "versions.txt", versions
     checks = examine(environment, folder if folder.is_dir() else folder.parent)
     yield "doctor.txt", "\n".join(f"{c.level.name:8}{c.name}: {c.state} {c.remedy}".rstrip() for c in checks)
@@ -188,9 +192,10 @@ def _texts(
                         opened.seek(max(status.st_size - _LOG_BYTES - 1, 0) if pattern == "*.log" else 0)
                         content = opened.read(max(_LOG_BYTES + 1, _MOST_BYTES))
                 except FileNotFoundError:
-                    remarks.append(f"{file} is not in it: it was taken away meanwhile")
+                    remarks.append(f"{file} is not in it: it was removed while the bundle was being written")
                     continue
                 if pattern == "*.log" and len(content) > _LOG_BYTES:
-                    # Whole lines: the rest of one may be a secret without the word that names it.
+                    # Keep whole lines only: the rest of a cut line may hold a secret without the word that identifies
+                    # it.
                     content = content[-_LOG_BYTES:].partition(b"\n")[2]
                 yield f"run/{file.relative_to(folder)}", content.decode(errors="replace")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tumble and temperature run, recorded or simulated, to a calibration of one unit, and the file that keeps it."""
+"""Calibration of one unit from a recorded or simulated tumble and temperature run, and the file that stores it."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from mwd_surface.processing.input_stream import InputStream, problems, refuse
 
 UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
-# A run of calibration is minutes; this is a day at 100 Hz.
+# A calibration run takes minutes; this limit is a day at 100 Hz.
 _MOST_SAMPLES = 8_640_000
-# Beyond the temperatures of the calibration its slopes still hold for so much, degC.
+# The temperature slopes hold this far beyond the temperatures of the calibration run, degC.
 _MARGIN = 10.0
 
 
@@ -52,16 +52,16 @@ class Run:
     Attributes
     ----------
     source : str
-        What it was, for people.
+        Description of the run, for people.
     unit : str
         A key of `UNITS`.
     imu : Samples
     mag : Samples or None
-        On the stamps of imu.
+        Samples at the stamps of `imu`.
     celsius : ndarray, shape (n,)
-        At the stamps of imu.
+        Temperature at the stamps of `imu`.
     rate : float
-        Hz.
+        Sample rate, Hz.
     """
 
     source: str
@@ -79,7 +79,7 @@ def simulated(scenario: Scenario, unit: str) -> Run:
     Raises
     ------
     ValueError
-        The scenario's sonde has no such unit.
+        The sonde of the scenario has no such unit.
     """
     if unit == "precision" and scenario.precision is None:
         raise ValueError(f"scenario {scenario.name}: its sonde has no precision unit")
@@ -94,14 +94,14 @@ def simulated(scenario: Scenario, unit: str) -> Run:
 
 def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[Run, list[str]]:
     """
-    Read a run from a recording; returns what is unusual about it too, in words.
+    Read a run from a recording; return also sentences on anything unusual.
 
     Raises
     ------
     BagError
-        There is no IMU of that unit, more than one of them, or the run is longer than a day.
+        The recording has no IMU of that unit or several, or the run is longer than a day.
     ValueError
-        The samples cannot be used as they are, or there is no temperature.
+        The samples cannot be used, or the recording has no temperature.
     """
     given = given or InputSettings()
     refuse_damaged(bag, given)
@@ -125,7 +125,7 @@ def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[R
 
 
 def _topics_of(bag: Bag, unit: str, given: InputSettings) -> Topics:
-    """Return the topics of one unit, which stands in the place of the IMU."""
+    """Return the topics of one unit, arranged so that this unit is read as the main IMU."""
     if unit == "precision":
         name = given.gyro_topic or bag.find_topic(wire.IMU.type_name, UNITS[unit])
         given = dataclasses.replace(given, imu_topic=name, gyro_topic="")
@@ -133,7 +133,7 @@ def _topics_of(bag: Bag, unit: str, given: InputSettings) -> Topics:
 
 
 def scenario_of(bag: Bag) -> Scenario | None:
-    """The scenario that a simulated recording keeps inside; None where there is none."""
+    """Return the scenario stored inside a simulated recording; None if there is none."""
     for attachment in bag.attachments():
         if attachment.name == "scenario.yaml":
             return parse(attachment.data.decode())
@@ -141,19 +141,19 @@ def scenario_of(bag: Bag) -> Scenario | None:
 
 
 def field_of(scenario: Scenario) -> tuple[float, tuple[float, float]]:
-    """Gravity, m/s^2, and strength, T, and dip, rad, of the field where a scenario takes place."""
+    """Return gravity, m/s^2, and strength, T, and dip, rad, of the magnetic field at the place of a scenario."""
     reference = reference_of(scenario)
     return reference.gravity, (reference.total, reference.dip)
 
 
 def calibrated(run: Run, gravity: float, field: tuple[float, float] | None) -> Calibration:
     """
-    Calibration of a run; without a field the magnetometer is left out.
+    Return the calibration of a run; without a magnetic field the magnetometer is left out.
 
     Raises
     ------
     ValueError
-        The run cannot carry a calibration; says why.
+        The run is not sufficient for a calibration; the message says why.
     """
     imu = run.imu
     mag = run.mag if run.unit == "ahrs" and field is not None else None
@@ -164,12 +164,14 @@ def calibrated(run: Run, gravity: float, field: tuple[float, float] | None) -> C
 
 def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
     """
-    Write a calibration as YAML; about: where it comes from, in plain values.
+    Write a calibration as YAML.
+
+    about : origin of the calibration, as plain values.
 
     Raises
     ------
     OSError
-        It cannot be written.
+        The file cannot be written.
     """
     table = {"about": dict(about), "calibration": as_table(found)}
     head = "# Made by `mwd calibrate`. SI units: rad/s, m/s^2, T, degC. Corrected = matrix @ ((reading - bias\n"
@@ -180,14 +182,14 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
 
 def read(path: Path, unit: str = "ahrs") -> Calibration:
     """
-    Read a calibration that `write` wrote, to be used on a unit.
+    Read a calibration file of `write` for use with a unit.
 
     Raises
     ------
     SettingsError
-        It is not YAML, not a calibration, or one of another unit; names the file.
+        The file is not YAML, not a calibration, or belongs to another unit; the message names the file.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     table = read_yaml(path)
     if not isinstance(table, dict) or not isinstance(table.get("calibration"), dict):
@@ -203,7 +205,11 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
 
 
 def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSettings:
-    """Settings with the temperatures, degC, of the run a calibration was made of; as they are where it does not say."""
+    """
+    Return settings that include the temperature range, degC, of a calibration.
+
+    Unchanged if the file has no range.
+    """
     table = read_yaml(path)
     about = table.get("about") if isinstance(table, dict) else None
     given = about.get("temperature_c") if isinstance(about, dict) else None
@@ -243,7 +249,7 @@ def _interpolated(stamps: NDArray[np.int64], at: NDArray[np.int64], values: Arra
 
 
 def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
-    """Rows for people: triad, rests or turns, residual before and after, unit."""
+    """Return rows for people: triad, number of rests or turns, residual before and after, unit."""
     ug, nt, mrad = 1e6 / STANDARD_GRAVITY, 1e9, 1e3
     rows = [
         ("accelerometers", found.accelerometer, ug, "µg of gravity's strength"),
@@ -255,7 +261,7 @@ def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
 
 
 def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
-    """Rows for people: triad, figure with its unit, and the three axes as value and 1 sigma."""
+    """Return rows for people: triad, quantity with its unit, and the three axes as value and 1 sigma."""
     rows: list[tuple[str, str, list[str]]] = []
     dph, ug = math.degrees(1.0) * 3600.0, 1e6 / STANDARD_GRAVITY
     for name, triad, scale, unit in (
@@ -277,7 +283,7 @@ def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
 
 
 def _figure(value: float, sigma: float) -> str:
-    """Value and 1 sigma, both to the second digit of the sigma."""
+    """Return value and 1 sigma as text, both to the second significant digit of the sigma."""
     if not sigma > 0.0:
         return f"{value:.4g}"
     decimals = max(0, 1 - math.floor(math.log10(sigma)))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What this machine lacks for the graph, and how to get it: one result per check.
+Checks of what this machine lacks to run the graph, and how to install it: one result per check.
 
-Nothing is changed and no node is started.
+The checks change nothing and start no node.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 PAGE_PORT = 8080
 _PYTHONS = ((3, 11), (3, 12))
 _LEAST_DISK = 2 * 10**9
-# Of a socket, bytes: a second of three nodes at 1 kHz, as fastdds.xml asks for.
+# Receive buffer of a socket, bytes, as requested in fastdds.xml: one second of three nodes at 1 kHz.
 _RECEIVE_BUFFER = 4 * 2**20
 
 
@@ -38,7 +38,7 @@ class Level(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class CheckResult:
-    """What was looked at, how it is, and what to do about it (empty where nothing is to be done)."""
+    """Subject of a check, its state, and what to do about it (empty if nothing needs to be done)."""
 
     name: str
     level: Level
@@ -48,16 +48,16 @@ class CheckResult:
 
 def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
     """
-    Everything, in the order in which to mend it.
+    Run all checks, in the order in which to fix what they find.
 
     Parameters
     ----------
     environment : mapping
-        Variables of the process that would run the graph.
+        Environment variables of the process that would run the graph.
     folder : Path
-        Where recordings would go.
+        Folder for recordings.
     port : int
-        The live page would listen on.
+        Port of the live page.
     """
     checks: tuple[Callable[[], CheckResult], ...] = (
         python,
@@ -87,7 +87,7 @@ _PACKAGES = (
     ("pygeomag", "the magnetic field by place and date (WMM2025)"),
     ("ppigrf", "the magnetic field of older days (IGRF)"),
 )
-# What it is for, the module, and the distribution to install.
+# Purpose, Python module, and distribution to install.
 _INTERFACES = (
     ("OPC UA", "asyncua", "asyncua"),
     ("OPC UA certificates", "cryptography", "cryptography"),
@@ -107,7 +107,7 @@ _TOOLS = (
 
 
 def python() -> CheckResult:
-    """The version, against those the wheels are made for."""
+    """Compare the Python version with those for which the ROS wheels are made."""
     version = platform.python_version()
     if sys.version_info[:2] in _PYTHONS:
         return CheckResult("Python", Level.OK, version)
@@ -118,7 +118,7 @@ def python() -> CheckResult:
 
 
 def package(name: str, why: str) -> CheckResult:
-    """An importable package."""
+    """Check that a required package is installed."""
     if importlib.util.find_spec(name) is None:
         level = Level.NOTE if "without it" in why else Level.MISSING
         return CheckResult(name, level, f"not installed: {why}", "run `make setup`, or pip install it into this Python")
@@ -127,7 +127,7 @@ def package(name: str, why: str) -> CheckResult:
 
 
 def interface(what: str, module: str, distribution: str) -> CheckResult:
-    """Something that can be done without, by the package it needs."""
+    """Check that the package of an optional interface is installed."""
     if importlib.util.find_spec(module) is None:
         remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
         return CheckResult(what, Level.NOTE, f"off: {distribution} is not installed", remedy)
@@ -135,7 +135,7 @@ def interface(what: str, module: str, distribution: str) -> CheckResult:
 
 
 def rig_port(what: str, port: int) -> CheckResult:
-    """Whether a rig interface can listen where it usually does."""
+    """Check whether a rig interface can listen on its usual port."""
     taken = _taken(port)
     if taken:
         remedy = "`mwd run` takes another; a surface node: set its rig.*.port"
@@ -144,7 +144,7 @@ def rig_port(what: str, port: int) -> CheckResult:
 
 
 def middleware() -> CheckResult:
-    """Whether rclpy imports, asked of another process so that a crash is an answer too."""
+    """Check whether rclpy imports, in another process so that even a crash gives a result."""
     environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     words = "import rclpy, sys; from rclpy.utilities import get_rmw_implementation_identifier as f; print(f())"
     done = _ask([sys.executable, "-c", words], environment)
@@ -156,7 +156,7 @@ def middleware() -> CheckResult:
 
 
 def messages() -> CheckResult:
-    """Whether mwd_msgs is built for this Python."""
+    """Check whether mwd_msgs is built for this Python."""
     if importlib.util.find_spec("mwd_msgs") is None:
         remedy = "run `make setup`, or `colcon build` and source install/setup.bash"
         return CheckResult("mwd_msgs", Level.MISSING, "not built", remedy)
@@ -164,7 +164,7 @@ def messages() -> CheckResult:
 
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
-    """Another ROS in the environment would be mixed with this one."""
+    """Check for another ROS in the environment, which would be mixed with this one."""
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell without sourcing it"
@@ -179,7 +179,7 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
 
 
 def discovery(environment: Mapping[str, str]) -> CheckResult:
-    """Which machines discover this machine's nodes."""
+    """Report which machines discover the nodes of this machine."""
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
@@ -191,7 +191,7 @@ def discovery(environment: Mapping[str, str]) -> CheckResult:
 
 
 def receive_buffer() -> CheckResult:
-    """Room for messages that wait while the machine is busy; those beyond it are lost."""
+    """Check the largest receive buffer; messages beyond it are lost while the machine is busy."""
     limit = Path("/proc/sys/net/core/rmem_max")
     try:
         most = int(limit.read_text(encoding="ascii"))
@@ -205,7 +205,7 @@ def receive_buffer() -> CheckResult:
 
 
 def disk(folder: Path) -> CheckResult:
-    """Whether recordings can be written, and for how long (175 MB/h at 1 kHz)."""
+    """Check whether recordings can be written, and for how long (175 MB/h at 1 kHz)."""
     place = folder.resolve()
     while not place.exists():
         place = place.parent
@@ -221,7 +221,7 @@ def disk(folder: Path) -> CheckResult:
 
 
 def page_port(port: int) -> CheckResult:
-    """Whether the live page can listen."""
+    """Check whether the live page can listen on its port."""
     taken = _taken(port)
     if taken:
         return CheckResult("page", Level.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
@@ -229,7 +229,7 @@ def page_port(port: int) -> CheckResult:
 
 
 def clock() -> CheckResult:
-    """Whether something keeps the clock right; stamps of different machines are compared."""
+    """Check whether a service keeps the clock right, because stamps of different machines are compared."""
     if shutil.which("timedatectl") is None:
         return CheckResult("clock", Level.OK, "not known here")
     done = _ask(["timedatectl", "show", "-p", "NTPSynchronized", "--value"], dict(os.environ))
@@ -240,7 +240,7 @@ def clock() -> CheckResult:
 
 
 def tool(name: str, why: str) -> CheckResult:
-    """A program needed only for building."""
+    """Check for a program that is only needed to build."""
     found = shutil.which(name)
     if found:
         return CheckResult(name, Level.OK, found)
@@ -256,7 +256,7 @@ def _version(distribution: str) -> str:
 
 
 def _taken(port: int) -> str:
-    """Why nothing can listen on a port of this machine's loopback; empty where something can."""
+    """Return why nothing can listen on a loopback port of this machine; "" if the port is free."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What `mwd run` starts: the arguments of each node for one well, and what keeps two runs on one machine apart.
+Plan of what `mwd run` starts: the arguments of each node of one well, and what separates two runs on one machine.
 
-A run owns a middleware domain nobody else uses, ports for page and rig, and a folder.
+A run has a middleware domain of its own, its own ports for page and rig, and its own folder.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-# A command that visits a graph is there sooner without the simulator and its compiler.
+# Import only for types: a command that visits a running graph starts faster without the simulator and its compiler.
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
 
 FIRST_PORT = 8080
 TIE_ON = "leg.tie_on_"  # prefix of the tie-on parameters of the surface
 WELL = ("surface", "estimator", "sonde")  # nodes that `mwd node well` runs in one process
-# How the middleware is set up for streams; a profile of the caller's own comes first.
+# Profile of the middleware for fast streams; a profile that the user has set takes precedence.
 MIDDLEWARE = Path(__file__).with_name("fastdds.xml")
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-# Interfaces to the rig: their usual port, and the package they need.
+# Interfaces to the rig: usual port, and required package.
 _RIG_PORTS = {"wits0_server": (8686, ""), "opcua": (4840, "asyncua"), "modbus": (5020, "pymodbus")}
 _RIG_WORDS = {
     "wits0_server": "WITS 127.0.0.1:{}",
@@ -39,25 +39,29 @@ _RIG_WORDS = {
     "modbus": "Modbus TCP 127.0.0.1:{}",
 }
 _PORTS = 100
-# Domains up to 101 leave their ports below the ephemeral range of Linux.
+# Ports of domains up to 101 are below the ephemeral range of Linux.
 _DOMAINS = range(1, 101)
 _BASE_PORT, _PER_DOMAIN = 7400, 250
 
 
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
-    """Words that run a node of the graph in this Python; before: of ROS, ahead of its parameters."""
+    """Return the command line that runs a node in this Python; `before` holds ROS arguments ahead of its parameters."""
     words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
-    # The log file of ROS would hold the same lines again, and nothing bounds it.
+    # Disable the log files of ROS: they would hold the same lines again, without a size limit.
     return [*words, "--disable-external-lib-logs", *before, *parameter_words(parameters)]
 
 
 def parameter_words(parameters: Mapping[str, Any]) -> list[str]:
-    """Parameters as the words that follow --ros-args."""
+    """Return the arguments that follow --ros-args for the given parameters."""
     return [word for key, value in parameters.items() for word in ("-p", f"{key}:={_text(value)}")]
 
 
 def parameter_yaml(parameters: Mapping[str, Mapping[str, Any]], namespace: str) -> str:
-    """Parameters of several nodes as a ROS parameter file: words of one process hold for each of its nodes."""
+    """
+    Return a ROS parameter file for several nodes of one process.
+
+    On the command line, parameters apply to every node.
+    """
     lines = []
     for node, given in parameters.items():
         lines += [f"/{namespace}/{node}:", "  ros__parameters:", *(f"    {k}: {_text(v)}" for k, v in given.items())]
@@ -65,7 +69,7 @@ def parameter_yaml(parameters: Mapping[str, Mapping[str, Any]], namespace: str) 
 
 
 def reference_parameters(scenario: Scenario) -> dict[str, Any]:
-    """Parameters of the estimator that name the place and day of a scenario, or the field it sets."""
+    """Return the parameters of the estimator that state the place and day of a scenario, or the field that it sets."""
     from mwd_sensors.simulator.scenario import parse_date
 
     place = scenario.place
@@ -87,15 +91,15 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
 
 
 def estimator_parameters(scenario: Scenario) -> dict[str, Any]:
-    """Parameters of the estimator that follow from a scenario: place, day or field, and the string around the tool."""
+    """Return the parameters of the estimator that follow from a scenario: place, day or field, and the string."""
     return {**reference_parameters(scenario), "tool.string": scenario.string}
 
 
 def surface_parameters(scenario: Scenario) -> dict[str, Any]:
     """
-    Parameters of the surface that follow from a scenario: place of the well, tie-on, sensor to bit.
+    Return the parameters of the surface that follow from a scenario: place of the well, tie-on, sensor to bit.
 
-    A tie-on that the author of the scenario set for the surface replaces the one of the simulated hole.
+    A tie-on that the author of the scenario sets for the surface replaces the tie-on of the simulated hole.
     """
     own = any(name.startswith(TIE_ON) for name in scenario.surface)
     return {
@@ -109,9 +113,9 @@ def surface_parameters(scenario: Scenario) -> dict[str, Any]:
 
 def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
     """
-    Parameters of the surface that tie the path to the true hole: to its point one stand above the sensor at the start.
+    Return the parameters that tie the path to the true hole, one stand above the sensor's position at the start.
 
-    The last survey of an earlier run would lie about there. The azimuth is from true north.
+    The last survey of an earlier run would be about there. The azimuth is from true north.
     """
     import numpy as np
 
@@ -119,7 +123,7 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
 
     md, inclination, azimuth = np.array(scenario.well.stations, dtype=float).T
     depth = max(0.0, scenario.well.bit_m - scenario.well.sensor_to_bit_m - scenario.rig.stand_m)
-    # Beyond both ends of its stations the hole goes straight on; the first one lies straight below the wellhead.
+    # Beyond its first and last station the hole is straight; the first station is directly below the wellhead.
     ends = np.array([min(md[0], depth) - 1.0, max(md[-1], depth) + 1.0])
     stations = (
         np.concatenate([ends[:1], md, ends[1:]]),
@@ -127,7 +131,7 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
         np.radians(np.concatenate([azimuth[:1], azimuth, azimuth[-1:]])),
     )
     start = np.array([0.0, 0.0, md[0]]) - (md[0] - ends[0]) * mc.tangent(stations[1][0], stations[2][0])
-    # The arcs do not depend on where depth counts from, and the first depth of a path is not negative.
+    # The arcs do not depend on the origin of depth, and a path must begin at a depth that is not negative.
     along = stations[0] - ends[0]
     path = mc.path(along, *stations[1:], start)
     inc, azi, (north, east, down) = mc.interpolate(along, *stations[1:], path, depth - ends[0])
@@ -143,12 +147,12 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
 
 def checked_well(name: str) -> str:
     """
-    Name of a well as a ROS namespace, without slashes at its ends.
+    Return the name of a well as a ROS namespace, without slashes at its ends.
 
     Raises
     ------
     ValueError
-        It has characters that ROS names cannot have.
+        The name has characters that ROS does not allow in names.
     """
     plain = name.strip("/")
     parts = plain.split("/")
@@ -160,34 +164,34 @@ def checked_well(name: str) -> str:
 @contextlib.contextmanager
 def page_port(wanted: int | None) -> Iterator[int]:
     """
-    The port asked for, else the first free one from `FIRST_PORT` on, held until the block ends.
+    Yield the requested port, else the first free one from `FIRST_PORT` on, and hold it until the block ends.
 
     Raises
     ------
     ValueError
-        The port asked for is taken, or none is free.
+        The requested port is in use, or no port is free.
     """
     with _free_port(FIRST_PORT, _PORTS) if wanted is None else _free_port(wanted, 1) as port:
         if port is not None:
             yield port
             return
     if wanted is not None:
-        raise ValueError(f"--port {wanted}: something listens there already; omit it to use a free port")
-    raise ValueError(f"every port from {FIRST_PORT} to {FIRST_PORT + _PORTS - 1} is taken; name another with --port")
+        raise ValueError(f"--port {wanted}: another program listens there already; omit it to use a free port")
+    raise ValueError(f"every port from {FIRST_PORT} to {FIRST_PORT + _PORTS - 1} is in use; choose another with --port")
 
 
 @contextlib.contextmanager
 def rig_parameters(given: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
     """
-    Parameters of the surface that switch on WITS, OPC UA and Modbus on this machine alone.
+    Yield the parameters of the surface that enable WITS, OPC UA and Modbus on this machine only.
 
-    Each has the first free port from its usual one on, or the one in `given`, held until the block ends. One that
-    `given` switches off, whose package is not installed, or for which no port is free, stays off.
+    Each gets the port in `given`, or the first free one from its usual port on, held until the block ends. An interface
+    stays off if `given` disables it, its package is not installed, or no port is free.
 
     Raises
     ------
     ValueError
-        A port in `given` is taken.
+        A port in `given` is in use.
     """
     parameters: dict[str, Any] = {}
     given = given or {}
@@ -198,21 +202,27 @@ def rig_parameters(given: Mapping[str, Any] | None = None) -> Iterator[dict[str,
             wanted = int(given.get(f"rig.{name}.port", 0))
             port = held.enter_context(_free_port(wanted, 1) if wanted else _free_port(first, _PORTS))
             if wanted and port is None:
-                raise ValueError(f"rig.{name}.port {wanted}: something listens there already; give another one")
+                raise ValueError(
+                    f"rig.{name}.port {wanted}: another program listens there already; choose another port"
+                )
             if port is not None and (not package or importlib.util.find_spec(package) is not None):
                 parameters |= {f"rig.{name}.enabled": True, f"rig.{name}.port": port}
         yield parameters
 
 
 def rig_addresses(parameters: Mapping[str, Any]) -> list[str]:
-    """Name and address of each rig interface that these parameters of a surface switch on."""
+    """Return name and address of each rig interface that these parameters of a surface enable."""
     ports = {name: parameters.get(f"rig.{name}.port") for name in _RIG_PORTS}
     return [_RIG_WORDS[name].format(port) for name, port in ports.items() if port is not None]
 
 
 @contextlib.contextmanager
 def _free_port(first: int, count: int) -> Iterator[int | None]:
-    """The first free one of so many ports, held against other runs until the block ends; None where none is."""
+    """
+    Yield the first free port of `count` ports, held against other runs until the block ends.
+
+    None if none is free.
+    """
     for port in range(first, first + count):
         lock = _locked(f"port_{port}")
         if lock is None:
@@ -227,12 +237,12 @@ def _free_port(first: int, count: int) -> Iterator[int | None]:
 @contextlib.contextmanager
 def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
     """
-    A middleware domain for one run, held until the block ends: the one in ROS_DOMAIN_ID, else one nobody uses.
+    Yield a middleware domain for one run, held until the block ends: ROS_DOMAIN_ID, else an unused domain.
 
     Raises
     ------
     ValueError
-        ROS_DOMAIN_ID is no domain, or none is free.
+        ROS_DOMAIN_ID is not a valid domain, or no domain is free.
     """
     given = environment.get("ROS_DOMAIN_ID")
     if given:
@@ -255,12 +265,12 @@ def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
 
 def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
     """
-    The domain of a graph to visit: the one asked for, else ROS_DOMAIN_ID, else that of the one run on this machine.
+    Return the domain of the graph to visit: the requested one, else ROS_DOMAIN_ID, else the only run on this machine.
 
     Raises
     ------
     ValueError
-        Several runs go on, or ROS_DOMAIN_ID is no domain.
+        Several runs are active, or ROS_DOMAIN_ID is not a valid domain.
     """
     given = environment.get("ROS_DOMAIN_ID")
     if wanted is not None or given:
@@ -270,7 +280,7 @@ def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
         return int(text)
     running = []
     for domain in _DOMAINS:
-        # Only a lock that was made can be held.
+        # Only an existing lock file can be held by a run.
         if (_own_folder() / f"domain_{domain}.lock").exists():
             lock = _locked(f"domain_{domain}")
             if lock is None:
@@ -278,12 +288,12 @@ def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
             else:
                 lock.close()
     if len(running) > 1:
-        raise ValueError(f"runs go on in domains {', '.join(map(str, running))}: name the one you mean with --domain")
+        raise ValueError(f"runs are active in domains {', '.join(map(str, running))}: choose one with --domain")
     return running[0] if running else 0
 
 
 def graph_environment(environment: Mapping[str, str], domain: int, log_folder: Path | str) -> dict[str, str]:
-    """Variables of the nodes: the caller's, discovery on this machine only unless the caller set otherwise."""
+    """Return the environment of the nodes; discovery is limited to this machine unless the caller sets it."""
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "AMENT_PREFIX_PATH": sys.prefix,
@@ -300,11 +310,11 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        # 30 would be a whole number to ROS, and 1e-05 text.
+        # ROS would read 30 as an integer, and 1e-05 as text.
         return repr(value) if math.isfinite(value) and "e" not in repr(value) else f"{value:.12f}"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "[" + ", ".join(_text(one) for one in value) + "]"
-    # In quotes, so that a date or a number stays text.
+    # Quotes keep a date or a number as text.
     return "'" + str(value).replace("'", "''") + "'" if isinstance(value, str) else str(value)
 
 
@@ -319,7 +329,7 @@ def _bindable(port: int) -> bool:
 
 
 def _locked(what: str) -> TextIO | None:
-    """A lock that two runs starting at once cannot both have; None where another has it."""
+    """Return a lock that only one of two simultaneous runs can get; None if another run holds it."""
     try:
         file = (_own_folder() / f"{what}.lock").open("a")
     except OSError:
@@ -334,15 +344,15 @@ def _locked(what: str) -> TextIO | None:
 
 def _own_folder() -> Path:
     """
-    A folder for locks that only this user can write.
+    Return a folder for locks that only this user can write.
 
-    A predictable name in the shared temporary folder could be taken by another user beforehand, as a link or a lock
-    that never ends; runs of other users are seen by the ports they bind.
+    In the shared temporary folder another user could occupy a predictable name beforehand, with a link or a lock that
+    is never released. Runs of other users are noticed by the ports that they use.
 
     Raises
     ------
     OSError
-        It cannot be made, or somebody else made it.
+        The folder cannot be created, or belongs to somebody else.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(runtime) / "mwd" if runtime else Path(tempfile.gettempdir()) / f"mwd-{os.getuid()}"
@@ -354,7 +364,7 @@ def _own_folder() -> Path:
 
 
 def _quiet(domain: int) -> bool:
-    """Whether no participant of that domain has its first unicast port."""
+    """Return whether no participant of that domain uses the domain's first unicast port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(("", _BASE_PORT + _PER_DOMAIN * domain + 10))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A recording played into the state of a well: what the live page showed at any moment of it, at any rate.
+Playback of a recording into the state of a well: the content of the live page at any moment, at any rate.
 
-The state is made by `live.LiveWell`, which the surface node feeds with what it hears; here it is fed with what was
-recorded, by a clock that runs with the recording: a pause stops it, and what was fresh stays fresh.
+`live.LiveWell` builds the state. The surface node feeds it with received messages; here it is fed with recorded
+messages and a clock that follows the recording: a pause stops the clock, so that no value becomes stale.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from mwd_surface.trajectory.slide_file import SLIDES, recorded_stretches
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
 _LINK_ATTITUDE = "link/attitude"
-_STEP_S = 5.0  # of the recording that are read at a time
+_STEP_S = 5.0  # seconds of the recording that are read at a time
 
 
 @dataclasses.dataclass(frozen=True)
 class RecordedWell:
-    """The sections of the surface's settings that a well needs, as they are in a recording."""
+    """Sections of the surface's settings that a well needs, as stored in a recording."""
 
     live: LiveSettings = dataclasses.field(default_factory=LiveSettings)
     link: LinkSettings = dataclasses.field(default_factory=LinkSettings)
@@ -61,9 +61,9 @@ class RecordedWell:
 
 def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
     """
-    Return the settings of the surface in a recording; without any, how it heard the tool is told by its topics.
+    Return the surface's settings in a recording; without settings, the topics show how the surface received the tool.
 
-    namespace: of the well, with a slash at its end.
+    namespace : of the well, with a slash at its end.
     """
     settings = recorded_sections(bag, RecordedWell())
     if settings is not None:
@@ -73,7 +73,7 @@ def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
 
 
 class _Simulated(WellOutlet):
-    """Tells nothing, but that a simulator made the data."""
+    """Stand-in that knows only that a simulator made the data."""
 
     def is_simulated(self) -> bool:
         """Return True."""
@@ -82,25 +82,26 @@ class _Simulated(WellOutlet):
 
 class Player:
     """
-    Plays one recording.
+    Player of one recording.
 
     Parameters
     ----------
     bag : Bag
     namespace : str
-        Of the well, with a slash at its end.
+        Namespace of the well, with a slash at its end.
     settings : RecordedWell, optional
         By default those of the recording.
     plan : Plan, optional
-        Of the well.
+        Plan of the well.
     said : collection of str
-        Topics of the surface itself of which the recorded content is shown; what they tell is evaluated otherwise.
+        Topics of the surface itself whose recorded content is shown; other results of the surface are computed again.
 
     Attributes
     ----------
     length_s : float
+        Length of the recording, s.
     at_s : float
-        Time played so far, after the first message.
+        Time played so far, s after the first message.
     well : LiveWell
     """
 
@@ -127,7 +128,7 @@ class Player:
         return topic if topic.startswith("/") else self._namespace + topic
 
     def _begin(self) -> None:
-        """Make a well that knows nothing yet, at the begin of the recording."""
+        """Create an empty well at the beginning of the recording."""
         settings, clock = self._settings, WellClock(self._bag.start_ns - 1)
         outlet = _Simulated() if self._count("truth") else WellOutlet()
         context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(clock), outlet)
@@ -163,14 +164,14 @@ class Player:
         return self._bag.decode(self._full(topic), data)
 
     def clipped(self, at_s: float) -> float:
-        """Return a moment, s after the first message, within the recording."""
+        """Limit a moment, s after the first message, to the length of the recording."""
         return min(max(at_s, 0.0), self.length_s)
 
     def seek(self, at_s: float, patience_s: float = math.inf) -> bool:
         """
-        Go to a moment, s after the first message: from the begin on, where it lies before the present one.
+        Go to a moment, s after the first message; an earlier moment is reached by playing from the beginning.
 
-        patience_s: s of work after which it stops on the way. Returns whether it went back.
+        patience_s : work time, s, after which the search stops on the way. Returns whether playback started again.
         """
         at_s, back = self.clipped(at_s), self.clipped(at_s) < self.at_s
         if back:
@@ -181,7 +182,7 @@ class Player:
         return back
 
     def advance(self, seconds: float) -> None:
-        """Play the given number of seconds of the recording, at most to its end."""
+        """Play `seconds` of the recording, at most to its end."""
         self.at_s = min(self.at_s + max(seconds, 0.0), self.length_s)
         until_ns = self._bag.start_ns + round(self.at_s * 1e9)
         while self._next is not None and self._next[0] <= until_ns:
@@ -197,7 +198,7 @@ class Player:
 
 @dataclasses.dataclass
 class Playing:
-    """What a viewer asks for: whether and how fast it plays, and where to go (None: on)."""
+    """Requests of a viewer: whether to play, how fast, and where to go (None: continue)."""
 
     playing: bool = True
     rate: float = 1.0
@@ -206,12 +207,12 @@ class Playing:
 
 def namespace_of(bag: Bag) -> str:
     """
-    Namespace of the well whose attitude is in a bag, with a slash at its end; empty where it has none.
+    Return the namespace of the well whose attitude is in a bag, with a slash at its end; "" if it has no attitude.
 
     Raises
     ------
     BagError
-        It has attitudes of several wells.
+        The bag has the attitude of several wells.
     """
     if not any(topic.type_name == wire.ATTITUDE.type_name and topic.count for topic in bag.topics.values()):
         return ""
@@ -226,7 +227,7 @@ def namespace_of(bag: Bag) -> str:
 
 
 def named_plan(bag: Bag) -> PlanSettings:
-    """Settings of the plan that the surface node of a recording had; without a file where it had none."""
+    """Return the plan settings of the surface node in a recording; without a file name if it had no plan."""
     named = {name: str(value) for name, value in dict(bag.metadata().get(SURFACE, {})).items()}
     known = (field.name for field in dataclasses.fields(PlanSettings))
     return changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a file of standpipe pressure is good for: sample rate, gaps, clipping, resolution, flow."""
+"""Checks of a standpipe pressure file: sample rate, gaps, clipping, resolution, flow."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.receiver.pulse.pulse_receiver import LEAST_PER_TU
 from mwd_surface.runs.doctor import CheckResult, Level
 
-# Standpipe pressure while drilling; a file in bar or psi without its unit stays far below.
+# Least standpipe pressure while drilling; a file in bar or psi without its unit stays far below.
 _LEAST_PA = 3.0e5
-# Rounding that adds more than this share to the power of the fastest noise costs signal.
+# Rounding weakens the signal if it adds more than this share to the power of the fastest noise.
 _ROUNDING = 0.1
 _BAR = 1.0e5
 
 
 def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) -> list[CheckResult]:
     """
-    Everything about a file of pressure, in the order in which to mend it.
+    Run all checks of a pressure file, in the order in which to fix what they find.
 
     Parameters
     ----------
     read : PressureFile
     tool : ToolConfiguration, optional
-        Whose words the file shall give.
+        Tool whose words the file should contain.
     """
     results = [_rate(read.time_s, tool), _size(read.pressure_pa), _resolution(read.pressure_pa), _flow(read, tool)]
     results += [CheckResult("data", Level.NOTE, note) for note in read.notes]
@@ -57,7 +57,7 @@ def _size(pressure: Array) -> CheckResult:
     state = f"{middle:.4g} bar in the middle, {low:.4g} to {high:.4g}"
     if high * _BAR < _LEAST_PA:
         remedy = "name the column for its unit: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa"
-        return CheckResult("size", Level.NOTE, f"{state}: no standpipe has so little", remedy)
+        return CheckResult("size", Level.NOTE, f"{state}: this is too low for a standpipe", remedy)
     return CheckResult("size", Level.OK, state)
 
 
@@ -65,7 +65,8 @@ def _resolution(pressure: Array) -> CheckResult:
     steps = np.diff(np.unique(pressure))
     if len(steps) == 0:
         return CheckResult("resolution", Level.MISSING, "all samples are equal", "look at the gauge and its cable")
-    # Of a converter all steps are multiples of one; of computed values the smallest is of no account.
+    # Steps of a converter are multiples of one step. The smallest step of computed values has no meaning, so use a
+    # percentile.
     step = float(np.percentile(steps, 5))
     differences = np.diff(pressure)
     noise = 1.4826 * float(np.median(np.abs(differences - np.median(differences)))) / math.sqrt(2.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scenario to a recording, without middleware: what the sonde node would publish, as the recorder would store it."""
+"""Simulation of a scenario to a recording, without middleware, with the messages that the sonde node would publish."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mwd_surface.runs.simulated_tool import SimulatedTool
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
 
 _BLOCK_S = 1.0
-# As `mwd_sensors.ros.qos` names them: STREAM, and EVENT for the rig.
+# QoS profiles as named in `mwd_sensors.ros.qos`: STREAM, and EVENT for the rig.
 _STREAM = qos_profile(depth=200)
 _EVENT = qos_profile(durability="transient_local", depth=100)
 
@@ -40,11 +40,11 @@ def record(
     path : Path
         Folder of the bag.
     namespace : str
-        Before the topics' relative names.
+        Prefix of the relative topic names.
     source : bytes
-        The scenario as its author wrote it, kept inside the bag.
+        The scenario file, stored inside the bag.
     progress : callable
-        Called with the share that is done, 0 to 1.
+        Called with the completed share, 0 to 1.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def record(
     FileExistsError
         `path` exists.
     OSError
-        It cannot be written.
+        The bag cannot be written.
     """
     sonde = Sonde(scenario)
     prefix = "/" + namespace.strip("/") + "/" if namespace.strip("/") else "/"
@@ -86,7 +86,7 @@ def record(
 
 
 def _parameters(scenario: Scenario, namespace: str) -> dict[str, dict[str, Any]]:
-    """Place, day and well of a scenario, as `mwd run` sets them and the surface node records them."""
+    """Return place, day and well of a scenario, as `mwd run` sets them and the surface node records them."""
     surface = launch_plan.surface_parameters(scenario)
     if namespace.strip("/"):
         surface["well.name"] = namespace.strip("/")
@@ -94,7 +94,11 @@ def _parameters(scenario: Scenario, namespace: str) -> dict[str, dict[str, Any]]
 
 
 class _LinkWriter:
-    """Flow in the tool and what is heard at the surface, into a run's bag; the estimator runs for what is sent."""
+    """
+    Writer of the flow at the tool and the signal received at the surface.
+
+    The estimator runs to provide the words.
+    """
 
     def __init__(self, sonde: Sonde, bag: BagWriter, prefix: str) -> None:
         self._sonde, self._bag = sonde, bag
@@ -105,13 +109,13 @@ class _LinkWriter:
             self._strokes = bag.topic(prefix + "rig/strokes", gauge_burst.STROKES, [_EVENT])
 
     def take(self, block: Mapping[str, Samples], until_s: float) -> None:
-        """Take the samples of a block that ends at a time of the run, s."""
+        """Process the samples of a block that ends at run time `until_s`, s."""
         flow, heard = self._tool.take(block, until_s)
         self._bag.write_rows(self._flow, wire.TOOL_FLOW.encode(flow, wire.SONDE_FRAME), flow["stamp_ns"])
         self._write(heard)
 
     def finish(self) -> None:
-        """Write the rest of what is heard."""
+        """Write the rest of the received signal."""
         self._write(self._tool.finish())
 
     def _write(self, heard: list[Heard]) -> None:
@@ -126,6 +130,6 @@ class _LinkWriter:
 
 
 def _topics(sonde: Sonde) -> list[tuple[str, tuple[str, str]]]:
-    """Links of a run with the topic and type of what is heard."""
+    """Return the links of a run with topic and type of the received signal."""
     tools = () if sonde.scenario.telemetry is None else sonde.scenario.telemetry.tools
     return [(tool.link, gauge_burst.TOPICS[tool.link]) for tool in tools]

@@ -17,7 +17,7 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_surface.runs.launch_plan import estimator_parameters
 
-# The channel follows the samples so far behind: by then a word that goes on air is known.
+# Delay of the channel behind the samples, s: by then every word that the tool begins to send is known.
 _LAG_S = 2.0
 
 
@@ -28,14 +28,14 @@ class SimulatedTool:
     Parameters
     ----------
     sonde : Sonde
-        Its scenario has telemetry.
+        Sonde whose scenario has telemetry.
 
     Attributes
     ----------
     sent : list of Sent
-        All that went on air.
+        All words that were transmitted.
     surveys : list
-        Surveys as the estimator gave them.
+        Surveys from the estimator.
 
     Raises
     ------
@@ -56,19 +56,19 @@ class SimulatedTool:
 
     @property
     def link(self) -> TelemetryLink:
-        """The channel."""
+        """The link with its channel."""
         return self._link
 
     def take(self, block: Mapping[str, Samples], until_s: float) -> tuple[Samples, list[Heard]]:
         """
-        Take the sonde's samples up to a time of the run, s.
+        Process the samples of the sonde up to run time `until_s`, s.
 
         Returns
         -------
         ndarray of `wire.TOOL_FLOW`
-            Flow as the tool sensed it.
+            Flow as measured by the tool.
         list of Heard
-            What was heard at the surface.
+            Signal received at the surface.
         """
         flow = self._flow(until_s)
         pipeline, imu = self._pipeline, block["imu/data_raw"]
@@ -84,7 +84,7 @@ class SimulatedTool:
         return flow, self._link.advance(until_s - _LAG_S)
 
     def finish(self) -> list[Heard]:
-        """Rest of what is heard."""
+        """Return the rest of the received signal."""
         return self._link.advance(self._done)
 
     def _take_output(self, output: Output) -> None:
@@ -113,7 +113,7 @@ class SimulatedTool:
 
 
 def estimator_settings(sonde: Sonde) -> EstimatorSettings:
-    """Settings of the estimator that name the place and day of a run."""
+    """Return settings of the estimator with the place and day of a run."""
     nested: dict[str, dict[str, object]] = {}
     for name, value in estimator_parameters(sonde.scenario).items():
         block, _, key = name.partition(".")

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Processes that belong together: started, restarted when they crash, ended in order, none left behind.
+Supervision of processes that belong together: start, restart after a crash, ordered stop, none left behind.
 
-Each runs in a process group of its own, so that a Ctrl-C on the terminal reaches only the supervisor and a kill reaches
-all a process started. One that dies although its supervisor lives is started again after a pause that doubles, and then
-slowly for ever, while the others go on; one that ends with status 0 is done. A process asks to die with its supervisor
-by `die_with_supervisor`.
+Each process runs in its own process group, so that a Ctrl-C on the terminal reaches only the supervisor, and a kill
+reaches everything that the process started. A crashed process is restarted after a pause that doubles; after several
+crashes in a row it is retried slowly without end, while the others continue. A process that ends with status 0 is not
+restarted. A process calls `die_with_supervisor` to end together with its supervisor.
 
-The output of each is in its log, which is bounded: the part before is kept once, as .1.log.
+The output of each process goes to its log, whose size is limited; the older part is kept once, as .1.log.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from pathlib import Path
 from mwd_sensors.core.stop_time import STOP_LIMIT, STOP_PATIENCE, StopTime
 
 SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
-REFUSED = 2  # status of a process whose settings are not allowed: starting it again would not help
+REFUSED = 2  # exit status of a process whose settings are invalid: a restart would not help
 
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
-_SETTLED = 20.0  # s of life after which a crash counts as the first again
+_SETTLED = 20.0  # s of life after which the count of crashes begins again
 _MOST_CRASHES = 5  # in a row before a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
-_MARGIN = 2.0  # s; a node that hangs says where and ends itself before it is asked again, in native code too
+_MARGIN = 2.0  # s; a node that hangs reports where and ends itself within this time, even in native code
 _PATIENCE, _TERM_PATIENCE = STOP_PATIENCE + _MARGIN, 2.0  # s
 _LOOK_PERIOD = 0.05  # s
 _MOST_LOG = 20_000_000  # bytes
@@ -41,7 +41,7 @@ _PR_SET_PDEATHSIG = 1
 
 @dataclasses.dataclass(frozen=True)
 class Order:
-    """A process to run: its name, its words, and where its output goes."""
+    """A process to run: its name, its command line, and the file for its output."""
 
     name: str
     words: Sequence[str]
@@ -61,16 +61,16 @@ class _Child:
 
 class Supervisor:
     """
-    Keeps processes alive until `stop`.
+    Supervisor that keeps processes alive until `stop`.
 
     Parameters
     ----------
     environment : mapping
-        Of every process.
+        Environment variables of every process.
     report : callable
         Called with one sentence about each crash and restart.
     clock : callable
-        Steady seconds.
+        Monotonic clock, s.
     """
 
     def __init__(
@@ -86,14 +86,14 @@ class Supervisor:
 
     def start(self, order: Order) -> None:
         """
-        Start a process; it is kept alive by `watch`.
+        Start a process, which `watch` then keeps alive.
 
         Raises
         ------
         OSError
-            There is no such program, or its log cannot be written.
+            The program does not exist, or its log cannot be written.
         ValueError
-            One of that name runs already.
+            A process of that name runs already.
         """
         if self.runs(order.name):
             raise ValueError(f"{order.name} runs already")
@@ -101,26 +101,26 @@ class Supervisor:
         self._spawn(child)
 
     def runs(self, name: str) -> bool:
-        """Whether a process of that name is alive now."""
+        """Return whether the process of that name is alive now."""
         child = self._children.get(name)
         return child is not None and child.process is not None and child.process.poll() is None
 
     def pid(self, name: str) -> int | None:
-        """Number of the process of that name; None while there is none."""
+        """Return the process number of that name; None while it does not run."""
         child = self._children.get(name)
         return None if child is None or child.process is None else child.process.pid
 
     def finished(self, name: str) -> bool:
-        """Whether it ended by itself, with status 0."""
+        """Return whether the process ended by itself with status 0."""
         return name in self._children and self._children[name].status == 0
 
     @property
     def failing(self) -> list[str]:
-        """A sentence for each process that refused its settings or crashed too often in a row; it is tried slowly."""
+        """Return a sentence for each process that refused its settings or crashed too often; it is retried slowly."""
         return [child.failure for child in self._children.values() if child.failure]
 
     def watch(self) -> None:
-        """Look after every process; to be called several times a second."""
+        """Check every process and restart crashed ones; call this several times a second."""
         now = self._clock()
         for child in self._children.values():
             _bound(child.order.log)
@@ -137,16 +137,17 @@ class Supervisor:
                 try:
                     self._spawn(child)
                 except OSError as error:
-                    # A full disk or too few handles, for the moment; the other processes go on.
+                    # The disk is full or there are too few file handles at the moment; the other processes continue.
                     child.failure, child.due = f"{child.order.name} cannot be started: {error}", now + _SLOW_PAUSE
                     self._report(child.failure)
 
     def stop(self, groups: Sequence[Sequence[str]], patience: float = _PATIENCE) -> list[str]:
         """
-        End processes group by group: those of one at the same time, each group after the one before.
+        End processes group by group; processes of a group end at the same time, each group after the previous one.
 
-        Each process gets SIGINT, after `patience` seconds SIGTERM, after two more SIGKILL, and so does all it left
-        behind; the time that it waits for a processor does not count. Returns the names of those that had to be killed.
+        Each process gets SIGINT, after `patience` seconds SIGTERM, and after two more seconds SIGKILL, as does
+        everything that it started. Time that a process waits for a processor does not count. Returns the names of those
+        that had to be killed.
         """
         for child in self._children.values():
             child.due = None
@@ -159,13 +160,13 @@ class Supervisor:
                 if child.process is not None:
                     if child.process.poll() is None:
                         killed.append(child.order.name)
-                    # And what it may have started itself.
+                    # Kill also the processes that it may have started.
                     _signal(child.process, signal.SIGKILL)
                     child.status, child.process = child.process.wait(), None
         return killed
 
     def kill(self) -> None:
-        """End everything at once, without patience."""
+        """Kill all processes at once."""
         for child in self._children.values():
             child.due = None
             if child.process is not None:
@@ -199,18 +200,18 @@ class Supervisor:
             known, child.failure = child.failure, f"{name} {'does not start' if status == REFUSED else many}: {words}"
             child.due = now + _SLOW_PAUSE
             if not known:
-                self._report(f"{child.failure}; the other nodes go on, it is tried every {_SLOW_PAUSE:g} s")
+                self._report(f"{child.failure}; the other nodes continue; it is retried every {_SLOW_PAUSE:g} s")
             return
         pause = min(_FIRST_PAUSE * 2.0 ** (child.crashes - 1), _LONGEST_PAUSE)
         child.due = now + pause
-        self._report(f"{name} ended unexpectedly ({in_words(status)}); it is started again in {pause:g} s")
+        self._report(f"{name} ended unexpectedly ({in_words(status)}); it is restarted in {pause:g} s")
 
 
 def die_with_supervisor(environment: Mapping[str, str]) -> None:
     """
-    Called by a supervised process at its start: SIGTERM reaches it when its supervisor dies, however that dies.
+    Let this process receive SIGTERM when its supervisor dies in any way; a supervised process calls this at its start.
 
-    Linux only; elsewhere, or without a supervisor, nothing happens.
+    Linux only; elsewhere, or without a supervisor, the call has no effect.
     """
     supervisor = environment.get(SUPERVISOR_VARIABLE, "")
     if not supervisor.isdigit():
@@ -218,13 +219,13 @@ def die_with_supervisor(environment: Mapping[str, str]) -> None:
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         if os.getppid() != int(supervisor):
-            # It died before the line above.
+            # The supervisor died before the line above.
             os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _bound(log: Path) -> None:
-    """Restart a log once it is full; what a process writes between copying and cutting is lost."""
-    # On a full disk the log stays as it is.
+    """Rotate a log that is full; lines that the process writes between copying and cutting are lost."""
+    # On a full disk the log stays unchanged.
     with contextlib.suppress(OSError):
         if log.stat().st_size > _MOST_LOG:
             shutil.copyfile(log, log.with_suffix(".1.log"))
@@ -232,7 +233,7 @@ def _bound(log: Path) -> None:
 
 
 def last_words(log: Path, most: int = 400) -> str:
-    """The last line of a log that says something."""
+    """Return the last line of a log that is not empty."""
     try:
         with log.open("rb") as file:
             file.seek(0, os.SEEK_END)
@@ -245,7 +246,7 @@ def last_words(log: Path, most: int = 400) -> str:
 
 
 def in_words(status: int) -> str:
-    """Exit status of a process for people."""
+    """Return the exit status of a process as text."""
     if status >= 0:
         return f"status {status}"
     try:
@@ -255,7 +256,7 @@ def in_words(status: int) -> str:
 
 
 def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Signals, patience: float) -> None:
-    """Send a signal to those that live and wait until none does, or patience with each is over."""
+    """Send a signal to the living processes and wait until all have ended, or the patience with each is over."""
     waiting = {process: StopTime(patience, STOP_LIMIT + _MARGIN, process.pid) for process in processes}
     for process in processes:
         process.send_signal(number)
@@ -264,6 +265,6 @@ def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Sig
 
 
 def _signal(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
-    # The group has the number of its leader, whose entry may be gone already.
+    # The group has the number of its leader, which may have ended already.
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, number)

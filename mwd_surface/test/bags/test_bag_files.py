@@ -130,7 +130,7 @@ def test_one_bad_file_of_several_is_skipped_and_named(tmp_path, opened):
     ("name", "content", "words"),
     [
         ("x.mcap", b"", "empty"),
-        ("x.mcap", b"not a bag at all", "does not begin as an MCAP file"),
+        ("x.mcap", b"not a bag at all", "does not begin like an MCAP file"),
         ("x.mcap", MAGIC, "holds no message"),
         ("x.txt", b"hello", "is not a bag"),
         ("x.db3", b"hello", "cannot be read"),

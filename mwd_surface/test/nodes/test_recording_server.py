@@ -42,7 +42,7 @@ def test_a_name_that_is_no_name_is_not_blamed_on_the_disk(tmp_path):
     named, _ = server(tmp_path, name="../elsewhere", min_free_bytes=0)
     named.activate()
     (shown,) = named.diagnostics()
-    assert "no plain name" in shown.message
+    assert "not a plain name" in shown.message
     assert "disk" not in shown.remedy
     named.close()
 

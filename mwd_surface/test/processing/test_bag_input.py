@@ -55,7 +55,7 @@ def test_the_topics_of_the_well_are_those_beside_its_imu(tmp_path):
 
 def test_two_wells_must_be_distinguished(tmp_path):
     bag = written(tmp_path / "bag", ("/a/imu/data_raw", IMU), ("/b/imu/data_raw", IMU), ("/b/imu/mag", MAG))
-    with pytest.raises(BagError, match=r"2 topics .* name the one you mean with --imu-topic"):
+    with pytest.raises(BagError, match=r"2 topics .* choose one with --imu-topic"):
         found(bag)
     assert found(bag, imu_topic="b/imu/data_raw") == Topics("/b/imu/data_raw", "/b/imu/mag", None, None, None)
     assert found(bag, imu_topic="/a/imu/data_raw").mag is None
@@ -88,8 +88,8 @@ def test_what_could_be_either_is_asked_for_with_the_option_that_tells(tmp_path):
         topics = find_topics(bag, given)
         assert topics == Topics("/imu", None, None, None, None)
         no_mag, no_gyro = guesses(bag, topics, given)
-    assert no_mag == "no magnetometer beside /imu; name it with --mag-topic: /a/mag, /b/mag"
-    assert no_gyro == "not used: /fog; name the precision unit with --gyro-topic"
+    assert no_mag == "no magnetometer next to /imu; choose one with --mag-topic: /a/mag, /b/mag"
+    assert no_gyro == "not used: /fog; choose the precision unit with --gyro-topic"
     named = found(path, imu_topic="/imu", mag_topic="/b/mag", gyro_topic="/fog")
     assert named == Topics("/imu", "/b/mag", "/fog", None, None)
 
@@ -160,16 +160,16 @@ def first(**readings):
 @pytest.mark.fault_case(12)
 def test_other_units_are_refused_in_one_sentence_with_the_options_to_say_so():
     assert bag_input.check_units(TOPICS, first()) == []
-    with pytest.raises(ValueError, match=r"^i: .* looks like g; say so with --accel-unit g$"):
+    with pytest.raises(ValueError, match=r"^i: .* looks like g; set it with --accel-unit g$"):
         bag_input.check_units(TOPICS, first(force=1.0))
-    with pytest.raises(ValueError, match=r"i: .* g; m: .* uT; say so with --accel-unit g --mag-unit uT$"):
+    with pytest.raises(ValueError, match=r"i: .* g; m: .* uT; set it with --accel-unit g --mag-unit uT$"):
         bag_input.check_units(TOPICS, first(force=1.0, field=50.0))
 
 
 def test_a_magnetometer_that_is_none_in_any_unit_says_what_to_do():
     (reason,) = bag_input.check_units(TOPICS, first(field=0.0))
     assert reason.startswith("m: ")
-    assert "look at the magnetometer" in reason
+    assert "check the magnetometer" in reason
 
 
 @pytest.mark.fault_case(11)

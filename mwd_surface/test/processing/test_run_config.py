@@ -33,8 +33,8 @@ def test_settings_come_back_as_they_were(tmp_path):
     [
         ("survay: {}", "survay: no such setting; did you mean survey"),
         ("tool: {nonsense: {}}", r"tool\.nonsense: no such setting"),
-        ("{tool: 5, tool.latency_s: 0.03}", r"tool\.latency_s: tool is no table, but 5"),
-        ("{tool.latency_s: 0.03, tool: 5}", "tool: is a table of settings, and given as 5 too"),
+        ("{tool: 5, tool.latency_s: 0.03}", r"tool\.latency_s: tool is not a table, but 5"),
+        ("{tool.latency_s: 0.03, tool: 5}", "tool: is a table of settings, but also given as 5"),
     ],
 )
 def test_a_file_that_says_something_else_than_it_means_is_refused(tmp_path, text, message):

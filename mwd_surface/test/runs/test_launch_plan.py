@@ -74,7 +74,7 @@ def test_a_well_is_a_ros_namespace():
 def test_two_runs_at_once_get_two_ports():
     with launch_plan.page_port(None) as first, launch_plan.page_port(None) as second:
         assert first != second
-        with pytest.raises(ValueError, match="something listens there already"), launch_plan.page_port(first):
+        with pytest.raises(ValueError, match="another program listens there already"), launch_plan.page_port(first):
             pass
 
 
@@ -145,7 +145,7 @@ def test_the_graph_to_visit_is_the_one_asked_for_else_the_one_that_runs():
     with (
         launch_plan.own_domain({}),
         launch_plan.own_domain({}),
-        pytest.raises(ValueError, match="name the one you mean"),
+        pytest.raises(ValueError, match="choose one with --domain"),
     ):
         launch_plan.visited_domain({}, None)
 

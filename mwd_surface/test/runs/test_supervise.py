@@ -85,7 +85,7 @@ def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp
     for pause in (0.5, 1.0, 2.0):
         until(lambda: not supervisor.runs("a"))
         supervisor.watch()
-        assert sentences[-1] == f"a ended unexpectedly (killed by SIGABRT); it is started again in {pause:g} s"
+        assert sentences[-1] == f"a ended unexpectedly (killed by SIGABRT); it is restarted in {pause:g} s"
         clock.now += pause - 0.01
         supervisor.watch()
         assert not supervisor.runs("a")

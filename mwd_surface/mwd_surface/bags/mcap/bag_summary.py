@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The metadata of a bag from the contents of its files."""
+"""Metadata of a bag from the contents of its files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mwd_surface.bags.mcap.writer import McapWriter
 def metadata_of_files(
     parts: Sequence[tuple[str, dict[int, Channel], dict[int, Schema], McapWriter | Contents]],
 ) -> BagMetadata:
-    """Return the metadata of a bag; parts: name, channels, schemas and totals of each file."""
+    """Return the metadata of a bag from the name, channels, schemas and totals of each file."""
     files: list[File] = []
     topics: dict[tuple[str, str], Topic] = {}
     for name, channels, schemas, source in parts:

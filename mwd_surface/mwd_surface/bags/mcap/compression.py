@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compresses chunks of an MCAP file, and decompresses them in bounded memory."""
+"""Compression of chunks of an MCAP file, and decompression in bounded memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mwd_surface.bags.mcap.records import COMPRESSIONS, ChunkHead, FormatError
 
 
 class Compressor:
-    """Compresses chunks; keeps its context, so one per thread."""
+    """Compressor of chunks; it keeps a context, so that each thread needs its own."""
 
     def __init__(self, compression: str = "zstd", level: int = 1) -> None:
         if compression not in COMPRESSIONS:
@@ -21,21 +21,21 @@ class Compressor:
         self._zstd = zstandard.ZstdCompressor(level=level) if compression == "zstd" else None
 
     def __call__(self, data: bytes) -> bytes:
-        """Compressed form of `data`."""
+        """Return the compressed form of `data`."""
         if self._zstd is not None:
             return self._zstd.compress(data)
         return bytes(lz4.frame.compress(data)) if self.compression == "lz4" else data
 
 
 class Decompressor:
-    """Decompresses and checks chunks in memory bounded by their declared size; one per thread."""
+    """Decompressor that checks chunks and allocates at most their declared size; each thread needs its own."""
 
     def __init__(self) -> None:
         self._zstd = zstandard.ZstdDecompressor()
 
     def __call__(self, head: ChunkHead, data: bytes | memoryview) -> bytes:
         """
-        Records of a chunk.
+        Return the records of a chunk, decompressed.
 
         Raises
         ------
@@ -54,7 +54,7 @@ class Decompressor:
 
     def _plain(self, head: ChunkHead, data: bytes | memoryview) -> bytes:
         if head.compression == "zstd":
-            # The frame's own size decides what is allocated, so it has to agree first.
+            # The size in the zstd frame decides how much is allocated, so compare it with the chunk's size first.
             declared = zstandard.frame_content_size(data)
             if declared not in (-1, head.size):
                 raise FormatError(f"a chunk's zstd frame holds {declared} bytes instead of {head.size}")
@@ -62,7 +62,7 @@ class Decompressor:
         if head.compression == "lz4":
             unpacker = lz4.frame.LZ4FrameDecompressor()
             plain = bytes(unpacker.decompress(bytes(data), max_length=head.size + 1))
-            # Other readers refuse a frame whose end mark is damaged.
+            # Refuse a frame whose end mark is damaged, as other readers do.
             if len(plain) <= head.size and not unpacker.eof:
                 raise FormatError("a chunk's lz4 frame is not complete")
             return plain

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contents of an MCAP file, and the pieces met while reading it through."""
+"""Contents of an MCAP file, and the pieces found while scanning it."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Span:
     start_ns, end_ns : int
         First and last log time.
     offset, length : int
-        Where it lies in the file, record heads included.
+        Position and length in the file, including the headers of its records.
     size : int
-        Bytes when decompressed.
+        Decompressed size in bytes.
     channels : frozenset of int, optional
-        Channels with a message in it; None where the file does not say.
+        Channels with a message in the span; None if the file does not say.
     in_chunk : bool
     """
 
@@ -43,18 +43,18 @@ class Span:
 @dataclasses.dataclass
 class Contents:
     """
-    What a file holds.
+    Contents of a file.
 
     Attributes
     ----------
     complete : bool
-        The file has its footer and a sound summary, or its data section at least ends as it should.
+        The file has its footer and a valid summary, or at least its data section ends properly.
     scanned : bool
-        Found by reading the file through, not from its summary.
+        The contents were found by scanning the file, not from its summary.
     checksums : bool
-        Every chunk carries one.
+        Every chunk has a checksum.
     notes : list of str
-        What was found wrong or unusual, one sentence each.
+        One sentence for each fault or anything unusual that was found.
     """
 
     schemas: dict[int, Schema] = dataclasses.field(default_factory=dict)
@@ -71,7 +71,7 @@ class Contents:
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """A sound chunk met while scanning; `data` is its compressed form."""
+    """A valid chunk found while scanning; `data` is its compressed form."""
 
     offset: int
     length: int
@@ -83,7 +83,7 @@ class Chunk:
 
 @dataclasses.dataclass(frozen=True)
 class Bare:
-    """Sound messages outside of any chunk."""
+    """Valid messages outside of any chunk."""
 
     offset: int
     length: int
@@ -93,7 +93,7 @@ class Bare:
 
 @dataclasses.dataclass(frozen=True)
 class Other:
-    """A record of another kind; `body` only for headers, schemas, channels, attachments and metadata."""
+    """A record of another kind; `body` is set only for headers, schemas, channels, attachments and metadata."""
 
     opcode: int
     offset: int
@@ -103,7 +103,7 @@ class Other:
 
 @dataclasses.dataclass(frozen=True)
 class Damage:
-    """Bytes that could not be used."""
+    """Bytes that could not be read."""
 
     offset: int
     end: int

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decodes the bodies of records of an MCAP file.
+"""
+Decoding of the bodies of records of an MCAP file.
 
-A length found in a file is compared with what is left of the file or chunk before anything is allocated.
+A length read from a file is compared with the rest of the file or chunk before anything is allocated.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ _index_head, _index_entry = struct.Struct("<QQQQI"), struct.Struct("<HQ")
 
 
 class Cursor:
-    """Reads fields one after another from a record's body; past its end it raises FormatError."""
+    """Reader of the fields of a record's body, one after another; it raises FormatError at the end of the body."""
 
     def __init__(self, data: bytes | memoryview) -> None:
         self.data = memoryview(data)
         self.at = 0
 
     def take(self, size: int) -> memoryview:
-        """Next `size` bytes."""
+        """Return the next `size` bytes."""
         if size < 0 or self.at + size > len(self.data):
             raise FormatError(f"a field of {size} bytes does not fit into the {len(self.data) - self.at} left")
         part = self.data[self.at : self.at + size]
@@ -40,22 +41,22 @@ class Cursor:
         return part
 
     def number(self, size: int) -> int:
-        """Unsigned little-endian integer of `size` bytes."""
+        """Return an unsigned little-endian integer of `size` bytes."""
         return int.from_bytes(self.take(size), "little")
 
     def blob(self, length_bytes: int = 4) -> bytes:
-        """Bytes with their length."""
+        """Return bytes that are preceded by their length."""
         return bytes(self.take(self.number(length_bytes)))
 
     def text(self) -> str:
-        """A string with its length."""
+        """Return a string that is preceded by its length."""
         try:
             return self.blob().decode()
         except UnicodeDecodeError as error:
             raise FormatError("a name is not UTF-8") from error
 
     def text_map(self) -> dict[str, str]:
-        """A map of strings with its length in bytes."""
+        """Return a map of strings that is preceded by its length in bytes."""
         inner = Cursor(self.blob())
         values = {}
         while inner.at < len(inner.data):
@@ -65,27 +66,27 @@ class Cursor:
 
 
 def parse_schema(body: bytes | memoryview) -> Schema:
-    """Schema of a record's body."""
+    """Return the schema in a record's body."""
     cursor = Cursor(body)
     return Schema(cursor.number(2), cursor.text(), cursor.text(), cursor.blob())
 
 
 def parse_channel(body: bytes | memoryview) -> Channel:
-    """Channel of a record's body."""
+    """Return the channel in a record's body."""
     cursor = Cursor(body)
     return Channel(cursor.number(2), cursor.number(2), cursor.text(), cursor.text(), cursor.text_map())
 
 
 def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:
     """
-    What a chunk says of itself.
+    Return the header of a chunk.
 
-    body : at least the first bytes of the record's body; length : that of the whole body.
+    body : at least the first bytes of the record's body. length : length of the whole body.
 
     Raises
     ------
     FormatError
-        Unknown compression, sizes that contradict the record's length, or a chunk above `MAX_CHUNK_BYTES`.
+        The compression is unknown, the sizes contradict the record's length, or the chunk exceeds `MAX_CHUNK_BYTES`.
     """
     cursor = Cursor(body)
     start, end, size, crc = cursor.number(8), cursor.number(8), cursor.number(8), cursor.number(4)
@@ -101,8 +102,8 @@ def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:
 
 
 def parse_chunk_index(body: bytes | memoryview) -> ChunkIndex:
-    """Chunk index of a record's body."""
-    # Written out, because a long recording has thousands of them.
+    """Return the chunk index in a record's body."""
+    # The fields are decoded here without `Cursor`, because a long recording has thousands of these records.
     body = memoryview(body)
     try:
         start, end, offset, length, size = _index_head.unpack_from(body)
@@ -129,7 +130,7 @@ def parse_chunk_index(body: bytes | memoryview) -> ChunkIndex:
 
 def parse_attachment(body: bytes | memoryview) -> Attachment:
     """
-    Attachment of a record's body.
+    Return the attachment in a record's body.
 
     Raises
     ------
@@ -146,13 +147,13 @@ def parse_attachment(body: bytes | memoryview) -> Attachment:
 
 
 def parse_metadata(body: bytes | memoryview) -> tuple[str, dict[str, str]]:
-    """Name and table of a metadata record's body."""
+    """Return the name and the table in a metadata record's body."""
     cursor = Cursor(body)
     return cursor.text(), cursor.text_map()
 
 
 def parse_statistics(body: bytes | memoryview) -> Statistics:
-    """Totals of a record's body."""
+    """Return the totals in a record's body."""
     cursor = Cursor(body)
     numbers = struct.unpack("<QHIIIIQQ", cursor.take(42))
     inner = Cursor(cursor.blob())

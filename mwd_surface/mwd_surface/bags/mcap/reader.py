@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What an MCAP file holds: from its summary where that is sound, else by reading it from the beginning.
+Reading the contents of an MCAP file from its summary if that is valid, else by scanning the file from the beginning.
 
-A file that was cut off, or whose bytes were damaged, is read around the damage: every chunk that passes its checksum
-counts, everything else is reported. Nothing is allocated on the word of a length in the file.
+In a truncated or damaged file, reading continues after each damage: every chunk with a valid checksum counts,
+everything else is reported. Nothing is allocated because of a length in the file alone.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ _BODIES = (
     Opcode.ATTACHMENT,
     Opcode.METADATA,
 )
-_PRIVATE = 0x80  # opcodes from here on are free for others
-# Bodies of these records have always, or at least, so many bytes.
+_PRIVATE = 0x80  # opcodes from here on are reserved for private records
+# Exact or least body size of these records, bytes.
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
 _SHORTEST = {
     int(Opcode.HEADER): 8,
@@ -72,7 +72,7 @@ _SHORTEST = {
     int(Opcode.METADATA_INDEX): 20,
     int(Opcode.SUMMARY_OFFSET): 17,
 }
-_FOLLOWING = 4  # records in a row that show where one begins
+_FOLLOWING = 4  # number of consecutive valid records that prove that a record begins here
 
 
 class McapFile:
@@ -83,14 +83,14 @@ class McapFile:
     ----------
     path : Path
     damaged : bool
-        Whether a file with another begin is taken as well: its first bytes may be what was damaged.
+        Whether to accept a file with other first bytes, because these may be the damaged ones.
 
     Raises
     ------
     OSError
-        It cannot be opened.
+        The file cannot be opened.
     FormatError
-        It is empty or does not begin as an MCAP file does.
+        The file is empty or does not begin like an MCAP file.
     """
 
     def __init__(self, path: Path, *, damaged: bool = False) -> None:
@@ -99,14 +99,14 @@ class McapFile:
         try:
             self.size = os.fstat(self._file).st_size
             begin = os.pread(self._file, len(MAGIC), 0)
-            # Only a file without its end may stop inside a record.
+            # Only a file without its end may stop in the middle of a record.
             self._cut_off = os.pread(self._file, len(MAGIC), max(self.size - len(MAGIC), 0)) != MAGIC
         except OSError:
             self.close()
             raise
         if begin != MAGIC and not (damaged and self.size > len(MAGIC)):
             self.close()
-            raise FormatError("the file does not begin as an MCAP file does" if begin else "the file is empty")
+            raise FormatError("the file does not begin like an MCAP file" if begin else "the file is empty")
 
     def close(self) -> None:
         """Close the file."""
@@ -116,12 +116,12 @@ class McapFile:
 
     def read(self, offset: int, size: int) -> bytes:
         """
-        Bytes of the file; safe from several threads.
+        Return bytes of the file; several threads may call this at once.
 
         Raises
         ------
         FormatError
-            They reach beyond the end of the file, or are more than a chunk may have.
+            The bytes reach beyond the end of the file, or are more than the largest chunk.
         """
         if size > MAX_CHUNK_BYTES + _CHUNK_HEAD_BYTES:
             raise FormatError(f"a record of {size} bytes is above the limit of {MAX_CHUNK_BYTES}")
@@ -136,7 +136,7 @@ class McapFile:
         return data
 
     def body(self, offset: int, opcode: int) -> bytes:
-        """Body of the record that begins at `offset`, checked to be of that opcode."""
+        """Return the body of the record that begins at `offset`; FormatError if its opcode is another."""
         prefix = self.read(offset, PREFIX)
         if prefix[0] != opcode:
             raise FormatError(f"byte {offset}: expected a record {opcode}, found {prefix[0]}")
@@ -144,7 +144,7 @@ class McapFile:
 
     def plain(self, span: Span, decompress: Decompressor) -> bytes:
         """
-        Records of a span, decompressed and checked.
+        Return the records of a span, decompressed and checked.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class McapFile:
         return decompress(head, memoryview(body)[head.data_at : head.data_at + head.compressed_size])
 
     def contents(self) -> Contents:
-        """What the file holds; never raises for damage inside it."""
+        """Return the contents of the file; damage in the file is noted in them and never raises an error."""
         try:
             found = self._summary()
         except FormatError as error:
@@ -170,14 +170,14 @@ class McapFile:
         return found
 
     def sound(self) -> bool:
-        """Whether the file has its end and a summary that agrees with its checksum; chunks are not read."""
+        """Whether the file has its end and a summary with a valid checksum; the chunks are not read."""
         try:
             return self._summary() is not None
         except FormatError:
             return False
 
     def data_checksum_matches(self, data_end: int) -> bool:
-        """Whether the DataEnd record at that place agrees with every byte before it; true where it carries no CRC."""
+        """Whether the CRC in the DataEnd record at this position matches all bytes before it; true if it has no CRC."""
         try:
             expected = int.from_bytes(self.body(data_end, Opcode.DATA_END)[:4], "little")
             crc, at = 0, 0
@@ -189,7 +189,7 @@ class McapFile:
         return crc == expected
 
     def scan(self) -> Iterator[Piece]:
-        """Every piece of the data section from the beginning of the file, damage included; never raises for damage."""
+        """Yield every piece of the data section from the beginning of the file, also damage; damage raises no error."""
         decompress, at, unpacked = Decompressor(), len(MAGIC), 0
         while at < self.size:
             try:
@@ -232,7 +232,7 @@ class McapFile:
             walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
             if walk.end != len(plain):
                 raise FormatError(f"a chunk's records end at byte {walk.end} of {len(plain)}")
-            # By what the chunk says of itself: the length of its record has no checksum.
+            # Use the size in the chunk's header: the length of its record has no checksum.
             return Chunk(at, PREFIX + head.data_at + head.compressed_size, head, data, plain, walk)
         if self._has_wrong_length(at, length):
             raise FormatError("no record begins where this one ends")
@@ -253,15 +253,15 @@ class McapFile:
         return Bare(at, end, plain[:end], walk_records(np.frombuffer(plain[:end], dtype=np.uint8)))
 
     def _has_wrong_length(self, at: int, length: int) -> bool:
-        """Whether no record begins behind one of this length, but would with one bit of the length changed."""
+        """Whether no record follows at this length, but one would if a single bit of the length were changed."""
         after = at + PREFIX
         if self.read(at, 1)[0] == Opcode.FOOTER or self._begins_records(after + length, first=False, cut_off=False):
             return False
-        # The wrong bit may be in the length of the next record just as well: then this one is intact.
+        # The wrong bit may also be in the length of the next record; then this record is intact.
         return not self._follows_with_wrong_bit(after + length) and self._follows_with_wrong_bit(at)
 
     def _follows_with_wrong_bit(self, at: int) -> bool:
-        """Whether a record here is followed by others once one bit of its length is changed."""
+        """Whether other records follow the record at `at` after one bit of its length is changed."""
         if not 0 <= at <= self.size - PREFIX:
             return False
         prefix, after = self.read(at, PREFIX), at + PREFIX
@@ -273,22 +273,26 @@ class McapFile:
         return any(self._begins_records(after + other) for other in likely)
 
     def _resume(self, at: int) -> int:
-        """Where reading can go on after damage at `at`: at the next record, else at the first found."""
+        """Return where reading continues after damage at `at`: at the next record, else at the first one found."""
         try:
             after = at + PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
             if after <= self.size and self._begins_records(after, first=False, cut_off=False):
                 return after
         except FormatError:
-            # The length at hand is part of the damage.
+            # The length of this record is part of the damage.
             after = at
         return self._next_record(at + 1)
 
     def _next_record(self, at: int) -> int:
-        """First place from `at` on where records follow one another; the end of the file where there is none."""
+        """
+        Return the first position from `at` on where records follow one another.
+
+        The end of the file if there is none.
+        """
         while at + PREFIX <= self.size:
             window = np.frombuffer(self.read(at, min(_WINDOW, self.size - at)), dtype=np.uint8)
             count = len(window) - PREFIX + 1
-            # An opcode, and a length whose upper bytes are 0 as they are in every record below 4 GB.
+            # A likely record has a known opcode and a length whose upper bytes are 0, as in every record below 4 GB.
             likely = (window[:count] > 0) & (window[:count] <= Opcode.DATA_END)
             for k in range(5, PREFIX):
                 likely &= window[k : k + count] == 0
@@ -300,10 +304,11 @@ class McapFile:
 
     def _begins_records(self, at: int, *, first: bool = True, cut_off: bool = True) -> bool:
         """
-        Whether records follow one another from here on, up to the end of the file if it is near.
+        Whether valid records follow one another from here on, or up to the end of the file if that is near.
 
-        first : whether nothing else speaks for a record here: then it must be whole, and a message, a chunk with its
-        head, or followed by another record. cut_off : whether the last may reach beyond the end of a file without end.
+        first : whether there is no other evidence of a record here. The record must then be complete, and be a message,
+        a chunk with its header, or followed by another record. cut_off : whether the last record may reach beyond the
+        end of a file without end.
         """
         cut_off, behind = cut_off and self._cut_off, 0
         end = self.size if self._cut_off else self.size - len(MAGIC)
@@ -319,7 +324,7 @@ class McapFile:
                 if len(prefix) < PREFIX:
                     return cut_off and not sure
                 if not sure:
-                    # What is damaged may be the length of this record, not of the one before.
+                    # The damage may be in the length of this record instead of the one before.
                     length = _FIXED.get(opcode, length)
                 if length < _SHORTEST.get(opcode, 0) or length != _FIXED.get(opcode, length):
                     return False
@@ -347,7 +352,7 @@ class McapFile:
         data = self.read(start, end - start)
         if crc and zlib.crc32(foot[:25], zlib.crc32(data)) != crc:
             raise FormatError("the summary's checksum does not match")
-        # Few records, often all that is wanted of the file: not worth waking the compiled walk for.
+        # A summary has few records, and often nothing else is read: do not wait for the compiled loop.
         walk = walk_plain(np.frombuffer(data, dtype=np.uint8))
         if walk.end != len(data):
             raise FormatError("the summary is not made of records")
@@ -382,7 +387,7 @@ class McapFile:
         try:
             budgets.MCAP.check_ratio(self.size, sum(span.size for span in found.spans))
         except BudgetError as error:
-            # Also of an index that names one chunk again and again; reading from the beginning stops in time.
+            # An index may name one chunk many times, which exceeds the budget; scanning the file stops in time.
             raise FormatError(f"the file {error}") from error
         if found.spans:
             first = self.body(found.spans[0].offset, Opcode.CHUNK)
@@ -429,7 +434,7 @@ class McapFile:
             found.notes.append(f"{self.path.name}: a record at byte {piece.offset} skipped: {error}")
 
     def _note_repeated(self, at: int, found: Contents) -> None:
-        """Take declarations that the damaged part has lost from the summary, which repeats them."""
+        """Take declarations that the damaged part lost from the summary, which repeats them."""
         lost = Contents()
         with contextlib.suppress(FormatError):
             while at < self.size - len(MAGIC):
@@ -470,7 +475,7 @@ class McapFile:
 
 
 def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
-    """Schemas and channels inside a chunk; those that cannot be parsed are left out."""
+    """Return the schemas and channels inside a chunk; those that cannot be parsed are left out."""
     schemas, channels = {}, {}
     for opcode, body in records_at(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):
         try:
@@ -481,6 +486,6 @@ def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
                 channel = parse_channel(body)
                 channels[channel.id] = channel
         except FormatError:
-            # The chunk passed its checksum, so it was written like this; its messages are then without a topic.
+            # The chunk passed its checksum, so it was written this way; its messages then have no topic.
             continue
     return schemas, channels

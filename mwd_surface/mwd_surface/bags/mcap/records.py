@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of an MCAP file: opcodes, sizes and the fields of each kind.
+"""
+Records of an MCAP file: opcodes, sizes and fields of each kind.
 
 Source: the MCAP specification, version 0.
 """
@@ -43,10 +44,10 @@ PREFIX = 9  # opcode, length
 MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 MESSAGE_PREFIX = PREFIX + MESSAGE_HEAD
 FOOTER_BYTES = PREFIX + 20
-# A larger chunk is refused: one hostile length must not take the memory of the machine.
+# A larger chunk is refused, so that one forged length cannot exhaust the memory of the machine.
 MAX_CHUNK_BYTES = budgets.MCAP.unpacked or 0
 COMPRESSIONS = ("", "zstd", "lz4")
-# A message record as the bulk writer lays it out; the payload's size completes it.
+# Layout of a message record in the bulk writer; the payload follows these fields.
 MESSAGE_FIELDS: list[tuple[Any, ...]] = [
     ("opcode", "u1"),
     ("length", "<u8"),
@@ -61,7 +62,7 @@ MESSAGE_RECORD_HEAD = struct.Struct("<BQHIQQ")
 
 
 class FormatError(ValueError):
-    """Bytes that are not what the container promises; the message says what and where."""
+    """Bytes do not follow the MCAP format; the message says what is wrong and where."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +88,7 @@ class Channel:
 
 @dataclasses.dataclass(frozen=True)
 class ChunkHead:
-    """What a chunk says of itself before its (compressed) records; `data_at` counts from the record's body."""
+    """Header of a chunk in front of its (compressed) records; `data_at` is their offset in the record's body."""
 
     start_ns: int
     end_ns: int
@@ -100,7 +101,7 @@ class ChunkHead:
 
 @dataclasses.dataclass(frozen=True)
 class ChunkIndex:
-    """Where a chunk and its message indexes lie in the file."""
+    """Positions of a chunk and its message indexes in the file."""
 
     start_ns: int
     end_ns: int
@@ -115,7 +116,7 @@ class ChunkIndex:
 
 @dataclasses.dataclass(frozen=True)
 class Attachment:
-    """A file kept inside the recording."""
+    """A file stored inside the recording."""
 
     log_ns: int
     create_ns: int

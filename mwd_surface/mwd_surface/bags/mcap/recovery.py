@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Recovers an interrupted or damaged recording into a complete file; the original is kept beside it.
+Recovery of an interrupted or damaged recording into a complete file; the original is kept next to it.
 
-A chunk whose checksum matches is copied as it is. Damage never raises here: the report counts it. Only a disk that
-refuses the new file does (OSError).
+A chunk with a matching checksum is copied unchanged. Damage never raises an error here: the report counts it. Only a
+disk that refuses to write the new file does (OSError).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROSBAG2_RECORD = "rosbag2"
 RECOVERY_RECORD = "mwd_recovery"
 KEPT = ".damaged"
 _DRAFT = ".recovering"
-_UNSIGNED = 2**64 - 1  # publication times are copied as they are
+_UNSIGNED = 2**64 - 1  # publication times are copied unchanged
 
 
 def _always() -> bool:
@@ -44,16 +44,16 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
     """
     Recover a file or every file of a bag.
 
-    A file is left as it is, and the sound copy written to `output` (by default ``<name>.recovered.mcap`` beside it).
-    In a bag's folder the sound copy takes the file's name, the original is kept with `KEPT` added to its name, and
-    metadata.yaml is rewritten.
+    A single file is left unchanged and its valid content is written to `output` (by default ``<name>.recovered.mcap``
+    in the same folder). In a bag's folder the recovered file takes the name of the damaged one, the original is kept
+    with `KEPT` added to its name, and metadata.yaml is rewritten.
 
     Raises
     ------
     OSError
         `path` cannot be read or the disk refuses the new file.
     ValueError
-        `output` was given for a folder, or exists; or the recording goes on.
+        `output` was given for a folder, or exists already; or the recording is still running.
     """
     path = Path(path)
     if is_being_written(path):
@@ -70,9 +70,9 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
 
 def recover_file(source: Path, target: Path, going_on: Callable[[], bool] = _always) -> RecoveryReport:
     """
-    Write every sound message of `source` to a new, complete file `target`.
+    Write every valid message of `source` to a new, complete file `target`.
 
-    going_on : called between chunks; False stops, and nothing is written.
+    going_on : called between chunks; if it returns False, recovery stops and nothing is written.
 
     Raises
     ------
@@ -110,11 +110,11 @@ def recover_file(source: Path, target: Path, going_on: Callable[[], bool] = _alw
 
 def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thorough: bool = True) -> list[RecoveryReport]:
     """
-    Recover a bag's folder: replace every damaged file by what could be saved, and write metadata.yaml again.
+    Recover a bag's folder: replace every damaged file by its recovered content, and rewrite metadata.yaml.
 
-    thorough : False skips the chunks of a file that has its end and a sound summary.
+    thorough : False skips the check of chunks in a file that has its end and a valid summary.
 
-    Returns one report for each MCAP file that was read. Errors as `recover_file`.
+    Returns one report for each MCAP file that was read. Errors as in `recover_file`.
     """
     reports = []
     for path in _files(folder):
@@ -132,11 +132,11 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
             path.rename(kept)
             reports.append(dataclasses.replace(report, kept=kept))
             continue
-        # The old name exists at every moment: first link the original to a second name, then replace the old one.
+        # The old name must exist at every moment: link the original to a second name first, then replace the old name.
         try:
             os.link(path, kept)
         except OSError:
-            # A disk without hard links.
+            # The disk has no hard links.
             path.rename(kept)
         fresh.replace(path)
         sync_folder(folder)
@@ -146,7 +146,7 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
 
 
 def is_unfinished(bag: Path) -> bool:
-    """Whether a bag has a file without its end, or one that metadata.yaml does not name."""
+    """Return whether a bag has a file without its end, or a file that metadata.yaml does not name."""
     files = _files(bag)
     try:
         listed = {file.path for file in bag_metadata.read(bag).files}
@@ -160,13 +160,13 @@ def _copy(file: McapFile, contents: Contents, writer: McapWriter, going_on: Call
         writer.add_schema(schema)
     for channel in contents.channels.values():
         if channel.schema_id and channel.schema_id not in contents.schemas:
-            # Its definition is lost; the messages are kept with a type that has none.
+            # The definition is lost; keep the messages with a type that has no definition.
             lost = Schema(channel.schema_id, "", "", b"")
             writer.add_schema(lost)
             contents.schemas[lost.id] = lost
         writer.add_channel(channel)
     for number in sorted(set(contents.counts) - set(contents.channels)):
-        # The declaration of the topic is lost, not its messages.
+        # Only the declaration of the topic is lost, not its messages.
         lost_topic = Channel(number, 0, f"/lost_topic_{number}", "cdr", {})
         contents.channels[number] = lost_topic
         contents.notes.append(f"the declaration of topic {number} is lost: its messages are in {lost_topic.topic}")
@@ -198,7 +198,7 @@ def _copy(file: McapFile, contents: Contents, writer: McapWriter, going_on: Call
 def _copy_messages(piece: Chunk | Bare, channels: Mapping[int, Channel], writer: McapWriter) -> None:
     walk = piece.walk
     numbers = np.unique(walk.channel).tolist()
-    # A chunk without checksum is not copied as it is: what is between its messages may be damaged.
+    # Copy a chunk unchanged only if it has a checksum; otherwise the bytes between its messages may be damaged.
     whole = isinstance(piece, Chunk) and piece.head.crc and not walk.impossible
     if isinstance(piece, Chunk) and whole and all(number in channels for number in numbers):
         if numbers:
@@ -233,7 +233,7 @@ def _copy_other(piece: Other, writer: McapWriter) -> None:
             if name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
                 writer.add_metadata(name, values)
     except FormatError:
-        # Its own damage; messages matter more, and the scan has counted the bytes.
+        # The record itself is damaged. Messages matter more, and the scan has counted the lost bytes.
         return
 
 

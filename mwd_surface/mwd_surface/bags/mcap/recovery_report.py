@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks an MCAP file, and reports what was found or saved."""
+"""Check of an MCAP file, and the report on what was found or recovered."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from mwd_surface.bags.mcap.records import FormatError, Opcode
 @dataclasses.dataclass(frozen=True)
 class RecoveryReport:
     """
-    What recovery, or a check, found.
+    Result of a recovery or a check.
 
     Attributes
     ----------
     source : Path
         The file that was read.
     target : Path or None
-        The sound file; None when there was nothing to save (or only a check was asked for).
+        The recovered file; None if there was nothing to save, or if only a check was requested.
     kept : Path or None
-        Where the original lies now, when the sound file took its name.
+        New path of the original if the recovered file took its name.
     sound : bool
-        The source was in order: nothing was done.
+        The source was valid, so that nothing was done.
     messages, chunks : int
-        Saved, or found when only checked.
+        Number saved, or number found by a check.
     topics : mapping of str to int
-        Messages of each topic.
+        Number of messages of each topic.
     damages : int
-        Places where bytes could not be used.
+        Number of places with bytes that could not be read.
     lost_bytes : int
         Bytes in those places.
     orphans : int
         Messages left out because the declaration of their topic is lost.
     start_ns, end_ns : int
-        Log times of the first and the last message; 0 when there is none.
+        Log times of the first and the last message; 0 if there is no message.
     notes : tuple of str
         One sentence for each thing found.
     """
@@ -77,7 +77,7 @@ class RecoveryReport:
 
 
 def check(path: Path) -> RecoveryReport:
-    """Read a whole file and compare everything in it: checksums, places, counts. Raises OSError only."""
+    """Read a whole file and compare its checksums, positions and counts. Raises OSError only."""
     try:
         file = McapFile(path)
     except FormatError as error:
@@ -129,7 +129,7 @@ class Tally:
                 self.damages += 1
                 self.notes.append(
                     f"bytes {piece.offset} to {piece.offset + piece.length}: {piece.walk.impossible} messages have a"
-                    " time that cannot be"
+                    " time after the year 2262"
                 )
             self.chunks += isinstance(piece, Chunk)
             numbers, counts = np.unique(piece.walk.channel, return_counts=True)
@@ -165,6 +165,6 @@ class Tally:
 
 
 def all_notes(contents: Contents, met: Sequence[str]) -> list[str]:
-    """Return the notes of contents and scan."""
-    # A scan for the contents has met the same damage already.
+    """Return the notes of the contents and of the scan."""
+    # Contents that come from a scan have noted the same damage already.
     return list(contents.notes) if contents.scanned else [*contents.notes, *met]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the records in a run of bytes: many by a compiled loop, few without waiting for the compiler."""
+"""Search for the records in a byte array: a compiled loop for long arrays, plain Python for short ones."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, MESSAGE_
 @dataclasses.dataclass(frozen=True)
 class Walk:
     """
-    Records found by walking a run of bytes.
+    Records found by walking through a byte array.
 
     Attributes
     ----------
     offset, size : shape (n,), int64
-        Where each message's payload begins, and its bytes.
+        Position and length of each message's payload, bytes.
     channel : shape (n,), uint16
     log_ns, publish_ns : shape (n,), int64
     others : shape (m,), int64
-        Where each record that is not a message begins.
+        Position of each record that is not a message.
     end : int
-        First byte not understood; the length of the data when all of it was.
+        Position of the first byte that was not understood; the length of the data if all was understood.
     impossible : int
-        Messages left out because their log time is after the year 2262: int64 does not hold it.
+        Messages left out because their log time is after the year 2262, which int64 cannot hold.
     """
 
     offset: NDArray[np.int64]
@@ -44,7 +44,7 @@ class Walk:
     impossible: int = 0
 
     def at(self, chosen: NDArray[np.bool_]) -> Walk:
-        """Return a walk with some of the messages, shape (n,)."""
+        """Return a walk with the chosen messages, shape (n,)."""
         return dataclasses.replace(
             self,
             offset=self.offset[chosen],
@@ -95,7 +95,7 @@ def _walk(  # one flat loop on purpose: it runs once per message of a bag
 
 @compiled
 def _count(data: Any) -> tuple[int, int]:
-    """How many messages and other records there are, so that no more room is taken than they need."""
+    """Return the number of messages and of other records, so that arrays of the exact size can be allocated."""
     at, count, other = 0, 0, 0
     end = len(data)
     while at + 9 <= end:
@@ -111,7 +111,11 @@ def _count(data: Any) -> tuple[int, int]:
 
 
 def walk_records(data: Bytes) -> Walk:
-    """Find the records in a run of bytes, shape (n,), uint8; stops at the first that does not fit, never raises."""
+    """
+    Find the records in a byte array, shape (n,), uint8.
+
+    The walk stops at the first record that does not fit and never raises an error.
+    """
     n, m = _count(data)
     offset, size, log_ns, publish_ns = (np.empty(n, dtype=np.int64) for _ in range(4))
     channel = np.empty(n, dtype=np.uint16)
@@ -121,7 +125,7 @@ def walk_records(data: Bytes) -> Walk:
 
 
 def _possible(walk: Walk) -> Walk:
-    """Leave out messages at times that cannot be: one flipped bit must not take the others with it."""
+    """Leave out messages with impossible times: one flipped bit must not lose the other messages."""
     possible = walk.log_ns >= 0
     if possible.all():
         return walk
@@ -129,7 +133,7 @@ def _possible(walk: Walk) -> Walk:
 
 
 def walk_plain(data: Bytes) -> Walk:
-    """As `walk_records`, without a compiled loop: for few bytes."""
+    """Do the same as `walk_records` without a compiled loop, for few bytes."""
     view, end, at = data.tobytes(), len(data), 0
     rows: list[tuple[int, int, int, int, int]] = []
     others: list[int] = []
@@ -162,7 +166,7 @@ def walk_plain(data: Bytes) -> Walk:
 
 
 def records_at(data: Bytes, offsets: NDArray[np.int64]) -> list[tuple[int, memoryview]]:
-    """(opcode, body) of the records beginning at the offsets that `walk_records` found."""
+    """Return (opcode, body) of the records at the offsets that `walk_records` found."""
     view = memoryview(data)  # type: ignore[arg-type]
     found = []
     for at in offsets.tolist():

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One MCAP file as it grows: chunks of messages with CRC and index, attachments, and a summary at its end.
+Writer of one MCAP file: chunks of messages with CRC and index, attachments, and a summary at the end.
 
-A chunk is the unit that survives a crash: everything before the last complete chunk can be read without the summary.
-Schemas and channels are therefore written twice: in the clear, where a reader finds them without decompressing, and in
-the next chunk, where its CRC guards them; and all of them again in every `REPEAT`-th chunk, so that damage in one place
-cannot take the names of all that follows.
+A chunk is the unit that survives a crash: everything up to the last complete chunk can be read without the summary.
+Schemas and channels are therefore written twice: uncompressed, where a reader finds them directly, and in the next
+chunk, where its CRC protects them. Every `REPEAT`-th chunk repeats all of them, so that damage in one place cannot lose
+the names of all later topics.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _U32 = 0xFFFFFFFF
 
 class McapWriter:
     """
-    Writes one MCAP file.
+    Writer of one MCAP file.
 
     Parameters
     ----------
@@ -67,15 +67,15 @@ class McapWriter:
         Must not exist yet.
     compression : {"zstd", "lz4", ""}
     level : int
-        Of zstd.
+        Compression level of zstd.
     chunk_bytes : int
-        A chunk is closed when its records reach this size; before compression.
+        A chunk is closed when its uncompressed records reach this size.
 
     Raises
     ------
     OSError
-        From every method that writes. The chunk at hand is then kept in memory and the file ends after the last
-        complete record, so that the call may be repeated or the file finished.
+        Writing fails; every method that writes may raise this. The current chunk then stays in memory and the file
+        ends after its last complete record, so that the call may be repeated or the file finished.
     """
 
     def __init__(self, path: Path, compression: str = "zstd", level: int = 1, chunk_bytes: int = 1024 * 1024) -> None:
@@ -88,7 +88,7 @@ class McapWriter:
         self.channels: dict[int, Channel] = {}
         self._compress = Compressor(compression, level)
         self._schemas: dict[int, Schema] = {}
-        # As the summary has it: an hour of a fast recording has tens of thousands of chunks.
+        # Encoded as in the summary, because an hour of a fast recording has tens of thousands of chunks.
         self._chunk_index: list[bytes] = []
         self._written_ns: tuple[int, int] | None = None
         self._attachment_index: list[bytes] = []
@@ -99,7 +99,7 @@ class McapWriter:
         self._declarations = b""
         self._index: dict[int, list[NDArray[np.void] | tuple[int, int]]] = {}
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-        # For `is_being_written`; a disk without locks does without.
+        # The lock tells `is_being_written`; it is omitted on a disk without locks.
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
@@ -110,18 +110,18 @@ class McapWriter:
 
     @property
     def messages(self) -> int:
-        """Messages taken so far, the chunk at hand included."""
+        """Number of messages accepted so far, including those in the current chunk."""
         return sum(self.counts.values())
 
     def add_schema(self, schema: Schema) -> None:
-        """Write a definition; the id must be new and not 0."""
+        """Write a message definition; its id must be new and not 0."""
         record = schema_record(schema)
         self._append(record)
         self._declarations += record
         self._schemas[schema.id] = schema
 
     def add_channel(self, channel: Channel) -> None:
-        """Write a topic's declaration; the id must be new, its schema written before (or 0: none)."""
+        """Write the declaration of a topic; its id must be new, and its schema written before (0: no schema)."""
         record = channel_record(channel)
         self._append(record)
         self._declarations += record
@@ -129,7 +129,7 @@ class McapWriter:
         self.counts[channel.id] = 0
 
     def write(self, channel: int, data: bytes, log_ns: int, publish_ns: int) -> None:
-        """Put one message into the chunk at hand, closing it when it is full."""
+        """Add one message to the current chunk; write the chunk if it is full."""
         self._declare()
         sequence = self.counts[channel] + 1
         head = message_prefix(channel, sequence & _U32, log_ns, publish_ns, len(data))
@@ -143,7 +143,7 @@ class McapWriter:
     def write_rows(
         self, channel: int, rows: NDArray[np.uint8], log_ns: NDArray[np.int64], publish_ns: NDArray[np.int64]
     ) -> None:
-        """Put many messages of one size, shape (n, size), into chunks; stamps of shape (n,)."""
+        """Add many messages of one size, shape (n, size), to chunks; stamps have shape (n,)."""
         size = rows.shape[1]
         dtype = np.dtype([*MESSAGE_FIELDS, ("data", "u1", (size,))])
         done = 0
@@ -178,7 +178,11 @@ class McapWriter:
         channel: NDArray[np.uint16],
         log_ns: NDArray[np.int64],
     ) -> None:
-        """Put finished message records, which follow one another from offset[0] = 0 on, into chunks in their order."""
+        """
+        Add complete message records to chunks in their order.
+
+        They follow one another, beginning at offset[0] = 0.
+        """
         ends = np.append(offset[1:], len(records))
         done = 0
         while done < len(offset):
@@ -202,11 +206,11 @@ class McapWriter:
                 self.close_chunk()
 
     def close_chunk(self) -> None:
-        """Write the chunk at hand, if there is one, and its message indexes."""
+        """Write the current chunk, if there is one, and its message indexes."""
         if not self._pending:
             return
         plain = b"".join(self._parts)
-        # One piece from now on: if the disk refuses it, the next attempt need not join again.
+        # Keep the joined bytes: if the disk refuses them, the next attempt need not join again.
         self._parts = [plain]
         indexes = {channel: _entries(items) for channel, items in self._index.items()}
         start = min(int(entries["log_ns"].min()) for entries in indexes.values())
@@ -217,7 +221,7 @@ class McapWriter:
         self._parts, self._pending, self._index = [], 0, {}
 
     def add_chunk(self, head: ChunkHead, data: bytes, indexes: Mapping[int, NDArray[np.void]]) -> None:
-        """Write a chunk that is compressed already; the messages in it are not counted here."""
+        """Write a chunk that is already compressed; its messages are not counted here."""
         prefix = chunk_prefix(head)
         offset, length = self.size, len(prefix) + len(data)
         tail, offsets = b"", {}
@@ -233,31 +237,31 @@ class McapWriter:
         self._written_ns = min(start, head.start_ns), max(end, head.end_ns)
 
     def copy_chunk(self, head: ChunkHead, data: bytes, indexes: Mapping[int, NDArray[np.void]]) -> None:
-        """Write a chunk taken from another file as it is, and count its messages by their indexes."""
+        """Write a chunk of another file unchanged, and count its messages by its indexes."""
         self.add_chunk(head, data, indexes)
         for channel, entries in indexes.items():
             self._count(channel, len(entries), int(entries["log_ns"].min()), int(entries["log_ns"].max()))
 
     def attach(self, item: Attachment) -> None:
-        """Keep a file inside this one; the chunk at hand is closed first."""
+        """Store a file inside this one; the current chunk is closed first."""
         self.close_chunk()
         data, offset = attachment_record(item), self.size
         self._append(data)
         self._attachment_index.append(attachment_index_record(item, offset, len(data)))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write a named table of strings; the chunk at hand is closed first."""
+        """Write a named table of strings; the current chunk is closed first."""
         self.close_chunk()
         data, offset = metadata_record(name, values), self.size
         self._append(data)
         self._metadata_index.append(metadata_index_record(name, offset, len(data)))
 
     def sync(self) -> None:
-        """Make the disk hold what was written so far (not the chunk at hand)."""
+        """Force everything written so far to the disk, without the current chunk."""
         os.fdatasync(self._file)
 
     def finish(self, sync: bool = False) -> None:
-        """Write the chunk at hand, summary and footer, and close the file."""
+        """Write the current chunk, the summary and the footer, and close the file."""
         self.close_chunk()
         data_end = packed_record(Opcode.DATA_END, self._crc.to_bytes(4, "little"))
         self._append(data_end + packed_summary(self._groups(), self.size + len(data_end)))
@@ -266,7 +270,7 @@ class McapWriter:
         self.close()
 
     def discard_pending(self) -> int:
-        """Give up the chunk at hand, for a disk that has no room for it; returns the messages lost."""
+        """Discard the current chunk because the disk has no room for it; return the number of lost messages."""
         before = self.messages
         for channel, items in self._index.items():
             self.counts[channel] -= len(_entries(items))
@@ -275,7 +279,7 @@ class McapWriter:
         return before - self.messages
 
     def close(self) -> None:
-        """Close the file as it is; without `finish` it stays an unfinished recording."""
+        """Close the file without an end; unless `finish` was called, it stays an unfinished recording."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -321,7 +325,7 @@ class McapWriter:
             while written < len(view):
                 written += os.write(self._file, view[written:])
         except OSError:
-            # Half a record would hide everything written after it.
+            # Remove the partial record, which would hide everything written after it.
             os.ftruncate(self._file, self.size)
             os.lseek(self._file, self.size, os.SEEK_SET)
             raise
@@ -330,7 +334,7 @@ class McapWriter:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a `McapWriter`, of this process or another on this machine, has a file open, or one of a folder."""
+    """Return whether a `McapWriter` of any process on this machine has the file, or a file of the folder, open."""
     return any(map(_is_locked, path.glob("*.mcap") if path.is_dir() else [path]))
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The crash-proof recorder."""
+"""The recorder, which survives crashes."""

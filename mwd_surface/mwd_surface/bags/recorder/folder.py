@@ -15,12 +15,12 @@ LOCK_NAME = ".recorder.lock"
 
 def locked(folder: Path) -> FolderLock:
     """
-    Lock a folder for one recorder, creating it where it is missing.
+    Lock a folder for one recorder; create the folder if it is missing.
 
     Raises
     ------
     RecorderError
-        It cannot be written, or another recorder uses it.
+        The folder cannot be written, or another recorder uses it.
     """
     try:
         return FolderLock(folder, LOCK_NAME)
@@ -34,23 +34,23 @@ def locked(folder: Path) -> FolderLock:
 
 def recording_path(folder: Path, name: str, prefix: str) -> Path:
     """
-    Return the path of a new recording: `name`, or where it is empty the prefix and the time of day.
+    Return the path of a new recording, named `name`, or by prefix and time of day if `name` is empty.
 
-    A name that is taken gets _2, _3 and so on: what starts again after a crash records again, and overwrites nothing.
+    A name in use gets the suffix _2, _3 and so on: a node restarted after a crash records again and overwrites nothing.
 
     Raises
     ------
     RecorderError
-        It is no plain name.
+        `name` contains a slash or another character that is not allowed.
     """
     if name and (name != Path(name).name or name.startswith(".") or not name.isprintable()):
-        raise RecorderError(f"{name!r} is no plain name for a recording", "give a name without slashes")
+        raise RecorderError(f"{name!r} is not a plain name for a recording", "give a name without slashes")
     base = name or f"{prefix}_{datetime.datetime.now(datetime.UTC):%Y%m%dT%H%M%SZ}"
     paths = (folder / base if k == 1 else folder / f"{base}_{k}" for k in itertools.count(1))
     return next(path for path in paths if not path.exists())
 
 
 def recordings_named(folder: Path, name: str) -> list[Path]:
-    """Return the recordings of a folder that were given this name, in their order: `name`, `name`_2 and so on."""
+    """Return the recordings of a folder that were given this name, in order: `name`, `name`_2 and so on."""
     paths = (folder / name if k == 1 else folder / f"{name}_{k}" for k in itertools.count(1))
     return list(itertools.takewhile(Path.exists, paths))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The queue between the threads that hand messages over and the thread that writes them, bounded in bytes."""
+"""Queue, bounded in bytes, between the threads that deliver messages and the thread that writes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-OVERHEAD = 128  # bytes that a waiting message costs beyond its payload
+OVERHEAD = 128  # memory that a waiting message needs in addition to its payload, bytes
 _BATCH = 1000
 
 
@@ -27,31 +27,31 @@ class Item(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes of memory while it waits."""
+        """Memory used while it waits, bytes."""
         return len(self.data) + OVERHEAD
 
 
 @dataclasses.dataclass
 class Command:
-    """A request carried out by the writer thread, in its place among the messages."""
+    """A request that the writer thread carries out when its turn among the messages comes."""
 
     run: Callable[[], Any]
     answer: concurrent.futures.Future[Any] = dataclasses.field(default_factory=concurrent.futures.Future)
 
     def carry_out(self) -> None:
-        """Run it and set its answer, or its exception."""
+        """Run the request and set its answer or its exception."""
         try:
             self.answer.set_result(self.run())
-        except Exception as error:  # noqa: BLE001  (whatever it is belongs to the caller)
+        except Exception as error:  # noqa: BLE001  (any error is passed to the caller)
             self.answer.set_exception(error)
 
 
 class MessageQueue:
     """
-    Messages and commands in the order in which they were handed over; no call waits.
+    Messages and commands in the order in which they were delivered; no call waits.
 
     limit : int
-        Most bytes that may wait.
+        Largest number of bytes that may wait.
     """
 
     def __init__(self, limit: int) -> None:
@@ -66,7 +66,7 @@ class MessageQueue:
         return len(self._items)
 
     def put(self, item: Item) -> bool:
-        """Take a message; return False, and count it as refused, where it does not fit."""
+        """Accept a message; if it does not fit, count it as refused and return False."""
         with self._lock:
             if self.waiting_bytes + item.size > self.limit:
                 self.refused += 1
@@ -79,14 +79,14 @@ class MessageQueue:
         return True
 
     def command(self, run: Callable[[], Any]) -> concurrent.futures.Future[Any]:
-        """Take a command; return its answer to come."""
+        """Accept a command and return its future answer."""
         command = Command(run)
         with self._lock:
             self._items.append(command)
         return command.answer
 
     def batch(self) -> list[Item | Command]:
-        """Return the next entries, at most a thousand; empty where none waits."""
+        """Return the next entries, at most a thousand; empty if none waits."""
         taken: list[Item | Command] = []
         with self._lock:
             while self._items and len(taken) < _BATCH:
@@ -97,7 +97,7 @@ class MessageQueue:
         return taken
 
     def cancel(self, error: Exception) -> None:
-        """Empty the queue; the commands in it fail with the error."""
+        """Empty the queue; its commands fail with the error."""
         with self._lock:
             commands = [item for item in self._items if isinstance(item, Command)]
             self._items.clear()

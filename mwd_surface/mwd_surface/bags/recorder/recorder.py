@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The recorder: writes all messages handed to it into a bag, in a thread of its own.
+The recorder, which writes all messages that it receives into a bag, in a thread of its own.
 
-The caller never waits: a message goes into a queue bounded in bytes; one that does not fit becomes an event inside the
-recording. Chunks are made durable by time: a killed process or a power failure costs at most `chunk_seconds` +
-`sync_seconds` of data, and a file without its end is recovered at the next start.
+The caller never waits: messages go into a queue bounded in bytes, and a message that does not fit becomes an event in
+the recording. Chunks are written to the disk at fixed times, so that a killed process or a power failure loses at most
+`chunk_seconds` + `sync_seconds` of data. A file without its end is recovered at the next start.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _BATCHES = 20
 
 class Recorder:
     """
-    Records messages into bags below a folder.
+    Recorder of messages into bags in a folder.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Recorder:
         Created if missing; one recorder at a time may use it.
     settings : RecorderSettings
     definitions : Definitions, optional
-        Of schema texts; by default this installation's.
+        Source of schema texts; by default this installation.
     tables : callable, optional
         Returns named tables of strings (versions, parameters) that are put into every file as metadata.
     event_topic : str
@@ -50,12 +50,12 @@ class Recorder:
     space : callable
         Bytes free for a folder; replaced in tests.
     recover : bool
-        Recover what earlier recordings in the folder left unfinished, in the background.
+        Recover unfinished recordings in the folder, in the background.
 
     Attributes
     ----------
     events : deque of RecorderEvent
-        The last 200, for a late reader; `take_events` is for one that wants each once.
+        The last 200 events, for readers that start late; `take_events` returns each event once.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class Recorder:
         self._closing = False
         self._deadline: float | None = None
         self._folder_lock = locked(self.folder)
-        # Listed before this recorder can begin a bag of its own.
+        # List the bags before this recorder can begin one of its own.
         earlier = sorted(item for item in self.folder.iterdir() if item.is_dir()) if recover else []
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -113,20 +113,21 @@ class Recorder:
         type_hash: str = "",
     ) -> bool:
         """
-        Hand over one serialised message; never waits.
+        Accept one serialised message; never waits.
 
         Parameters
         ----------
         topic, type_name : str
             Full name, and ``package/msg/Name``.
         data : bytes
-            As it came from the middleware; must not be changed afterwards.
+            Message as received from the middleware; must not be changed afterwards.
         log_ns, publish_ns : int
-            When it was received and published, ns since the epoch.
+            Times at which it was received and published, ns since the epoch.
         qos, type_hash : str
-            Offered profiles as YAML and RIHS01 hash; looked at when the topic is first seen.
+            Offered profiles as YAML and RIHS01 hash; used when the topic is first seen.
 
-        Returns False when it was not taken: nothing is being recorded, or the queue is full (then it is counted).
+        Returns False if the message was not accepted: nothing is being recorded, or the queue is full (then it is
+        counted).
         """
         if not self._taking:
             return False
@@ -135,38 +136,38 @@ class Recorder:
 
     def start(self, name: str = "", custom: Mapping[str, str] | None = None, timeout_s: float = 3.0) -> Path:
         """
-        Begin a recording; returns its folder.
+        Begin a recording and return its folder.
 
-        name : folder's name below `folder`, numbered where it is taken; by default the time of day. custom :
+        name : name of the new folder in `folder`, numbered if it is in use; by default the time of day. custom :
         ``custom_data`` of metadata.yaml.
 
         Raises
         ------
         RecorderError
-            One is running already, the name is no plain name, or the disk refuses.
+            A recording is running already, the name is not a plain name, or the disk refuses.
         """
         path: Path = self._command(lambda: self._start(name, dict(custom or {})), timeout_s)
         return path
 
     def stop(self, timeout_s: float = 3.0) -> Path:
         """
-        End the recording after everything handed over before; returns its folder.
+        End the recording after everything accepted before, and return its folder.
 
         Raises
         ------
         RecorderError
-            None is running, or the disk did not finish in time (it goes on in the background).
+            No recording is running, or the disk did not finish in time (it continues in the background).
         """
         self._deadline = time.monotonic() + 0.7 * timeout_s
         return Path(self._command(self._stop, timeout_s))
 
     def split(self, timeout_s: float = 3.0) -> Path:
-        """Continue in a new file; return the finished one. Raises RecorderError as `stop`."""
+        """Continue in a new file and return the finished one. Raises RecorderError as `stop` does."""
         return Path(self._command(self._split_asked, timeout_s))
 
     def snapshot(self, name: str = "", timeout_s: float = 10.0) -> Path:
         """
-        Write what the memory holds of the last seconds into a bag of its own; returns its folder.
+        Write the last seconds, which are kept in memory, into a separate bag; return its folder.
 
         Raises
         ------
@@ -176,11 +177,11 @@ class Recorder:
         return Path(self._command(lambda: self._snapshot(name), timeout_s))
 
     def attach(self, name: str, media_type: str, data: bytes, log_ns: int, timeout_s: float = 3.0) -> None:
-        """Attach a file to the recording. Raises RecorderError when none is running."""
+        """Attach a file to the recording. Raises RecorderError if no recording is running."""
         self._command(lambda: self._running().writer.attach(name, media_type, data, log_ns), timeout_s)
 
     def add_metadata(self, name: str, values: Mapping[str, str], timeout_s: float = 3.0) -> None:
-        """Keep a named table of strings inside the recording. Raises RecorderError when none is running."""
+        """Store a named table of strings inside the recording. Raises RecorderError if no recording is running."""
         self._command(lambda: self._running().writer.add_metadata(name, dict(values)), timeout_s)
 
     def status(self) -> RecorderStatus:
@@ -207,17 +208,17 @@ class Recorder:
     def take_events(self) -> list[RecorderEvent]:
         """Return the events since the last call, oldest first, at most the last 1000; never waits."""
         taken = []
-        # Another thread appends meanwhile; popping one by one is safe against that.
+        # Another thread appends at the same time; removing events one by one is safe against that.
         while self._untaken:
             taken.append(self._untaken.popleft())
         return taken
 
     def close(self, timeout_s: float = 2.8) -> bool:
         """
-        End the recording and the threads; returns whether all was finished within the time.
+        End the recording and the threads; return whether all was finished in time.
 
-        A queue that a slow disk does not take in that time is dropped and counted; the file then still gets its end if
-        the disk answers at all, else the next start recovers it.
+        If a slow disk does not accept the queue within that time, the queue is dropped and counted. The file is then
+        still completed if the disk responds, else the next start recovers it.
         """
         if not self._thread.is_alive():
             return True
@@ -253,7 +254,7 @@ class Recorder:
     # For the writer thread
 
     def _run(self) -> None:
-        # A tenth of a second bounds what waiting adds to the age of unsaved data.
+        # At most a tenth of a second is added to the age of unsaved data by waiting.
         pause = min(0.1, self.settings.chunk_seconds / 2)
         while True:
             if not self._queue:
@@ -272,7 +273,7 @@ class Recorder:
                 return
 
     def _drain(self, batches: int) -> None:
-        """Write what is in the queue, at most so many batches: time and disk are checked in between."""
+        """Write at most `batches` batches of the queue; the caller checks time and disk between two calls."""
         for _ in range(batches):
             batch = self._queue.batch()
             if not batch:
@@ -303,7 +304,7 @@ class Recorder:
                 session.disk_failed(error)
             else:
                 self._report(Level.ERROR, words_of(error, self.folder))
-        except Exception as error:  # noqa: BLE001  (the thread must live, for messages keep coming)
+        except Exception as error:  # noqa: BLE001  (the thread must survive because messages keep arriving)
             self._report(Level.ERROR, f"the recorder has an internal error: {error!r}")
 
     def _start(self, name: str, custom: dict[str, str]) -> Path:
@@ -395,5 +396,5 @@ class Recorder:
         self._untaken.append(event)
 
     def _report_later(self, level: Level, text: str) -> None:
-        # Events are written by the writer thread only.
+        # Only the writer thread writes events.
         self._queue.command(lambda: self._report(level, text))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recovers, in the background, what earlier recordings in a folder left unfinished."""
+"""Background recovery of earlier recordings in a folder that were left unfinished."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ class RecoveryThread:
     Parameters
     ----------
     bags : sequence of Path
-        Folders of bags; finished ones are left alone.
+        Folders of bags; finished bags are not changed.
     going_on : callable
-        Returns False when it has to stop.
+        Returns False when recovery must stop.
     report : callable
-        Called from the thread with level and text of an event.
+        Called in this thread with the level and text of an event.
 
     Attributes
     ----------
     reports : list of RecoveryReport
-        Of the files recovered so far.
+        Reports on the files recovered so far.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class RecoveryThread:
             self._thread.start()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for its end, at most so long."""
+        """Wait at most `timeout_s` seconds for the end of the thread."""
         if self._bags:
             self._thread.join(timeout_s)
 

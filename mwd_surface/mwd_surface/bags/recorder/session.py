@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A recording at hand: messages and events into files, chunks and splits by time and size, pauses of a full disk.
+One running recording: files, chunks, splits by time and size, and pauses while the disk is full.
 
-Used by one thread. What a disk refuses pauses the recording with as whole a file as it gives, and is tried again.
+Only one thread uses a session. If the disk refuses a write, the recording pauses, its file is completed as far as the
+disk allows, and writing is tried again later.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
 
 EVENT_TYPE = "rcl_interfaces/msg/Log"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_LOOK = 0.5  # s between looks at the disk's free space
-_LOOK_BYTES = 8 * 1024 * 1024  # or after so many bytes
+_LOOK = 0.5  # s between checks of the free disk space
+_LOOK_BYTES = 8 * 1024 * 1024  # or a check after this many bytes
 
 Tables = Callable[[], Mapping[str, Mapping[str, str]]]
 
@@ -33,18 +34,18 @@ Tables = Callable[[], Mapping[str, Mapping[str, str]]]
 @dataclasses.dataclass(frozen=True)
 class SessionHooks:
     """
-    What a session gets from its recorder.
+    Functions that a session gets from its recorder.
 
     Attributes
     ----------
     tables : callable
-        Returns named tables of strings that are put into every file.
+        Returns named tables of strings that are written to every file.
     space : callable
-        Returns the bytes free for a folder.
+        Returns the free bytes on the disk of a folder.
     refused : callable
         Returns how many messages of this recording the queue refused.
     report : callable
-        Called with level and text of an event, which the recorder hands back to `Session.record`.
+        Called with the level and text of an event; the recorder passes the event to `Session.record`.
     """
 
     tables: Tables
@@ -60,30 +61,30 @@ class Session:
     Parameters
     ----------
     writer : BagWriter
-        In place, its first file begun.
+        Writer with `in_place`, whose first file has been begun.
     folder : Path
-        Whose disk is watched.
+        Folder whose disk is watched.
     settings : RecorderSettings
     definitions : Definitions
     event_topic : str
-        Under which events are recorded.
+        Topic for events.
     hooks : SessionHooks
 
     Attributes
     ----------
     state : RecorderState
     reason : str
-        Of a pause or failure.
+        Reason of a pause or failure.
     writing : bool
         False while the disk is full or failing.
     dropped : int
-        Taken from the queue but not written.
+        Messages removed from the queue but not written.
     free : int
-        Bytes free on the disk at the last look; -1 unknown.
+        Free bytes on the disk at the last check; -1 if unknown.
     began : float
-        Steady time, s.
+        Monotonic time of the beginning, s.
     unsaved_since : float or None
-        Steady time of the oldest message not yet forced to the disk.
+        Monotonic time of the oldest message not yet forced to the disk.
     """
 
     def __init__(
@@ -118,7 +119,7 @@ class Session:
         self._put_tables()
 
     def take(self, item: Item) -> None:
-        """Write a message; one that cannot be written is counted and reported."""
+        """Write a message; a message that cannot be written is counted and reported."""
         if not self.writing:
             self.dropped += 1
             return
@@ -126,17 +127,17 @@ class Session:
         try:
             self._write(item)
         except OSError as error:
-            # A message that reached the chunk at hand is not lost yet: it goes with the chunk.
+            # A message that is in the current chunk is not lost yet; its fate is that of the chunk.
             self.dropped += self.writer.messages == before
             self.disk_failed(error)
-        except Exception as error:  # noqa: BLE001  (one odd message must not end the recording of the others)
+        except Exception as error:  # noqa: BLE001  (one invalid message must not stop the recording of others)
             self.dropped += 1
             if item.topic not in self._odd:
                 self._odd.add(item.topic)
                 self._hooks.report(Level.WARNING, f"messages of {item.topic} cannot be recorded: {error}")
 
     def periodic(self) -> None:
-        """Do what is due by time: chunk, sync, split, disk, lost messages."""
+        """Do what is due at this time: write chunks, sync, split, check the disk, report lost messages."""
         now = time.monotonic()
         if now - self._checked_at >= _LOOK or not self.writing:
             self._watch_disk()
@@ -145,7 +146,8 @@ class Session:
         self._by_time()
         waiting = self.unsaved_since
         if waiting is not None and now - waiting >= self._settings.sync_seconds:
-            # The chunk at hand goes too: else a quiet topic's message could wait for a chunk and then for a sync.
+            # Close the current chunk too: otherwise a message of a quiet topic could wait for a chunk and then for a
+            # sync.
             self.writer.file.close_chunk()
             self._chunk_began = None
             self.writer.file.sync()
@@ -159,7 +161,7 @@ class Session:
 
     @property
     def lost(self) -> int:
-        """Messages of this recording that are not in it."""
+        """Number of messages of this recording that were lost."""
         return self._hooks.refused() + self.dropped
 
     def _write(self, item: Item) -> None:
@@ -202,13 +204,11 @@ class Session:
         channel = self.writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
         self._channels[topic, type_name] = channel
         if not self.writer.has_definition(channel):
-            self._hooks.report(
-                Level.WARNING, f"{topic}: recorded without a definition, for {type_name} is unknown here"
-            )
+            self._hooks.report(Level.WARNING, f"{topic}: recorded without a definition: {type_name} is unknown here")
         return channel
 
     def _by_time(self) -> None:
-        """Close a chunk that is old enough."""
+        """Write the current chunk if it is old enough."""
         if self._chunk_began is not None and time.monotonic() - self._chunk_began >= self._settings.chunk_seconds:
             self.writer.file.close_chunk()
             self._chunk_began = None
@@ -246,18 +246,18 @@ class Session:
         try:
             self.writer.finish_file(sync=True)
         except OSError:
-            # No room even for the chunk at hand or for the summary: without the chunk there may be.
+            # The disk has no room for the current chunk or the summary: discard the chunk, and the summary may fit.
             self.dropped += self.writer.file.discard_pending()
             try:
                 self.writer.finish_file(sync=True)
             except OSError:
                 self.dropped += self.writer.give_up_file()
                 self._hooks.report(Level.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it")
-        # Only now: whoever sees the pause may rely on the file.
+        # Publish the pause only now: whoever sees it may rely on the file.
         self.state, self.reason = state, reason
 
     def disk_failed(self, error: OSError) -> None:
-        """Pause, with as whole a file as the disk gives."""
+        """Pause, and complete the file as far as the disk allows."""
         full = error.errno in _FULL
         reason = self._words(error)
         self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
@@ -280,13 +280,13 @@ class Session:
         )
 
     def split(self) -> Path:
-        """Go on in a new file; the finished one comes back."""
+        """Continue in a new file; return the finished one."""
         done = self.writer.file.path
         self._new_file()
         return done
 
     def finish(self) -> None:
-        """End the recording; the disk's refusal ends it as far as it goes."""
+        """End the recording; if the disk refuses, complete the file as far as possible."""
         try:
             if self.writing:
                 self._record_early()
@@ -295,13 +295,13 @@ class Session:
             self.disk_failed(error)
 
     def record(self, event: RecorderEvent) -> None:
-        """Put an event into the recording; before the first message it waits, for only then its time is known."""
+        """Record an event; events before the first message wait, because the time of the recording is not known yet."""
         if not self.writing:
             return
         if not self._last_ns:
             self._early.append(event)
             return
-        # A disk that refuses the event is about to be met, and handled, by the messages themselves.
+        # Ignore the disk's error here: the next message will meet and handle it.
         with contextlib.suppress(OSError):
             self._record_event(event)
 
@@ -327,7 +327,7 @@ class Session:
             self.writer.add_metadata(name, values)
 
     def _record_early(self) -> None:
-        """Events from before the first message: only now is the recording's own time known."""
+        """Record the events from before the first message, now that the time of the recording is known."""
         early, self._early = self._early, []
         for event in early:
             self._record_event(event)
@@ -341,7 +341,7 @@ class Session:
         )
         data = bytes(self._definitions.typestore.serialize_cdr(message, EVENT_TYPE))
         channel = self.writer.topic(self._event_topic, EVENT_TYPE)
-        # In the recording's own time, which may be a simulation's.
+        # Use the time of the recording, which may be that of a simulation.
         self.writer.write(channel, data, self._last_ns or event.stamp_ns)
         if self._chunk_began is None:
             self._chunk_began = time.monotonic()
@@ -353,10 +353,10 @@ class Session:
 
 
 def words_of(error: OSError, folder: Path) -> str:
-    """What a disk refused, with its path."""
+    """Return a text on the disk's error, with its path."""
     return f"{error.filename or folder}: {error.strerror or error}"
 
 
 def free_bytes(folder: Path) -> int:
-    """Bytes free on the disk of a folder."""
+    """Return the free bytes on the disk of a folder."""
     return shutil.disk_usage(folder).free

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people may choose of a recorder."""
+"""Settings of the recorder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mwd_sensors.core.settings import setting
 
 @dataclasses.dataclass(frozen=True)
 class RecorderSettings:
-    """What people may choose of a recorder."""
+    """Settings of the recorder."""
 
     compression: str = setting(
         "zstd",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last seconds of everything received, kept in bounded memory for a snapshot."""
+"""The last seconds of all received messages, kept in bounded memory for a snapshot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mwd_surface.bags.recorder.message_queue import Item
 
 
 class SnapshotRing:
-    """Messages of the last `seconds`, of at most `most` bytes."""
+    """Messages of the last `seconds` seconds, limited to `most` bytes."""
 
     def __init__(self, seconds: float, most: int) -> None:
         self._seconds, self._most = seconds, most
@@ -23,7 +23,7 @@ class SnapshotRing:
         return len(self._items)
 
     def keep(self, item: Item) -> None:
-        """Take a message; the oldest go."""
+        """Add a message and remove the oldest ones beyond the limits."""
         now = time.monotonic()
         self._items.append((now, item))
         self._bytes += item.size
@@ -31,7 +31,7 @@ class SnapshotRing:
             self._bytes -= self._items.popleft()[1].size
 
     def write(self, writer: BagWriter) -> None:
-        """Write what is kept into a bag, oldest first."""
+        """Write the kept messages into a bag, oldest first."""
         for _, (topic, type_name, data, log_ns, publish_ns, qos, type_hash) in self._items:
             try:
                 profiles = bag_metadata.parse_qos(qos)

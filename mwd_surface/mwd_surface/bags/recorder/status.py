@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State, status and events of the recorder, as its users see them."""
+"""State, status and events of the recorder, for its users."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
 class RecorderError(Exception):
-    """A request that the recorder cannot carry out; one sentence with path and reason, and what to do about it."""
+    """A request that the recorder cannot carry out; one sentence gives path and reason, and `remedy` what to do."""
 
     def __init__(self, text: str, remedy: str = "free the disk, or make its folder writable") -> None:
         super().__init__(text)
@@ -19,7 +19,7 @@ class RecorderError(Exception):
 
 
 class RecorderState(enum.IntEnum):
-    """State of the recorder; the numbers of mwd_msgs/RecorderStatus."""
+    """State of the recorder, numbered as in mwd_msgs/RecorderStatus."""
 
     STOPPED = 0
     RECORDING = 1
@@ -37,7 +37,7 @@ class Level(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class RecorderEvent:
-    """An event of the recorder for the log; stamp_ns in ns since the epoch."""
+    """An event of the recorder for the log; `stamp_ns` is in ns since the epoch."""
 
     stamp_ns: int
     level: Level
@@ -53,21 +53,21 @@ class RecorderStatus:
     ----------
     state : RecorderState
     reason : str
-        Why it is paused or failed; empty otherwise.
+        Reason of a pause or failure; otherwise empty.
     path : Path or None
         Folder of the current recording.
     messages, bytes : int
-        Written in this recording; bytes on disk.
+        Messages written in this recording, and their bytes on disk.
     dropped : int
-        Received since the recording began but not written, because the queue or the disk was full.
+        Messages received since the recording began but not written because the queue or the disk was full.
     queued_messages, queued_bytes, queue_limit : int
-        Waiting to be written, and the limit, bytes.
+        Messages and bytes waiting to be written, and the limit in bytes.
     free_bytes : int
-        On the disk; -1 unknown.
+        Free bytes on the disk; -1 if unknown.
     duration_s : float
-        Since the recording began.
+        Time since the recording began, s.
     files : int
-        Of this recording.
+        Number of files of this recording.
     unsaved_s : float
         Age of the oldest data not yet forced to the disk, which a power failure would lose.
     recovered : tuple of RecoveryReport
