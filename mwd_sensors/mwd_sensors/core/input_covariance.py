@@ -39,10 +39,6 @@ ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance
 # A covariance is not credible if samples at rest scatter by this factor more than it states. Pumps shake a tool at rest
 # by ten times the noise of its sensors; a covariance in a wrong unit is off by a thousand or more.
 _INCREDIBLE = 100.0
-# Value that replaces a vector that is not provided. A gyro that is not provided reads zero: the health checks then
-# report it as stuck, and stations from gravity and magnetic field still work.
-_STAND_IN = {"angular_velocity": 0.0}
-
 
 # Number of first samples from which the sample period is measured, and number from which a scatter is computed.
 _RATED, _SCATTERED = 16, 64
@@ -144,7 +140,7 @@ class Judged(NamedTuple):
 
 def judge(samples: Samples, type_name: str) -> Judged:
     """
-    Replace vectors that are declared absent, and report covariances that are not credible.
+    Replace vectors that are declared absent by NaN, and report covariances that are not credible.
 
     samples has the dtype of the message's layout or part of it; a vector without a covariance field passes unchanged.
     """
@@ -160,7 +156,7 @@ def judge(samples: Samples, type_name: str) -> Judged:
         absent = not_provided(samples, vector)
         if absent.any():
             samples = samples.copy()
-            samples[vector][absent] = _STAND_IN.get(vector, np.nan)
+            samples[vector][absent] = np.nan
             notes[vector] = ABSENT
         else:
             # Nearly every driver states the same covariance in all messages.

@@ -24,13 +24,13 @@ def test_zeros_mean_unknown_and_change_nothing():
 
 
 @pytest.mark.fault_case(14)
-@pytest.mark.parametrize(("field", "stand_in"), [("angular_velocity", 0.0), ("linear_acceleration", np.nan)])
-def test_a_vector_that_is_declared_absent_is_not_used_even_if_it_holds_numbers(field, stand_in):
+@pytest.mark.parametrize("field", ["angular_velocity", "linear_acceleration"])
+def test_a_vector_that_is_declared_absent_is_not_used_even_if_it_holds_numbers(field):
     samples = imu([-1.0, *[0.0] * 8], field)
     judged = judge(samples, wire.IMU.type_name)
-    assert np.array_equal(judged.samples[field], np.full((5, 3), stand_in), equal_nan=True)
+    assert np.isnan(judged.samples[field]).all()
     assert judged.notes == {field: ABSENT}
-    assert (samples[field] != stand_in).all()
+    assert np.isfinite(samples[field]).all()
     mag = wire.MAG.empty(2)
     mag["magnetic_field"], mag["magnetic_field_covariance"] = 5e-5, [-1.0, *[0.0] * 8]
     assert np.isnan(judge(mag, wire.MAG.type_name).samples["magnetic_field"]).all()
