@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.duration import Duration, Infinite
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
@@ -82,7 +83,7 @@ class MiddlewareEvents:
         unfit = []
         for info in infos(name):
             pair = (info.qos_profile, qos) if receives else (qos, info.qos_profile)
-            if qos_check_compatible(*pair)[0] == QoSCompatibility.ERROR:
+            if not _compatible(*pair):
                 unfit.append(f"{_node_of(info)} ({_words(info.qos_profile)})")
         return unfit
 
@@ -107,5 +108,34 @@ def _node_of(info: Any) -> str:
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
+def _compatible(publisher: QoSProfile, subscription: QoSProfile) -> bool:
+    """Return whether the middleware connects a publisher and a subscription with these profiles."""
+    return qos_check_compatible(_plain(publisher), _plain(subscription))[0] != QoSCompatibility.ERROR
+
+
+def _plain(qos: QoSProfile) -> QoSProfile:
+    """
+    Return the properties that decide about a connection, with durations that are not limited left out.
+
+    The middleware's graph gives a duration without limit as infinite, a profile gives the same as 0, and rclpy takes
+    the two for different: every healthy partner would then count as incompatible.
+    """
+    limited = {name: getattr(qos, name) for name in _DURATIONS if _is_limited(getattr(qos, name))}
+    return QoSProfile(
+        depth=1, reliability=qos.reliability, durability=qos.durability, liveliness=qos.liveliness, **limited
+    )
+
+
+_DURATIONS = ("deadline", "liveliness_lease_duration")
+
+
+def _is_limited(duration: Duration) -> bool:
+    return 0 < duration.nanoseconds < Infinite.nanoseconds
+
+
 def _words(qos: QoSProfile) -> str:
-    return f"{qos.reliability.name}, {qos.durability.name}".lower().replace("_", " ")
+    words = [qos.reliability.name, qos.durability.name]
+    words += [
+        f"{name} {getattr(qos, name).nanoseconds * 1e-9:g} s" for name in _DURATIONS if _is_limited(getattr(qos, name))
+    ]
+    return ", ".join(words).lower().replace("_", " ")

@@ -4,9 +4,11 @@
 from types import SimpleNamespace
 
 import pytest
+from rclpy.duration import Duration, Infinite
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
-from mwd_sensors.ros.qos import STREAM
+from mwd_sensors.ros.qos import LATCHED, STREAM
 
 
 class Node:
@@ -56,3 +58,60 @@ def test_two_nodes_of_different_names_are_named_within_seconds():
     now[0] += 4.0
     (found,) = events.diagnostics()
     assert "/w1/sonde, /w1/sonde_2" in found.message
+
+
+def as_the_graph_gives_it(qos, **limits):
+    """Return a profile whose unlimited durations are infinite, as the middleware's graph says them."""
+    durations = {"deadline": Infinite, "lifespan": Infinite, "liveliness_lease_duration": Infinite, **limits}
+    return QoSProfile(depth=1, reliability=qos.reliability, durability=qos.durability, **durations)
+
+
+class Listeners:
+    """A node that sees these subscriptions of its topic."""
+
+    def __init__(self, **profiles):
+        self.profiles = profiles
+
+    def resolve_topic_name(self, topic):
+        return f"/w1/{topic}"
+
+    def get_subscriptions_info_by_topic(self, _topic):
+        return [
+            SimpleNamespace(node_namespace="/w1", node_name=name, qos_profile=qos)
+            for name, qos in self.profiles.items()
+        ]
+
+
+@pytest.mark.fault_case(52)
+@pytest.mark.parametrize(
+    "wrong, word",
+    [
+        (as_the_graph_gives_it(LATCHED, deadline=Duration(seconds=0.5)), "deadline 0.5 s"),
+        (as_the_graph_gives_it(LATCHED, liveliness_lease_duration=Duration(seconds=2)), "liveliness lease duration 2 s"),
+        (as_the_graph_gives_it(STREAM), None),
+    ],
+)
+@pytest.mark.parametrize("ours", [LATCHED, STREAM])
+def test_only_the_unfit_subscription_is_named_and_only_while_it_is_there(wrong, word, ours):
+    """A healthy listener was named beside it, and kept the error for ever after the unfit one had left."""
+    healthy = as_the_graph_gives_it(ours)
+    node = Listeners(estimator=healthy, rogue=wrong)
+    events = MiddlewareEvents(node)
+    events.of_publisher("surveys", ours).incompatible_qos(None)
+    found = events.diagnostics()
+    if word is not None:
+        (one,) = found
+        assert "/w1/rogue" in one.message
+        assert word in one.message
+    assert all("/w1/estimator" not in one.message for one in found)
+    node.profiles.pop("rogue")
+    assert events.diagnostics() == []
+
+
+@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+@pytest.mark.parametrize("durability", [DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL])
+def test_a_partner_with_the_same_profile_always_fits(reliability, durability):
+    ours = QoSProfile(depth=3, reliability=reliability, durability=durability)
+    events = MiddlewareEvents(Listeners(other=as_the_graph_gives_it(ours)))
+    events.of_publisher("surveys", ours).incompatible_qos(None)
+    assert events.diagnostics() == []
