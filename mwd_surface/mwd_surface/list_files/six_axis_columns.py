@@ -71,7 +71,22 @@ _REFERENCES = {
         ("grid_cor_used", "convergence", "grid_convergence", "grid_con", "grid_cor", "conv"),
     ),
 }
+_AZIMUTHS = ("azi", "az", "azim", "azimuth", "hole_azimuth")
+_NORTHS = {"grid": ("grid", "gn", "g"), "true": ("true", "tn", "t"), "magnetic": ("mag", "magnetic", "mn", "m")}
 _DEPTH = _Quantity("measured depth", LENGTH_UNITS, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
+# Angles that the table brings along: they show whether axes and signs are what the columns say.
+_PRINTED = {
+    "inclination": _Quantity(
+        "inclination", ANGLE_UNITS, ("incl", "inc", "inclination", "incl_deg", "hole_inclination", "dev", "deviation")
+    ),
+    **{
+        f"azimuth_{north}": _Quantity(
+            f"azimuth from {north} north", ANGLE_UNITS, tuple(f"{word}_{name}" for word in _AZIMUTHS for name in names)
+        )
+        for north, names in _NORTHS.items()
+    },
+    "azimuth": _Quantity("azimuth", ANGLE_UNITS, _AZIMUTHS),
+}
 # What stays the same within a run: the run or assembly, and the tool.
 _RUN = ("run", "run_no", "run_number", "run_id", "bha", "bha_no", "bha_number", "bha_run", "assembly")
 _TOOL = ("tool", "tool_id", "tool_no", "tool_serial", "serial", "serial_no", "sonde")
@@ -93,6 +108,7 @@ class Columns:
     run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
     factors: Mapping[str, float]  #: column -> what to multiply it by to get SI
     assumed: tuple[str, ...]  #: sentences on units that follow from the size of the readings
+    printed: Mapping[str, str]  #: inclination and azimuth (by north, where the name has one) -> column
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
@@ -121,6 +137,12 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         if match:
             references[key] = match
             factors[match] = _factor(table, match, quantity, assumed)
+    printed: dict[str, str] = {}
+    for key, quantity in _PRINTED.items():
+        match = _first([name for name in names if name not in factors], quantity)
+        if match:
+            printed[key] = match
+            factors[match] = _factor(table, match, quantity, [])
     depth = _match([name for name in names if name not in factors], _DEPTH)
     if depth:
         factors[depth] = _factor(table, depth, _DEPTH, assumed)
@@ -136,6 +158,7 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         run=run,
         factors=factors,
         assumed=tuple(assumed),
+        printed=printed,
     )
 
 
@@ -190,9 +213,19 @@ def _stem(name: str, units: Mapping[str, float]) -> str:
     return plain[: -len(unit) - 1] if unit else plain
 
 
+def _found(names: Sequence[str], quantity: _Quantity) -> list[str]:
+    """Columns that are this quantity."""
+    return [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
+
+
+def _first(names: Sequence[str], quantity: _Quantity) -> str | None:
+    """The first column that is this quantity, None where there is none."""
+    return next(iter(_found(names, quantity)), None)
+
+
 def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
     """The one column that is this quantity, None where there is none; ValueError where there are two."""
-    found = [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
+    found = _found(names, quantity)
     if len(found) > 1:
         raise ValueError(f"{quantity.words} is given twice: {' and '.join(found)}; leave one of them out")
     return found[0] if found else None
