@@ -79,6 +79,11 @@ WORDS: dict[Code, str] = {
     Code.NO_ACCELEROMETER: "no accelerometer reading: nothing can be computed",
     Code.NO_MAGNETOMETER: "no magnetometer reading",
     Code.NO_NUMBER: "no number in {names_listed}",
+    Code.TABLE_UNIT: "the readings of {names[0]} are in {names[1]} by their total, not in the unit that they were read "
+    "in: correct the unit of the columns and compute again",
+    Code.DEAD_AXIS: "{names[0]} stays the same while the other axes turn: the axis is dead, or its column is wrong; "
+    "check the tool",
+    Code.WIRING: "{names[1]}: the {names[0]} fits only if you {remedies}; correct the columns and compute again",
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
     Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
     Code.NORTH_UNKNOWN: "{names[0]} azimuth needs the {names[1]}: azimuth is magnetic",
@@ -217,6 +222,7 @@ def text(reason: Reason) -> str:
         "values": [_Number(one) for one in reason.values],
         "names": [METHODS.get(name, name) for name in reason.names],
         "names_listed": ", ".join(reason.names),
+        "remedies": ", or ".join(reason.names[2:]),
         "causes": "; ".join(causes),
         "causes_listed": ", ".join(causes),
         "odds": ", ".join(

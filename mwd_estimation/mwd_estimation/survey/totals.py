@@ -162,7 +162,7 @@ def field_faults(b_total: float, dip: float, reference: Reference | None) -> lis
     """What shows a wrong unit, a dead magnetometer or a flipped sign; total in T, dip in rad."""
     found = []
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
-        units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
+        units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"), (1e3, "uT, taken as nT"))
         unit = next((unit for factor, unit in units if 2e-5 < b_total * factor < 7e-5), None)
         if unit is None:
             found.append(Reason(Code.FIELD_NOT_EARTH, b_total))

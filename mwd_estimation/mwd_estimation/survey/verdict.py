@@ -43,6 +43,8 @@ _UNEXPLAINED = 21.1
 _HIGH_SIDE = math.radians(3.0)
 # A smaller correction of sag is not worth a word, rad.
 _LEAST_SAG = math.radians(0.005)
+# A smaller field, T, is no reading of the Earth's whatever disturbs it.
+_NO_READING = 3e-6
 # A hypothesis with a smaller probability is not named.
 _NAMED = 0.02
 
@@ -86,6 +88,10 @@ def judged(
     # The verdicts.
     level = _of_inclination(station, finding, settings)
     azimuth = _of_azimuth(station, measured, readings, finding, settings)
+    # Flipped accelerometers turn a dip as flipped magnetometers do, unless the reference shows a slip of its own.
+    codes = {reason.code for _, reason in azimuth.reasons}
+    if Code.REFERENCE_SLIP not in codes:
+        level.add(DOUBTFUL, *(reason for _, reason in azimuth.reasons if reason.code is Code.DIP_SIGN))
     if finding is not None and azimuth.verdict != ACCEPT:
         station = _widened(station, finding.circle)
     for quantity in (level, azimuth):
@@ -162,7 +168,8 @@ def _of_azimuth(
     azimuth.add(DOUBTFUL, *measured.reasons)
     if readings.has_field:
         b_earth = readings.b_h - np.array([station.interference if station.corrected else 0.0, 0.0, 0.0])
-        total = float(np.linalg.norm(b_earth))
+        # Interference taken off a reading in another unit would make up for all of the Earth's field.
+        total = readings.b_total if readings.b_total < _NO_READING else float(np.linalg.norm(b_earth))
         azimuth.add(REJECT, *totals.field_faults(total, station.dip, station.reference))
         azimuth.add(DOUBTFUL, *_of_slip(station, readings))
     if not readings.has_field and (finding is None or finding.by_gyro == 0.0):

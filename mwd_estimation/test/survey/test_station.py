@@ -321,3 +321,20 @@ def test_without_a_magnetometer_true_north_needs_no_declination():
     settings = StationSettings(north="true")
     assert station([-6.0, 1.0, 7.7], [math.nan] * 3, None, settings).north == "true"
     assert station([-6.0, 1.0, 7.7], [2e-5, 1e-5, 4e-5], None, settings).north == "magnetic"
+
+
+@pytest.mark.parametrize("toolface", [0, 70, 200])
+@pytest.mark.parametrize(("force", "field"), [(-1.0, 1.0), (1.0, -1.0)])
+def test_a_flipped_sensor_leaves_neither_an_accepted_inclination_nor_an_accepted_azimuth(toolface, force, field):
+    f_t, b_t = readings(40, 120, toolface)
+    shot = station(force * f_t, field * b_t, REFERENCE)
+    assert shot.verdict == "reject"
+    assert "accept" not in (shot.verdicts.inclination, shot.verdicts.azimuth)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e-6])
+def test_a_field_in_another_unit_is_no_steel(factor):
+    f_t, b_t = readings(40, 120, 70)
+    shot = station(f_t, factor * b_t, REFERENCE)
+    assert shot.verdict == "reject"
+    assert shot.headline.code in (ReasonCode.FIELD_IN_OTHER_UNIT, ReasonCode.FIELD_NOT_EARTH)

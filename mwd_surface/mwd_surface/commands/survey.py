@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +49,9 @@ def survey(
     values of the table. A station without a reference remains magnetic and uncorrected, and is marked as such. The rows
     of a run (columns run, bha, tool; without them the whole table) are analysed together, because the errors of string
     and sensors are the same in all of them. A row can then be revised; its first value, from the rows before it only,
-    is kept in addition.
+    is kept in addition. Inclination and azimuth that the table already has (incl_deg, azi_grid_deg) are compared with
+    the readings: a table with the wrong hand, sign, order or unit of its sensor columns, or with a dead axis, is
+    rejected, and the reason says which columns to correct.
 
     \b
     Examples:
@@ -82,6 +85,12 @@ def survey(
     show_surveys(console, records)
     for sentence in [] if single else [*run_sentences(worked), *revision_sentences(records)]:
         console.print(sentence, markup=False)
+    if all(math.isnan(row.azimuth) for row in read):
+        console.print(
+            "the table has no azimuths of its own: nothing shows whether its axes are right-handed; in a left-handed "
+            "table every azimuth is mirrored at magnetic north",
+            markup=False,
+        )
     for sentence in repeated(worked, settings):
         console.print(sentence, markup=False)
     if output is not None:

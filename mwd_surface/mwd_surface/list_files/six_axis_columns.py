@@ -71,8 +71,23 @@ _REFERENCES = {
         ("grid_cor_used", "convergence", "grid_convergence", "grid_con", "grid_cor", "conv"),
     ),
 }
+_AZIMUTHS = ("azi", "az", "azim", "azimuth", "hole_azimuth")
+_NORTHS = {"grid": ("grid", "gn", "g"), "true": ("true", "tn", "t"), "magnetic": ("mag", "magnetic", "mn", "m")}
 _DEPTH = _Quantity("measured depth", LENGTH_UNITS, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
-# Columns that are constant within a run: the run or assembly, and the tool.
+# Angles that the table brings along: they show whether axes and signs are what the columns say.
+_PRINTED = {
+    "inclination": _Quantity(
+        "inclination", ANGLE_UNITS, ("incl", "inc", "inclination", "incl_deg", "hole_inclination", "dev", "deviation")
+    ),
+    **{
+        f"azimuth_{north}": _Quantity(
+            f"azimuth from {north} north", ANGLE_UNITS, tuple(f"{word}_{name}" for word in _AZIMUTHS for name in names)
+        )
+        for north, names in _NORTHS.items()
+    },
+    "azimuth": _Quantity("azimuth", ANGLE_UNITS, _AZIMUTHS),
+}
+# What stays the same within a run: the run or assembly, and the tool.
 _RUN = ("run", "run_no", "run_number", "run_id", "bha", "bha_no", "bha_number", "bha_run", "assembly")
 _TOOL = ("tool", "tool_id", "tool_no", "tool_serial", "serial", "serial_no", "sonde")
 _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "timestamp", "stamp_ns", "utc")
@@ -91,9 +106,10 @@ class Columns:
     references: Mapping[str, str]  #: field of `Reference` -> column
     depth: str | None
     time: str | None
-    run: tuple[str, ...]  #: columns that are constant within a run: assembly or run, and tool
-    factors: Mapping[str, float]  #: column -> factor to SI
-    assumed: tuple[str, ...]  #: sentences on units that were inferred from the size of the readings
+    run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
+    factors: Mapping[str, float]  #: column -> what to multiply it by to get SI
+    assumed: tuple[str, ...]  #: sentences on units that follow from the size of the readings
+    printed: Mapping[str, str]  #: inclination and azimuth (by north, where the name has one) -> column
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
@@ -122,6 +138,12 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         if match:
             references[key] = match
             factors[match] = _factor(table, match, quantity, assumed)
+    printed: dict[str, str] = {}
+    for key, quantity in _PRINTED.items():
+        match = _first([name for name in names if name not in factors], quantity)
+        if match:
+            printed[key] = match
+            factors[match] = _factor(table, match, quantity, [])
     depth = _match([name for name in names if name not in factors], _DEPTH)
     if depth:
         factors[depth] = _factor(table, depth, _DEPTH, assumed)
@@ -137,6 +159,7 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         run=run,
         factors=factors,
         assumed=tuple(assumed),
+        printed=printed,
     )
 
 
@@ -195,9 +218,19 @@ def _stem(name: str, units: Mapping[str, float]) -> str:
     return plain[: -len(unit) - 1] if unit else plain
 
 
+def _found(names: Sequence[str], quantity: _Quantity) -> list[str]:
+    """Columns that are this quantity."""
+    return [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
+
+
+def _first(names: Sequence[str], quantity: _Quantity) -> str | None:
+    """The first column that is this quantity, None where there is none."""
+    return next(iter(_found(names, quantity)), None)
+
+
 def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """Return the single column that is this quantity, None if there is none; ValueError if there are two."""
-    found = [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
+    """The one column that is this quantity, None where there is none; ValueError where there are two."""
+    found = _found(names, quantity)
     if len(found) > 1:
         raise ValueError(f"{quantity.words} is given twice: {' and '.join(found)}; leave one of them out")
     return found[0] if found else None

@@ -16,9 +16,11 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import NORTHS, Reference, best_north, north_correction
+from mwd_estimation.survey.revision import is_revised
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files import table_wiring
 from mwd_surface.list_files.six_axis_columns import Columns, find_columns, numbers
 
 Refine = Callable[[Reference, str], Reference]
@@ -36,7 +38,10 @@ class TableRow:
     f_t: Array
     b_t: Array
     reference: Reference | None
-    faults: tuple[Reason, ...] = ()  #: reasons why the row is not a station
+    faults: tuple[Reason, ...] = ()  #: why the row is no station
+    #: `inclination`, `azimuth`: as the table itself has them, rad, from magnetic north; nan where it has none.
+    inclination: float = math.nan
+    azimuth: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -69,9 +74,27 @@ def table_rows(
     run: str | None = None,
 ) -> list[TableRow]:
     """
-    Read every row of a six-axis table; arguments and errors as in `stations`.
+    Read every row of a six-axis table.
 
-    run: column that names the run of a row, in place of the columns that were found.
+    A run whose columns have the wrong hand, sign, order or unit, or a dead axis, has that fault in all its rows.
+
+    Parameters
+    ----------
+    table : mapping of str to sequence
+        Columns by name.
+    override : Reference, optional
+        Used in place of the columns of the reference.
+    axial : str, optional
+        Letter of the axis that runs down-hole, x or z, for columns named by letters.
+    refine : callable, optional
+        Gives the reference of a row, from its own and its time.
+    run : str, optional
+        Column that names the run of a row, in place of those found.
+
+    Raises
+    ------
+    ValueError
+        A column is missing, given twice or of an unknown unit, or the reference of a row contradicts itself.
     """
     columns = find_columns(table, axial)
     if run is not None:
@@ -80,7 +103,40 @@ def table_rows(
         columns = replace(columns, run=(run,))
     count = len(table[columns.gravity[0]])
     values = {name: numbers(table, name, count, factor) for name, factor in columns.factors.items()}
-    return [_read(table, columns, values, row, override, refine) for row in range(count)]
+    return _wired([_read(table, columns, values, row, override, refine) for row in range(count)], columns)
+
+
+def _wired(rows: list[TableRow], columns: Columns) -> list[TableRow]:
+    """Return the rows, those of each run with what is wrong with its sensor columns."""
+    found = list(rows)
+    for name in dict.fromkeys(row.run for row in rows):
+        at = [k for k, row in enumerate(rows) if row.run == name]
+        of_run = [rows[k] for k in at]
+        known = [row.reference for row in of_run if row.reference is not None and row.reference.has_field]
+        totals = [reference.total for reference in known if reference.total is not None]
+        faults = table_wiring.wiring_faults(
+            table_wiring.accelerometers(
+                columns.gravity, np.stack([row.f_t for row in of_run]), columns.factors[columns.gravity[0]]
+            ),
+            table_wiring.magnetometers(
+                columns.field,
+                np.stack([row.b_t for row in of_run]),
+                float(np.median(totals)) if totals else math.nan,
+                columns.factors[columns.field[0]],
+            ),
+            table_wiring.Expected(
+                np.array([_dip(row.reference) for row in of_run]),
+                np.array([row.inclination for row in of_run]),
+                np.array([row.azimuth for row in of_run]),
+            ),
+        )
+        for k in at:
+            found[k] = replace(rows[k], faults=(*rows[k].faults, *faults))
+    return found
+
+
+def _dip(reference: Reference | None) -> float:
+    return math.nan if reference is None or reference.dip is None else reference.dip
 
 
 def _read(
@@ -102,6 +158,7 @@ def _read(
     except ValueError as error:
         raise ValueError(f"row {row + 1}: {error}") from error
     sensors = (*columns.gravity, *columns.field)
+    inclination, azimuth = _printed(columns, values, row, reference)
     bad = tuple(name for name in values if name in sensors and not math.isfinite(values[name][row]))
     return TableRow(
         md=float(values[columns.depth][row]) if columns.depth else math.nan,
@@ -111,7 +168,25 @@ def _read(
         b_t=np.array([values[name][row] for name in columns.field]),
         reference=reference,
         faults=(Reason(Code.NO_NUMBER, names=bad),) if bad else (),
+        inclination=inclination,
+        azimuth=azimuth,
     )
+
+
+def _printed(
+    columns: Columns, values: Mapping[str, Array], row: int, reference: Reference | None
+) -> tuple[float, float]:
+    """Return inclination and azimuth from magnetic north that the table has in a row, rad; nan where it has none."""
+
+    def of(name: str) -> float:
+        return float(values[columns.printed[name]][row]) if name in columns.printed else math.nan
+
+    for north in NORTHS:
+        turn, azimuth = north_correction(reference, north), of(f"azimuth_{north}")
+        if turn is not None and math.isfinite(azimuth):
+            return of("inclination"), azimuth - turn
+    # Of an unnamed north: the one that the reference leads to. A declination is no other hand.
+    return of("inclination"), of("azimuth") - (north_correction(reference, best_north(reference)) or 0.0)
 
 
 def _merged(known: Mapping[str, float], override: Reference | None) -> Reference | None:

@@ -41,7 +41,12 @@ class Unit:
     worse: float = 1.0  #: bias and drift over those stated, 1 sigma
     noise: float = 1.0  #: white noise over that of a tactical unit
     warming: float = 0.0  #: ramp of each bias, either way, throughout, deg/h per hour; 0: drawn as stated
-    sway: float = 0.0  #: largest sway of the string, rad
+    stated_noise: float = 0.0  #: white noise that the settings state, deg/sqrt(h); 0: measured at rest
+    g_sensitivity: float = 1.0  #: g-sensitivity over that stated, 1 sigma
+    #: Error of the latitude that the settings state, deg, either way.
+    latitude_off: float = 0.0
+    #: Amplitudes of the sway of the string, rad: least and largest.
+    sway: tuple[float, float] = (0.0, 0.0)
     step: float = 0.0  #: of each bias before the fifth station, 1 sigma, deg/h
     one_attitude: bool = False  #: the toolface, inclination and azimuth of all stations are the first one's
     #: What of the run is judged, by the words its row has.
@@ -53,7 +58,7 @@ UNITS = {
     "as stated, all stations at one attitude": Unit(one_attitude=True),
     "warming up, 3 deg/h per hour": Unit(warming=3.0),
     "noise four times as large": Unit(noise=4.0),
-    "string swaying up to .2 deg": Unit(sway=0.2 * DEG),
+    "string swaying up to .2 deg": Unit(sway=(0.0, 0.2 * DEG)),
     "three times better than stated": Unit(worse=1.0 / 3.0),
     "three times worse than stated": Unit(worse=3.0),
     "bias stepping by 5 deg/h": Unit(
@@ -64,6 +69,12 @@ UNITS = {
             "later": slice(_STEPS_AT + 1, None),
         },
     ),
+    "noise four times the stated one": Unit(noise=4.0, stated_noise=_NOISE),
+    "g-sensitivity three times the stated one": Unit(g_sensitivity=3.0),
+    "string swaying by .05 deg": Unit(sway=(0.05 * DEG, 0.05 * DEG)),
+    "bias ramp of 10 deg/h per hour": Unit(warming=10.0),
+    "latitude 3 deg wrong": Unit(latitude_off=3.0),
+    "latitude 10 deg wrong": Unit(latitude_off=10.0),
 }
 
 
@@ -108,8 +119,10 @@ class _Biases:
 def run(unit: Unit, rng: np.random.Generator) -> list[Found]:
     """One run of eight stations of a minute, half an hour apart, at a place and with attitudes of its own."""
     latitude_deg, biases = rng.uniform(10.0, 62.0), _Biases(unit, rng)
-    station = GyroStation(TACTICAL, latitude_deg, STANDARD_GRAVITY)
-    errs = _lasting(rng)
+    stated_deg = latitude_deg + unit.latitude_off * rng.choice([-1.0, 1.0]) if unit.latitude_off else latitude_deg
+    figures = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=unit.stated_noise)
+    station = GyroStation(figures, stated_deg, STANDARD_GRAVITY)
+    errs = _lasting(unit, rng)
     inclination, azimuth, toolface = rng.uniform([20.0, 0.0, 0.0], [90.0, 360.0, 360.0]) * DEG
     found = []
     for k in range(STATIONS):
@@ -130,9 +143,15 @@ def run(unit: Unit, rng: np.random.Generator) -> list[Found]:
     return found
 
 
-def _lasting(rng: np.random.Generator) -> dict[str, Array]:
+def _lasting(unit: Unit, rng: np.random.Generator) -> dict[str, Array]:
     """What errs alike throughout beside the gyros' biases: g-sensitivity, rad/s per m/s^2, and accelerometer bias."""
-    sensitivity = TACTICAL.g_sensitivity_deg_h_g * DEG_PER_HOUR / STANDARD_GRAVITY * rng.standard_normal((2, 2))
+    sensitivity = (
+        unit.g_sensitivity
+        * TACTICAL.g_sensitivity_deg_h_g
+        * DEG_PER_HOUR
+        / STANDARD_GRAVITY
+        * rng.standard_normal((2, 2))
+    )
     return {
         "g_sensitivity": sensitivity,
         "accel_bias": TACTICAL.accel_bias_ug * MICRO_G * rng.standard_normal(3),
@@ -149,7 +168,7 @@ def _samples(
 ) -> tuple[Stamps, Array]:
     """Stamps, shape (n,), and rates and forces, shape (n, 6), of a tool that hangs still or sways."""
     inclination, azimuth, toolface = attitude
-    size, hz = rng.uniform(0.0, unit.sway), rng.uniform(*_SWAY_HZ)
+    size, hz = rng.uniform(*unit.sway), rng.uniform(*_SWAY_HZ)
     phase = rng.uniform(0.0, math.tau, 2)
 
     def swaying(middle: float, size: float, phase: float) -> Callable[[Array], Array]:

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Wrong hand, sign, order, unit or a dead axis of the sensor columns of a six-axis table.
+
+The way in which a tool was wired and its table was written is one of few: each sensor's three columns may be exchanged
+or have another sign (48 ways, half of them left-handed), or be in another unit. All rows of a run share it. Two things
+show which one it is: total and dip of the reference (they see unit, dead axes, and the wiring of one sensor against the
+other), and the inclination and azimuth that the table brings along (they see the wiring that both sensors share, above
+all the hand: a mirrored table has the totals of a sound one).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.frames import inclination, wrap_pi
+
+# Rows that are looked at: so many of a longer run, evenly spread.
+_LOOKED_AT = 60
+# Reading and reference agree within this share of the total: gravity; field, which interference disturbs.
+_GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
+# A dip or a direction of the hole fits within so much, rad. Interference moves an azimuth by several degrees, so that
+# only a larger difference asks for another wiring, which must then fit three times better.
+_DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.radians(6.0), math.radians(4.0), 3.0
+# A wiring is wrong if the dips of at most the first share of the rows fit it, and another one explains at least the
+# second share of them. One row fits one of 48 wirings by chance in a third of the cases, three in one of 10 000.
+_FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
+# Attitudes that differ by more than this, rad, show the wiring independently.
+_ANOTHER_ATTITUDE = math.radians(10.0)
+_ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s^2": 0.3048, "Gal": 0.01}
+_FIELDS = {"nT": 1e-9, "uT": 1e-6, "mT": 1e-3, "T": 1.0, "gauss": 1e-4, "mgauss": 1e-7}
+# So many ways to put a wiring right are named.
+_NAMED = 4
+# A dead axis reads the same within this share of the total while, by the other two, it should move by the second.
+_CONSTANT, _MOVES = 5e-4, 0.1
+# Part of the share above by which a total is off.
+_OFF_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Readings of one sensor in a run, and what its columns are called."""
+
+    columns: tuple[str, str, str]
+    values: Array  #: shape (n, 3); SI, axial and the two transverse axes
+    total: float  #: what its total should be, SI; nan: unknown
+    share: float  #: of the total by which a sound reading may differ
+    unit: float  #: the unit that the columns were read in, SI
+    units: Mapping[str, float]  #: units that they may be in instead, SI
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What the rows should show, shape (n,); rad; nan: unknown."""
+
+    dip: Array
+    inclination: Array  #: as the table has it
+    azimuth: Array  #: as the table has it, from magnetic north
+
+
+def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Sensor:
+    """Return the accelerometers of a run; f_t, m/s^2, shape (n, 3); unit: that of the columns, m/s^2."""
+    return Sensor(columns, f_t, STANDARD_GRAVITY, _GRAVITY_SHARE, unit, _ACCELERATIONS)
+
+
+def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit: float) -> Sensor:
+    """Return the magnetometers of a run; b_t, T, shape (n, 3); total: of the reference, nan if unknown; unit, T."""
+    return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
+
+
+def wiring_faults(force: Sensor, field: Sensor, expected: Expected) -> tuple[Reason, ...]:
+    """Return what is wrong with the sensor columns of a run, in words of the table; empty if nothing shows it."""
+    usable = np.isfinite(force.values).all(axis=1) & np.isfinite(field.values).all(axis=1)
+    usable &= (np.linalg.norm(force.values, axis=1) > 0.0) & (np.linalg.norm(field.values, axis=1) > 0.0)
+    at = np.flatnonzero(usable)
+    if not len(at):
+        return ()
+    found, scaled = list[Reason](), list[Array]()
+    for sensor in (force, field):
+        values = sensor.values[at]
+        unit = _unit_of(sensor, values)
+        if unit is not None:
+            found.append(Reason(Code.TABLE_UNIT, names=(", ".join(sensor.columns), unit)))
+            values = values * sensor.units[unit] / sensor.unit
+        dead = _dead(sensor, values)
+        if dead is not None:
+            found.append(Reason(Code.DEAD_AXIS, names=(sensor.columns[dead],)))
+        scaled.append(values)
+    if any(reason.code is Code.DEAD_AXIS for reason in found):
+        return tuple(found)
+    looked = np.unique(np.linspace(0, len(at) - 1, min(len(at), _LOOKED_AT)).round().astype(int))
+    f_t, b_t = (values[looked] for values in scaled)
+    known = (part[at][looked] for part in (expected.dip, expected.inclination, expected.azimuth))
+    wirings = _wirings(f_t, b_t, *known)
+    return (*found, _named(force.columns, field.columns, wirings)) if wirings else tuple(found)
+
+
+def _unit_of(sensor: Sensor, values: Array) -> str | None:
+    """Return the unit in which the readings have the right total, where that is another one than was read."""
+    ratio = float(np.median(np.linalg.norm(values, axis=1))) / sensor.total
+    # A factor of two is no unit: without a usable reference, or with a strange total, nothing is said.
+    if not math.isfinite(ratio) or 0.5 < ratio < 2.0:
+        return None
+    return next(
+        (name for name, unit in sensor.units.items() if abs(ratio * unit / sensor.unit - 1.0) < sensor.share), None
+    )
+
+
+def _dead(sensor: Sensor, values: Array) -> int | None:
+    """Return the axis that stays the same although, by the other two and the total, it should change."""
+    if len(values) < _LEAST_ROWS or not math.isfinite(sensor.total):
+        return None
+    moved = np.ptp(values, axis=0) / sensor.total
+    off = np.abs(np.linalg.norm(values, axis=1) / sensor.total - 1.0)
+    # Fewer rows off their total may be beside steel.
+    if np.mean(off > _OFF_SHARE * sensor.share) < _FEW:
+        return None
+    for axis in range(3):
+        others = np.delete(values, axis, axis=1)
+        implied = np.sqrt(np.maximum(sensor.total**2 - np.sum(others**2, axis=1), 0.0))
+        if moved[axis] < _CONSTANT and np.ptp(implied) > _MOVES * sensor.total:
+            return axis
+    return None
+
+
+def _ways() -> tuple[Array, list[int]]:
+    """Return the 48 ways to order and sign three axes, shape (48, 3, 3), simplest first, with their complexity."""
+    ways = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            way = np.zeros((3, 3))
+            way[range(3), order] = signs
+            moved = sum(k != place for k, place in enumerate(order))
+            turned = 1 if signs == (-1.0, -1.0, -1.0) else signs.count(-1.0)
+            ways.append((max(moved - 1, 0) + turned, way))
+    ways.sort(key=lambda pair: pair[0])
+    return np.stack([way for _, way in ways]), [cost for cost, _ in ways]
+
+
+_WAYS, _COSTS = _ways()
+_AS_IT_IS = 0
+_REVERSED = int(np.argmin(np.abs(_WAYS + np.eye(3)).sum(axis=(1, 2))))
+
+
+def _cost(pair: tuple[int, int]) -> int:
+    """Return how many mistakes a wiring of both sensors takes; the same one in both counts as one more than one."""
+    p, q = pair
+    return _COSTS[p] + (1 if p == q and p != _AS_IT_IS else _COSTS[q])
+
+
+def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array) -> list[tuple[int, int]]:
+    """
+    Return the simplest wirings of both sensors, as places in `_WAYS`, that explain a run; none if its own may be right.
+
+    f_t, b_t: shape (n, 3); the rest, shape (n,), as `Expected`.
+    """
+    f = np.einsum("pij,nj->pni", _WAYS, f_t / np.linalg.norm(f_t, axis=1, keepdims=True))
+    b = np.einsum("qij,nj->qni", _WAYS, b_t / np.linalg.norm(b_t, axis=1, keepdims=True))
+    known = np.isfinite(dip)
+    dips = -np.arcsin(np.clip(np.einsum("pni,qni->pqn", f[:, known], b[:, known]), -1.0, 1.0))
+    fits = (np.abs(dips - dip[known]) < _DIP_FITS).mean(axis=2) if known.any() else np.ones((len(f), len(b)))
+    off = _directions_off(f, b, printed_inclination, printed)
+    if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
+        # What the table says of itself: of the wirings with these angles, those with the best dips.
+        fitting = (off < _DIRECTION_FITS) & (_BETTER * off < off[_AS_IT_IS, _AS_IT_IS])
+        fitting &= fits >= max(float(fits[_AS_IT_IS, _AS_IT_IS]), 1.0 / len(dip))
+    elif _independent(f_t, b_t) and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW:
+        # One sensor against the other. All signs reversed look like a dip of the wrong sign (`DIP_SIGN`).
+        fitting = np.zeros_like(fits, dtype=bool)
+        fitting[_AS_IT_IS] = fits[_AS_IT_IS] >= _MOST
+        fitting[_AS_IT_IS, _REVERSED] = False
+    else:
+        return []
+    pairs = [(int(p), int(q)) for p, q in np.argwhere(fitting)]
+    scores = [(-float(fits[pair]), _cost(pair)) for pair in pairs]
+    return [pair for pair, score in zip(pairs, scores, strict=True) if score == min(scores)]
+
+
+def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Array) -> Array | None:
+    """
+    Return how far the hole axis of each wiring is from that of the table, median over the rows, rad, shape (p, q).
+
+    f, b: unit vectors of each way, shapes (48, n, 3). None where the table has no angles.
+    """
+    whole = np.isfinite(printed_inclination) & np.isfinite(printed)
+    level = np.isfinite(printed_inclination)
+    if whole.any():
+        tilt = inclination(f[:, whole])[:, None]
+        turn = magnetic_geometry.raw_azimuth(f[:, None, whole], b[None, :, whole])
+        there = printed_inclination[whole]
+        across = np.sqrt(np.abs(np.sin(tilt) * np.sin(there)))
+        apart = np.hypot(tilt - there, 2.0 * across * np.abs(np.sin(0.5 * wrap_pi(turn - printed[whole]))))
+        # Near the vertical every wiring has the direction down: such rows say nothing.
+        telling = np.sin(there) > math.sin(_ANOTHER_ATTITUDE)
+        return np.asarray(np.median(apart[..., telling], axis=2)) if telling.any() else None
+    if level.any():
+        apart = np.abs(inclination(f[:, level]) - printed_inclination[level])
+        return np.repeat(np.median(apart, axis=1)[:, None], len(b), axis=1)
+    return None
+
+
+def _independent(f_t: Array, b_t: Array) -> bool:
+    """Return whether at least three rows have attitudes of their own."""
+    chosen: list[tuple[Array, Array]] = []
+    for one in zip(f_t, b_t, strict=True):
+        if all(max(map(_angle, one, other)) > _ANOTHER_ATTITUDE for other in chosen):
+            chosen.append(one)
+    return len(chosen) >= _LEAST_ROWS
+
+
+def _angle(a: Array, c: Array) -> float:
+    """Return the angle between two vectors, rad."""
+    return math.atan2(float(np.linalg.norm(np.cross(a, c))), float(a @ c))
+
+
+def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int, int]]) -> Reason:
+    """Return the reason that names wirings, each by what has to be done to the columns."""
+    by_dip = all(p == _AS_IT_IS for p, _ in pairs)
+    if by_dip:
+        # Gravity with the inverse way has the same dips.
+        remedies = [_words(names, way) for _, q in pairs for names, way in ((field, _WAYS[q]), (force, _WAYS[q].T))]
+    else:
+        ways = [((force, _WAYS[p]), (field, _WAYS[q])) for p, q in pairs]
+        remedies = [" and ".join(filter(None, (_words(names, way) for names, way in both))) for both in ways]
+    mirrored = all(np.linalg.det(_WAYS[p]) < 0.0 and np.linalg.det(_WAYS[q]) < 0.0 for p, q in pairs)
+    kind = "the axes are left-handed" if mirrored else "axes or signs are wrong"
+    shown = ("dip" if by_dip else "inclination and azimuth of the table", kind)
+    return Reason(Code.WIRING, names=(*shown, *remedies[:_NAMED]))
+
+
+def _words(names: Sequence[str], way: Array) -> str:
+    """Return what has to be done to three columns; empty where nothing has."""
+    order, signs = np.argmax(np.abs(way), axis=1), way.sum(axis=1)
+    moved = [k for k in range(3) if order[k] != k]
+    turned = [names[order[k]] for k in range(3) if signs[k] < 0.0]
+    words = []
+    if len(moved) == 2:
+        words.append(f"exchange {names[moved[0]]} and {names[moved[1]]}")
+    elif moved:
+        words.append("reorder to " + ", ".join(names[place] for place in order))
+    if turned:
+        words.append("reverse the sign of " + ", ".join(turned))
+    return " and ".join(words)
