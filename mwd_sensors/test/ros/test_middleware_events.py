@@ -84,10 +84,13 @@ class Listeners:
 
 @pytest.mark.fault_case(52)
 @pytest.mark.parametrize(
-    "wrong, word",
+    ("wrong", "word"),
     [
         (as_the_graph_gives_it(LATCHED, deadline=Duration(seconds=0.5)), "deadline 0.5 s"),
-        (as_the_graph_gives_it(LATCHED, liveliness_lease_duration=Duration(seconds=2)), "liveliness lease duration 2 s"),
+        (
+            as_the_graph_gives_it(LATCHED, liveliness_lease_duration=Duration(seconds=2)),
+            "liveliness lease duration 2 s",
+        ),
         (as_the_graph_gives_it(STREAM), None),
     ],
 )

@@ -17,7 +17,6 @@ import numpy as np
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import NORTHS, Reference, best_north, north_correction
-from mwd_estimation.survey.revision import is_revised
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import table_wiring
