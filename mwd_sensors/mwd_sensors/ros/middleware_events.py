@@ -110,7 +110,7 @@ def _node_of(info: Any) -> str:
 
 def _compatible(publisher: QoSProfile, subscription: QoSProfile) -> bool:
     """Return whether the middleware connects a publisher and a subscription with these profiles."""
-    return qos_check_compatible(_plain(publisher), _plain(subscription))[0] != QoSCompatibility.ERROR
+    return bool(qos_check_compatible(_plain(publisher), _plain(subscription))[0] != QoSCompatibility.ERROR)
 
 
 def _plain(qos: QoSProfile) -> QoSProfile:
@@ -130,7 +130,7 @@ _DURATIONS = ("deadline", "liveliness_lease_duration")
 
 
 def _is_limited(duration: Duration) -> bool:
-    return 0 < duration.nanoseconds < Infinite.nanoseconds
+    return bool(0 < duration.nanoseconds < Infinite.nanoseconds)
 
 
 def _words(qos: QoSProfile) -> str:
