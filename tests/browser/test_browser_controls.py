@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a person may do: token, name, commands, alarms."""
 
+import dataclasses
 import math
 import time
 
@@ -12,6 +13,7 @@ from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Achieved, Judgement, Request, Sender
 from mwd_surface.live.alarms import Severity
+from mwd_surface.surveys.survey_record import Value
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 
 pytestmark = pytest.mark.slow(0.1)
@@ -61,6 +63,22 @@ def test_with_name_and_token_a_person_takes_judges_and_acknowledges(browser):
         wait(browser, lambda: "seen by A. Berg" in text(browser, "#tab-alarms"))
         assert [name for name, _ in rig.calls] == ["take_survey", "accept_survey", "acknowledge_alarm"]
         assert rig.calls[1][1] == {"sequence": 4, "operator_name": "A. Berg", "reason": "gyro agrees"}
+
+
+def test_a_revised_survey_shows_its_first_value_and_lets_a_person_accept_it(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN)
+        first = rig.list.find(2).survey
+        rig.list = rig.list.revise(dataclasses.replace(first, azimuth=first.azimuth + 0.2, revision=1))
+        rig.publish()
+        tab(browser, "surveys")
+        wait(browser, lambda: "revised" in text(browser, 'tr[data-sequence="2"]'))
+        click(browser, "[data-keep=row-2]")
+        shown = f"{math.degrees(first.azimuth):.2f}"
+        wait(browser, lambda: shown in text(browser, ".detail"))
+        click(browser, "[data-keep=accept-first]")
+        wait(browser, lambda: rig.calls)
+        assert rig.calls[0][1]["value"] == Value.FIRST
 
 
 def test_a_depth_typed_in_feet_goes_out_in_metres_with_the_wish_to_replace(browser):

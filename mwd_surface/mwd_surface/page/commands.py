@@ -21,6 +21,7 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
         "reason": (str, True),
         "measured_depth": (float, True),
         "replace": (bool, True),
+        "value": (int, True),
     },
     "reject_survey": {"sequence": (int, False), "operator_name": (str, False), "reason": (str, True)},
     "draft_downlink": {"command": (str, False), "value": (float, True), "operator_name": (str, False)},

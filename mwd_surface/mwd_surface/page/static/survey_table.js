@@ -209,7 +209,7 @@ export class SurveyTable {
     const send = async (name, value = DEFINITIVE) => {
       const given = { sequence: row.sequence, reason: reason.value };
       if (name === "accept_survey") {
-        given.value = value;
+        if (value !== DEFINITIVE) given.value = value;
         if (replace.checked) given.replace = true;
         if (depth.value.trim()) {
           const metres = units.metres(depth.value);
