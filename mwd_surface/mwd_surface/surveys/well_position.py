@@ -22,13 +22,14 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import ROTARY as SURVEY_ROTARY
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan, interpolated, nearest
 from mwd_surface.trajectory.well_path import Definitive, path_of
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference
-from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
+from mwd_surface.uncertainty.programme import ROTARY, ROTARY_CODE, Programme, ProgrammeStations, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 AHEAD = "planned"
@@ -100,6 +101,8 @@ def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRec
         return UncertainPath(path, None, str(error))
     well = surveys.well
     what = f"survey programme {Path(well.programme).name}" if well.programme else f"error model {well.error_model}"
+    turning = sum(r is not None and r.survey.kind == SURVEY_ROTARY for r in records)
+    what += f" ({turning} rotary surveys: {ROTARY_CODE.removeprefix('ISCWSA ')})" if turning and not well.programme else ""
     beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
     return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 
@@ -155,6 +158,8 @@ def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None])
             survey = record.survey
             leg, tool = record.leg, record.tool
             methods[k] = AzimuthMethod.GYRO if azimuth_source(survey).mostly_gyro else survey.azimuth_method
+            if survey.kind == SURVEY_ROTARY:
+                methods[k] = ROTARY
             if survey.sigma_inclination > 0.0 and survey.sigma_azimuth > 0.0:
                 sigmas[k] = survey.sigma_inclination, survey.sigma_azimuth
         legs[k], tools[k] = leg, tool

@@ -22,6 +22,9 @@ from mwd_surface.uncertainty.error_terms import Tool, check_tool_code
 from mwd_surface.uncertainty.position_covariance import StationErrors
 
 CODE, STATION = "code", "station"
+#: Method of a station that was taken while the string turned, and the tool code of such stations of an MWD.
+ROTARY = "rotary"
+ROTARY_CODE = "ISCWSA Rot 6Axis MWD+SRGM"
 
 
 class ProgrammeError(ValueError):
@@ -34,7 +37,8 @@ class Interval:
     One row of the programme.
 
     A station at depth d belongs to the first row with from_m < d <= to_m. methods maps the method of a station's
-    azimuth to a tool code, for example {gyro: GYRO-MWD}; such a code replaces the code of the row.
+    azimuth to a tool code, for example {gyro: GYRO-MWD}; such a code replaces the code of the row. Stations taken while
+    the string turned have the method rotary; in a row with a code of an MWD their code is `ROTARY_CODE` by default.
     """
 
     code: str = setting("MWD+SRGM", "tool code of OWSG set A or B, or of a gyro")
@@ -53,6 +57,11 @@ class Interval:
         choices=(CODE, STATION),
     )
     methods: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    def code_of(self, method: str) -> str:
+        """Return the tool code of a station of a method."""
+        usual = ROTARY_CODE if method == ROTARY and self.code.startswith("MWD") else self.code
+        return self.methods.get(method, usual)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +115,7 @@ class Programme:
                 tools.append(None)
                 continue
             number, row = self._interval(float(md), stations.legs[k], first=k == 0)
-            code = row.methods.get(stations.methods[k], row.code)
+            code = row.code_of(stations.methods[k])
             run = row.run or f"interval {number + 1}"
             tools.append(Tool(code, f"{run}, {stations.tools[k]}" if stations.tools[k] else run))
             if row.angles == STATION and k > 0 and stations.measured[k]:
