@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of the methods: each has the same parts in the same order, and the figures of its worked example are computed."""
+"""Method pages have the same parts in the same order, and the figures of their worked examples are computed."""
 
 import dataclasses
 import math
@@ -49,7 +49,7 @@ def readings(inclination, azimuth, toolface, axial=0.0, east=0.0, noise=None):
     """Specific force and field of a tool at rest, azimuth from magnetic north; angles in deg, fields in T."""
     mat_tn = mat_nt(*np.radians([inclination, azimuth, toolface])).T
     force = mat_tn @ [0.0, 0.0, -9.81]
-    field = mat_tn @ [REFERENCE.horizontal, east, REFERENCE.vertical] + [axial, 0.0, 0.0]
+    field = mat_tn @ [REFERENCE.horizontal, east, REFERENCE.vertical] + np.array([axial, 0.0, 0.0])
     if noise is not None:
         force, field = force + 0.002 * noise.normal(size=3), field + 20e-9 * noise.normal(size=3)
     return force, field
@@ -114,7 +114,7 @@ def multi_station_analysis() -> Iterator[str]:
 
 def check_shots_page() -> Iterator[str]:
     force, field = map(np.array, zip(*(readings(30.0, 100.0, face) for face in (10, 100, 190, 280)), strict=True))
-    (found,) = check_shots([1000.0] * 4, force + [0.0, 0.03, 0.0], field, SensorErrors())
+    (found,) = check_shots([1000.0] * 4, force + np.array([0.0, 0.03, 0.0]), field, SensorErrors())
     bias = found.biases[0]
     assert (bias.sensor, bias.axis, found.verdict) == ("accelerometer", "y", "doubtful")
     yield f"{math.degrees(found.spread_inclination):.2f} deg"
