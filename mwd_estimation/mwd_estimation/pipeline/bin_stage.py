@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Half-second bins: what is done once for a bin, in the order of bins, and the surveys that come of it.
+Half-second bins: the work that is done once per bin, in the order of the bins, and the surveys that result.
 
-A bin may end the still interval of a survey. What the survey shows of the magnetic field changes how the field is read
-from there on; its continuity check waits for the attitude up to it.
+A bin may end the still interval of a survey. The magnetic field measured by the survey changes how the field is
+interpreted from there on. The continuity check of the survey waits for the attitude up to its end.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 @dataclasses.dataclass
 class Numbering:
-    """Number of the survey given last; it outlives a new start of the estimate."""
+    """Number of the last published survey; a restart of the estimate does not reset it."""
 
     last: int = 0
 
@@ -47,32 +47,33 @@ class Numbering:
 
 @dataclasses.dataclass
 class Bins:
-    """The bins closed within a stretch."""
+    """Bins closed within a stretch."""
 
     events: list[BinEvent]
-    #: How the field is read from a sample of the stretch on; the first from its start.
+    #: Models for the interpretation of the field, each with the sample of the stretch from which it holds; the first
+    #: holds from the start.
     models: list[tuple[int, MagneticModelInForce]]
-    taken: list[tuple[int, Provisional]]  #: surveys, each with the place of its bin in `events`
+    taken: list[tuple[int, Provisional]]  #: surveys, each with the index of its bin in `events`
 
 
 class SideStreams:
-    """Bins of magnetometer, precision unit and temperature, kept for the conventional unit's bin of that time."""
+    """Bins of magnetometer, precision unit and temperature, kept until the conventional unit's bin of the same time."""
 
     def __init__(self) -> None:
         self._binners = {"mag": Binner(3, BIN_NS), "precision": Binner(6, BIN_NS), "temperature": Binner(1, BIN_NS)}
         self._closed: dict[str, dict[int, Bin]] = {name: {} for name in self._binners}
 
     def add(self, name: str, stamps: Stamps, values: Array) -> None:
-        """Take samples of a stream, shapes (n,), ns, and (n, channels)."""
+        """Add samples of a stream, shapes (n,), ns, and (n, channels)."""
         self._keep(name, self._binners[name].add(stamps, values))
 
     def beside(self, imu: Bin) -> BinSet:
-        """Return the bins of all streams in the time of one of the conventional unit; each bin is asked for once."""
+        """Return the bins of all streams at the time of a bin of the conventional unit; call it once for each bin."""
         found: dict[str, Bin | None] = {}
         for name, bins in self._closed.items():
             self._keep(name, self._binners[name].flush((imu.index + 1) * BIN_NS))
             found[name] = bins.pop(imu.index, None)
-            # A stream's bins close in order.
+            # The bins of a stream close in order.
             while bins and next(iter(bins)) < imu.index:
                 del bins[next(iter(bins))]
         return BinSet(imu, found["mag"], found["precision"], found["temperature"])
@@ -83,7 +84,7 @@ class SideStreams:
 
 
 class BinStage:
-    """Bins and surveys of one tool; surveys change how the magnetic field is read."""
+    """Bins and surveys of one tool; a survey changes how the magnetic field is interpreted."""
 
     def __init__(
         self, settings: EstimatorSettings, field: MagneticFeedback, faults: FaultHistory, numbering: Numbering
@@ -106,9 +107,10 @@ class BinStage:
         """
         Close the bins that end within a stretch; refusals, faults and results of requests go to the output.
 
-        later, clipped: of its samples, whether each is later than all before it, and its flags as `clip_flags.of`.
+        later, clipped : for each sample, whether its stamp is later than all before it, and its flags as from
+        `clip_flags.of`.
         """
-        # Gyros that have drifted do not show whether the tool is still; gravity and field do.
+        # Drifted gyros cannot show whether the tool is still; gravity and field can.
         gyro = np.zeros_like(stretch.gyro) if stretch.drifted else stretch.gyro
         values = np.hstack([gyro, stretch.accel])
         doubted_sensors = stretch.suspect | np.uint8(stretch.unusable)
@@ -122,7 +124,7 @@ class BinStage:
         doubted = 0
         for closed, place in self._binner.add_placed(stretch.stamps, values):
             self._waiting.append(closed)
-            # One bin late, so that the other streams of its time are there.
+            # Close a bin one bin late, so that the other streams of its time have arrived.
             if len(self._waiting) > 1:
                 self._doubt(stretch, doubted, place)
                 doubted = place
@@ -131,16 +133,16 @@ class BinStage:
         return bins
 
     def finish(self) -> Provisional | None:
-        """Return the survey that waited for the gyro when no more samples come; None where none waited."""
+        """Return the survey that still waits for the gyro, when no more samples arrive; None if none waits."""
         held = self.still.finish()
         return None if held is None else self._survey(held, self.precision.station.solution())
 
     def rotary(self, average: StillAverage, rotary_speed: float) -> Survey:
-        """Decide a survey averaged in a turning string; rotary_speed, rad/s."""
+        """Decide a survey averaged while the string turns; `rotary_speed` in rad/s."""
         return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 
     def _reference(self, average: StillAverage) -> Reference | None:
-        """The reference at the time of an average."""
+        """Return the reference at the time of an average."""
         return self._observatory.at(self._field.reference, (average.start_ns + average.end_ns) // 2)
 
     def _doubt(self, stretch: Stretch, start: int, stop: int) -> None:
@@ -149,13 +151,13 @@ class BinStage:
             self._faults.doubt(stretch.stamps[start:stop], suspect)
 
     def _close(self, imu: Bin, place: int, bins: Bins, output: Output) -> None:
-        """Do everything that is done once for a bin; its results hold from the sample at `place`."""
+        """Do all work that is done once per bin; its results hold from the sample with index `place` on."""
         end_ns = (imu.index + 1) * BIN_NS
         gyro = self.precision.station
         beside = self.streams.beside(imu)
         self.turning.close(imu.index)
         result = self.still.add(beside, gyro.pending() if self.still.complete else None)
-        # What the gyro had found before this bin, which ended the interval.
+        # Result of the gyro before this bin, which ended the interval.
         so_far = gyro.solution() if isinstance(result, StillAverage) and result.moved else None
         unit = self.precision.close(imu, self.still.still_bins)
         for change in unit.changes:
@@ -178,7 +180,7 @@ class BinStage:
             bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
-        """Begin the survey of a still interval; what it shows of the field is used from here on."""
+        """Begin the survey of a still interval; the field it measured is used from here on."""
         number = self._numbering.next()
         reference, turning = self._reference(still), self.turning.found
         taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)

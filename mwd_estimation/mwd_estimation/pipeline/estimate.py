@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The stages of the estimator in the order of the signal, from the start of an estimate to its next start.
+The stages of the estimator in the order of the signal, from one start of the estimate to the next.
 
 Health (stretches with the same usable sensors) -> gravity -> half-second bins, which may take a survey and change how
-the field is read -> attitude, in one stretch for each reading of the field -> completion of the surveys -> dynamics.
-A step that changes the reading of the field belongs into the bins; one that needs attitude belongs behind it.
+the field is interpreted -> attitude, in one part for each interpretation of the field -> completion of the surveys ->
+dynamics. A step that changes the interpretation of the field belongs in the bins; a step that needs the attitude
+belongs after it.
 """
 
 from __future__ import annotations
@@ -48,9 +49,9 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T, less than any magnetometer resolves: zeros are not a reading
-# Samples in a row without a later stamp that show that time stands still: of a second, by which single stamps may be
-# off (`time_jumps.BACK_NS`), even of a fast unit.
+_WEAKEST = 1e-9  # T, less than any magnetometer resolves: a field of zeros is not a measurement
+# Number of consecutive samples without a later stamp that prove that time stands still, even for a fast unit: more than
+# the samples in a second, because single stamps may be wrong by a second (`time_jumps.BACK_NS`).
 _STANDS_STILL = 10_000
 _CLIPPED = int(Status.CLIPPED)
 
@@ -63,7 +64,7 @@ class _Ahead:
         self._count = 0
 
     def add(self, samples: Samples) -> int:
-        """Keep a block; of too many samples the oldest are dropped, and their number is returned."""
+        """Add a block; if there are too many samples, drop the oldest and return their number."""
         self._parts.append(samples)
         before = self._count = self._count + len(samples)
         while self._count - len(self._parts[0]) >= MOST_AHEAD:
@@ -71,7 +72,7 @@ class _Ahead:
         return before - self._count
 
     def take(self) -> Samples | None:
-        """Take out all that waits; None: nothing does."""
+        """Remove and return all waiting samples; None if there are none."""
         parts = list(self._parts)
         self._parts.clear()
         self._count = 0
@@ -80,11 +81,11 @@ class _Ahead:
 
 class Estimate:
     """
-    All that changes from one start of the estimate to the next.
+    State that lives from one start of the estimate to the next.
 
-    reference overrides the settings; mat_tu: rotation from the axes of the unit to those of the tool, which its samples
-    have; mag_late_ns: by which the stamps of the magnetometer are late, ns, as known so far
-    and as the turning string has shown it since.
+    reference : overrides the settings. mat_tu : rotation from the axes of the unit to those of the tool; the samples
+    are in tool axes already. mag_late_ns : delay of the magnetometer's stamps, ns, as known so far and corrected by
+    what the turning string has shown since.
     """
 
     def __init__(
@@ -118,12 +119,12 @@ class Estimate:
         self._shift_mag(mag_late_ns)
         self._ahead = {"mag": _Ahead(), "precision": _Ahead(), "temperature": _Ahead()}
         self.last_imu_ns = self._newest_ns = np.iinfo(np.int64).min
-        self._standing = 0  # samples since the newest stamp
+        self._standing = 0  # number of samples since the newest stamp
         self._ready = False
         self._statuses = StatusHistory(BIN_NS)
 
     def _use_gravity(self, known: float | None) -> None:
-        """Use this local gravity, m/s^2, in all that follows gravity; None: not known."""
+        """Use this local gravity, m/s^2, in all parts that need gravity; None: not known."""
         settings = self.settings
         self._gravity = GravityWithFallback(
             gravity.method(settings.gravity.method),
@@ -133,7 +134,7 @@ class Estimate:
         self._dynamics_params = derivation.dynamics_params(settings, known)
 
     def _begin(self, first_ns: int) -> None:
-        """Set what depends on the day and place of the first sample."""
+        """Set everything that depends on the date and place of the first sample."""
         if self._given is None:
             self.field.set_reference(derivation.reference_or_none(self.settings, first_ns))
         self._ready = True
@@ -144,12 +145,12 @@ class Estimate:
 
     @property
     def local_gravity(self) -> float | None:
-        """Local gravity, m/s^2; None where not known."""
+        """Local gravity, m/s^2; None if not known."""
         return self.field.reference.gravity if self.field.reference is not None else None
 
     @property
     def innovations(self) -> list[Innovation]:
-        """What each source was expected to give and what it gave."""
+        """Expected and measured values of each source, with their differences."""
         return self._gravity.innovations + self._attitude.innovations
 
     def set_reference(self, reference: Reference) -> None:
@@ -162,10 +163,11 @@ class Estimate:
 
     def take_beside(self, name: str, samples: Samples) -> None:
         """
-        Take samples of a stream: mag (dtype of `wire.MAG`), precision (`wire.IMU`) or temperature (`wire.TEMPERATURE`).
+        Accept samples of another stream: mag, precision or temperature.
 
-        They wait for the next block of the conventional unit. While that is silent, or its time stands still, the
-        oldest are rejected: they would be paired with gravity of another time.
+        Their dtype is that of `wire.MAG`, `wire.IMU` or `wire.TEMPERATURE`.
+        They wait for the next block of the conventional unit. If that unit sends nothing, or its time stands still, the
+        oldest samples are rejected, because they would be paired with gravity of another time.
         """
         self._counters.rejected += self._ahead[name].add(samples)
 
@@ -177,7 +179,7 @@ class Estimate:
             self.bin_stage.precision.take_refused(refused)
 
     def _use_beside(self) -> None:
-        """Hand the samples that wait to the stages."""
+        """Pass the waiting samples to the stages."""
         use = {"mag": self._use_mag, "precision": self._use_precision, "temperature": self._use_temperature}
         for name, ahead in self._ahead.items():
             samples = ahead.take()
@@ -216,7 +218,11 @@ class Estimate:
         self.bin_stage.streams.add("temperature", np.ascontiguousarray(samples["stamp_ns"]), values)
 
     def take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
-        """Take samples of the conventional unit, dtype of `wire.IMU`; followed: their gravity, by a smoother."""
+        """
+        Process samples of the conventional unit, dtype of `wire.IMU`.
+
+        `followed` is their gravity from a smoother.
+        """
         if not len(samples):
             return Output.empty(0)
         self._standing = 0 if samples["stamp_ns"].max() > self._newest_ns else self._standing + len(samples)
@@ -244,7 +250,7 @@ class Estimate:
         return output
 
     def _measure_delay(self, stretch: Stretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
-        """Take gravity and the rate about x, nan where the gyro must not be used, against the field."""
+        """Measure the delay from gravity, field and the rate about x, nan while the gyro must not be used."""
         usable = stretch.unusable & GYRO == 0
         if self._gyro_usable and not usable:
             self._delay.begin_anew()
@@ -253,25 +259,25 @@ class Estimate:
         self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
 
     def _correct_delay(self, span: int) -> None:
-        """Where a span of time has ended, correct what it shows of the magnetometer's stamps."""
+        """At the end of a time span, correct the delay of the magnetometer's stamps that the span has shown."""
         if span > self._delay_span:
             self._delay_span = span
             self._shift_mag(self._delay.judge(span * SPAN_NS))
 
     def _shift_mag(self, late_ns: int) -> None:
-        """Take magnetic samples for later by so much than so far, those that wait too."""
+        """Change the delay of magnetic samples by `late_ns`, also for those that wait."""
         if late_ns:
             self.mag_late_ns += late_ns
-            # Which sample of the IMU meets a magnetic one must not depend on when that arrived.
+            # Which IMU sample is paired with a magnetic sample must not depend on the arrival time.
             wait_ns = max(self.mag_late_ns, 0)
             self._delay.shift(late_ns)
             self.watch.shift_mag(late_ns, wait_ns)
             self._attitude.shift_mag(late_ns, wait_ns)
-            # Interference and azimuth were learnt from fields of other toolfaces.
+            # Interference and azimuth were learnt with fields paired with wrong toolfaces.
             self._attitude.set_reference(self.field.reference)
 
     def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
-        """Estimate samples during which the same sensors are usable; clipped: flags of the whole block."""
+        """Estimate samples for which the same sensors are usable; `clipped` holds the flags of the whole block."""
         output = Output.empty(len(stretch.stamps))
         output.health += stretch.changes
         if stretch.begins_contamination:
@@ -282,17 +288,17 @@ class Estimate:
         given = followed.part(stretch.part) if followed is not None else None
         track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
         toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
-        # Of samples whose time does not advance nothing is kept: they may come without end.
+        # Keep nothing of samples whose time does not advance: there may be endless many.
         later = advances(stamps, self._newest_ns)
         self._newest_ns = max(self._newest_ns, int(stamps.max()))
-        # Bins, and surveys begun in them.
+        # Bins, and the surveys that begin in them.
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
         # Attitude.
         gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
-        # The tool has turned on, or not yet, by what the stamp is wrong.
+        # Angle by which the tool may have turned because of the error of the stamp.
         turned = self._jitter.sigma(stamps) * np.abs(track.rotary_speed)
         samples["turned"] = turned
         samples["sigma_toolface"] = np.minimum(np.hypot(samples["sigma_toolface"], turned), np.pi)
@@ -302,7 +308,7 @@ class Estimate:
             block, bins.models, bins.events, rates, output.attitude, output.gravity
         )
         self._counters.rejected += rejected
-        # Surveys, complete now that the attitude up to them is known.
+        # Surveys, which can be completed now that the attitude up to their end is known.
         self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated
         output.surveys += [self._completed(taken, propagated[at]) for at, taken in bins.taken]
@@ -319,7 +325,7 @@ class Estimate:
         return output
 
     def end_requests(self, why: Reason, output: Output) -> None:
-        """Answer to the output all that was asked for and is not done any more."""
+        """Answer all open requests in the output, with the reason why they end."""
         refusal, requests = Refusal(self.last_imu_ns, why), self.bin_stage.requests
         if self.bin_stage.still.requested:
             output.refusals.append(refusal)
@@ -329,7 +335,7 @@ class Estimate:
         output.north += [ended] if ended is not None else []
 
     def finish(self) -> Output:
-        """Give the survey that waited for the gyro, when no more samples come."""
+        """Return the survey that still waits for the gyro, when no more samples arrive."""
         self._use_beside()
         output = Output.empty(0)
         held = self.bin_stage.finish()
@@ -338,7 +344,7 @@ class Estimate:
         return output
 
     def _completed(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
-        """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
+        """Return a completed survey; `propagated` holds the azimuths carried to its time."""
         return self._with_status(self.bin_stage.decision.complete(taken, propagated))
 
     def _with_status(self, survey: Survey) -> Survey:

@@ -2,10 +2,10 @@
 """
 External magnetic field (ionosphere, magnetosphere, storms) from the record of an observatory.
 
-A magnetic reference knows core and crust. What the Sun adds is measured at observatories; its difference from their
-quiet level is nearly the same at a well some hundred kilometres away. Format: IAGA-2002 data exchange format (IAGA
+A magnetic reference describes core and crust. The field from the Sun is measured at observatories; its difference from
+the quiet level is nearly the same at a well some hundred kilometres away. Format: IAGA-2002 data exchange format (IAGA
 Division V, documented by NOAA/NCEI). Method: S. J. Reay et al., "Space weather effects on drilling accuracy in the
-North Sea", Annales Geophysicae 23 (2005), 3081-3088, which measured what such a correction leaves.
+North Sea", Annales Geophysicae 23 (2005), 3081-3088, which measured the error that remains after such a correction.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from mwd_estimation.core.reference_field import ExternalField, Reference
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.frames import wrap_pi
 
-# Larger figures are IAGA-2002's marks for a missing (99999) or never recorded (88888) value.
+# Values from here on are marks of IAGA-2002 for missing (99999) or never recorded (88888) values.
 _MISSING = 88888.0
 _NULLS, _CIRCLE = (88888.0, 99999.0), 216000.0
-# A gap longer than this is not bridged, s: pulsations and substorm onsets take minutes.
+# A longer gap is not bridged, s: pulsations and substorm onsets take minutes.
 _LONGEST_GAP = 600.0
-# Below this range an hour is as quiet as any other, T: observatories report tenths of nT.
+# Hours with a range below this are equally quiet, T: observatories report tenths of nT.
 _RESOLUTION = 1e-9
 _HOUR_NS = 3_600_000_000_000
-# Declination, inclination and (in tenths) DECBAS are recorded in minutes of arc.
+# Declination, inclination and DECBAS (in tenths) are recorded in minutes of arc.
 _MINUTE = math.radians(1.0 / 60.0)
 
 
@@ -43,7 +43,11 @@ class ObservatoryRecord:
     quiet_n: Array  #: shape (3,); quiet level, T
 
     def disturbance(self, stamp_ns: int) -> Array | None:
-        """Difference from the quiet level in north, east, down, T, shape (3,); None in a gap and outside the record."""
+        """
+        Return the difference from the quiet level, north, east, down, T, shape (3,).
+
+        None in a gap or outside the record.
+        """
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if after < len(self.stamps_ns) and self.stamps_ns[after] == stamp_ns:
             return np.asarray(self.field_n[after] - self.quiet_n)
@@ -61,21 +65,21 @@ def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
     Read a record in IAGA-2002 format: X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F, possibly with other components.
 
-    Files of several days may stand one after the other, each with its own header. The baseline declination (DECBAS) of
-    a header is added to the angles that variometers report from it.
+    Several daily files may be joined, each with its own header. The baseline declination (DECBAS) of a header is added
+    to the angles that variometers report relative to it.
 
     Parameters
     ----------
     text : str
-        The file.
+        Content of the file.
     name : str
-        What to call it in an error.
+        Name of the file, for errors.
 
     Raises
     ------
     ValueError
-        No IAGA-2002 header of columns, other components, H and E without a baseline declination, several observatories,
-        a line that cannot be read, or less than two complete samples.
+        There is no IAGA-2002 header of columns, the components are others, H and E have no baseline declination, there
+        are several observatories, a line cannot be read, or there are fewer than two complete samples.
     """
     sections = _sections(text, name)
     stations = list(dict.fromkeys(section.station for section in sections))
@@ -95,7 +99,7 @@ def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
 
 @dataclasses.dataclass
 class _Section:
-    """A header and the data below it: the station, the letters of the components, the baseline declination, rad."""
+    """A header and its data: the station, the letters of the components, the baseline declination, rad."""
 
     station: str
     letters: list[str]
@@ -127,7 +131,8 @@ class _Section:
             letters = ", ".join(sorted(have))
             raise ValueError(f"{name}: components {letters} are not X, Y, Z nor H, D, Z nor H, E, Z nor D, I, F")
         if "D" in have and self.baseline is not None and not np.isnan(declination).all():
-            # Some report the declination, others what a variometer turned by from its baseline: whichever is nearer.
+            # Some files give the full declination, others a variometer's angle from its baseline: choose the nearer
+            # one.
             middle = float(np.nanmedian(declination))
             if abs(wrap_pi(middle)) < abs(wrap_pi(middle - self.baseline)):
                 declination = declination + self.baseline
@@ -135,7 +140,7 @@ class _Section:
 
 
 def _sections(text: str, name: str) -> list[_Section]:
-    """Split a file at its headers, and read the data below each."""
+    """Split a file at its headers, and read the data after each."""
     sections: list[_Section] = []
     baseline: float | None = None
     for number, line in enumerate(text.splitlines(), 1):
@@ -145,7 +150,8 @@ def _sections(text: str, name: str) -> list[_Section]:
             sections.append(_Section(columns[0][:3] if columns else "", letters, baseline))
             baseline = None
         elif found := re.match(r"\s*#\s*DECBAS\s+([-+]?\d+(?:\.\d*)?)", line):
-            # In tenths of a minute of arc, east: a circle at most. The nulls of the data are nulls here too.
+            # DECBAS is in tenths of a minute of arc, positive east, at most a circle. The null values of the data are
+            # nulls here too.
             tenths = float(found[1])
             known = abs(tenths) <= _CIRCLE and tenths not in _NULLS
             baseline = float(wrap_pi(0.1 * tenths * _MINUTE)) if known else None
@@ -157,39 +163,39 @@ def _sections(text: str, name: str) -> list[_Section]:
             sections[-1].stamps_ns.append(stamp)
             sections[-1].rows.append(values)
     if not sections:
-        raise ValueError(f"{name}: no IAGA-2002 file: no line with the columns DATE TIME DOY and the components")
+        raise ValueError(f"{name}: not an IAGA-2002 file: no line with the columns DATE TIME DOY and the components")
     return sections
 
 
 def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
     """
-    Field of the quiet hours of a record: the median of its samples, weighted by how quiet their hour was.
+    Return the field in the quiet hours of a record: the median of its samples, weighted by how quiet their hour was.
 
     Parameters
     ----------
     stamps_ns : ndarray, shape (n,)
-        Increasing.
+        Stamps, ns, increasing.
     field_n : ndarray, shape (n, 3)
-        T.
+        Field, T.
 
     Returns
     -------
     ndarray, shape (3,)
-        T. The weight is the inverse square of the range within the hour, so that a storm that fills most of a record
-        hardly counts, and nights of quiet days count most.
+        Field, T. The weight is the inverse square of the range within the hour, so that a storm that fills most of a
+        record has little weight, and nights of quiet days have most.
     """
     hours = stamps_ns // _HOUR_NS
     _, starts, counts = np.unique(hours, return_index=True, return_counts=True)
     spread = np.maximum.reduceat(field_n, starts) - np.minimum.reduceat(field_n, starts)
     weight = 1.0 / (np.sum(spread**2, axis=1) + _RESOLUTION**2)
-    # An hour cut short by the ends of the record or by gaps looks quieter than it was.
+    # An hour shortened by a gap or by the ends of the record looks quieter than it was.
     weight[counts < 0.5 * np.median(counts)] = 0.0
     each = np.repeat(weight, counts)
     return np.array([_weighted_median(component, each) for component in field_n.T])
 
 
 def _weighted_median(values: Array, weights: Array) -> float:
-    """Value with half the weight on either side."""
+    """Return the value with half of the weight on either side."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
@@ -197,18 +203,18 @@ def _weighted_median(values: Array, weights: Array) -> float:
 
 def with_external(reference: Reference, disturbance_n: Array, sigma_share: float, source: str) -> Reference:
     """
-    Add the external field of the moment to a reference.
+    Add the external field at one time to a reference.
 
     Parameters
     ----------
     reference : Reference
-        With field and declination; another one is returned as it is.
+        Reference with field and declination; without both it is returned unchanged.
     disturbance_n : ndarray, shape (3,)
         North, east, down (geographic), T.
     sigma_share : float
-        Part of the disturbance that the well does not share, 1 sigma.
+        Share of the disturbance that the well does not have, 1 sigma.
     source : str
-        Where it was measured.
+        Place of the measurement.
 
     Returns
     -------
@@ -222,8 +228,8 @@ def with_external(reference: Reference, disturbance_n: Array, sigma_share: float
     down = reference.vertical + float(disturbance_n[2])
     horizontal = math.hypot(north, east)
     total, strength = math.hypot(horizontal, down), float(np.linalg.norm(disturbance_n))
-    # The part that is not shared may point anywhere: of its three components one lies along the field, one across it in
-    # the meridian and one east of it.
+    # The share that the well does not have may point anywhere: one of its three components is along the field, one
+    # across it in the meridian, and one east.
     left = sigma_share * strength / math.sqrt(3.0)
     return dataclasses.replace(
         reference,
@@ -239,7 +245,7 @@ def with_external(reference: Reference, disturbance_n: Array, sigma_share: float
 
 
 def _sample(line: str, components: int) -> tuple[int, list[float]]:
-    """UTC in ns and the components of one line of data."""
+    """Return UTC in ns and the components of one line of data."""
     day, clock, _, *values = line.replace("|", " ").split()
     if len(values) != components:
         raise ValueError(line)

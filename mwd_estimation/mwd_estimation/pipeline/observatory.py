@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The observatory file of the settings: read when it is first needed and again when it has changed."""
+"""Observatory file of the settings, read when it is first needed and again after it changes."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Observatory:
     External field at the time of each survey.
 
     place : Place
-        Its `observatory_file` may be empty: then every reference is returned as it is.
+        If its `observatory_file` is empty, every reference is returned unchanged.
 
     Raises
     ------
     SettingsError
-        The file cannot be read, or is no IAGA-2002 record.
+        The file cannot be read, or is not an IAGA-2002 record.
     """
 
     def __init__(self, place: Place) -> None:
@@ -40,13 +40,17 @@ class Observatory:
                 raise SettingsError(f"place.observatory_file: {error}; expected a file of IAGA-2002") from None
 
     def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
-        """Return the reference at a time, UTC ns (None: not known); beyond the record it names the observatory only."""
+        """
+        Return the reference at a time, UTC ns (None: not known).
+
+        Outside the record it only names the observatory.
+        """
         if self._record is None or reference is None or not reference.has_field or reference.declination is None:
             return reference
         try:
             self._refresh()
         except (OSError, ValueError):
-            # Somebody is writing it just now: what was read before holds; `survey.verdict` tells of a time beyond it.
+            # The file is being written: keep the last record; `survey.verdict` reports a time after its end.
             self._read_at = None
         found = None if stamp_ns is None else self._record.disturbance(stamp_ns)
         asked = dataclasses.replace(reference, observatory=self._record.station)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator gives for a block of samples, and what it counts."""
+"""Output of the estimator for a block of samples, and its counters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mwd_sensors.core.arrays import Samples
 
 @dataclasses.dataclass
 class Output:
-    """Attitude and gravity of every IMU sample of a block, and all that came in its time."""
+    """Attitude and gravity of every IMU sample of a block, and all other results of that time."""
 
     #: `attitude`, `gravity`: dtype `wire.ATTITUDE` and `wire.GRAVITY`; one row for each IMU sample.
     attitude: Samples
@@ -26,20 +26,20 @@ class Output:
     interference: Samples
     dynamics: Samples
     surveys: list[Survey] = dataclasses.field(default_factory=list)
-    refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: requests for a survey that could not be met
+    refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a survey
     #: Faults of sensors that were found, narrowed down or cleared.
     health: list[SensorFault] = dataclasses.field(default_factory=list)
     north: list[Solution] = dataclasses.field(default_factory=list)  #: results of north seeks on request
-    #: Surveys taken while the string turned, or why there is none.
+    #: Surveys taken while the string turned, or the reason why there is none.
     rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
 
     @classmethod
     def empty(cls, n: int) -> Output:
-        """Make room for n IMU samples."""
+        """Return an output with rows for n IMU samples."""
         return cls(wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n), wire.INTERFERENCE.empty(0), wire.DYNAMICS.empty(0))
 
     def joined(self, later: Output) -> Output:
-        """Return this output with a later one behind it."""
+        """Return this output with a later one appended."""
         return Output(
             np.concatenate([self.attitude, later.attitude]),
             np.concatenate([self.gravity, later.gravity]),
@@ -55,7 +55,7 @@ class Output:
 
 @dataclasses.dataclass
 class Counters:
-    """What was received and not used, and how often time went back."""
+    """Counts of samples that were received but not used, and of times that time went back."""
 
     imu: int = 0
     mag: int = 0

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The estimator: samples in, attitude and surveys out; one object for the live node, replay and batch.
+The estimator: samples in, attitude and surveys out; the same object serves the live node, replay and batch.
 
-Blocks may have any length; the output is the same bits however the streams are cut, and whatever the order in which
-topics arrive, as long as a magnetic sample is there `tool.magnetometer.delay_s` after its stamp.
+Blocks may have any length. The output has the same bits however the streams are cut, and in whatever order the topics
+arrive, if a magnetic sample arrives at most `tool.magnetometer.delay_s` after its stamp.
 
-Values pass the gate (`core.input_gate`) before anything else sees them. The pipeline admits samples in time: where time
-goes back (a recording that loops or is wound back) the estimate begins anew. The stages behind that, in the order of
-the signal, are those of `estimate`.
+Values pass the gate (`core.input_gate`) before anything else sees them. The pipeline checks their time: if time goes
+back (a recording that loops or is rewound), the estimate restarts. The next stages, in the order of the signal, are in
+`estimate`.
 """
 
 from __future__ import annotations
@@ -48,22 +48,22 @@ class Pipeline:
     reference : Reference, optional
         Overrides the settings, for a field measured beforehand.
     mount : Mount, optional
-        How the units sit in the tool; by default as the settings say without frames and static transforms.
+        Mount of the units in the tool; by default from the settings, without frames and static transforms.
 
     Raises
     ------
     ValueError
-        Settings that no estimate can be made with: a file that cannot be read, a place without a field.
+        The settings do not allow an estimate: a file cannot be read, or the place has no field.
 
     Attributes
     ----------
     noise_notes : list of str
-        A sentence for each vector whose stated noise is larger than the tool's and is taken (`set_noise`).
+        A sentence for each vector whose stated noise is larger than the tool's and is used (`set_noise`).
     gate : InputGate
-        The gate that all samples pass. Samples that are used elsewhere too may pass it before they are pushed: what
-        has passed passes again as it is.
+        The gate that all samples pass. Samples that are used elsewhere too may pass it before they are pushed: samples
+        that have passed it once pass it again unchanged.
     temperature : TemperatureWatch
-        Temperatures beyond those of the calibration, where the sigma of surveys is widened.
+        Watch of temperatures outside the calibration, where the sigma of surveys is widened.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Pipeline:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but settings, counters and the survey numbering."""
+        """Forget everything except settings, counters and the survey numbering."""
         self._clocks = Clocks()
         self._begin_anew()
 
@@ -92,19 +92,27 @@ class Pipeline:
         self._estimate.watch.expect_mag(expected="mag" not in self.mount.unusable)
 
     def push_mag(self, samples: Samples) -> None:
-        """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
+        """
+        Accept magnetic samples, dtype of `wire.MAG`, in axes of the unit.
+
+        They are left out if its mount is not known.
+        """
         if "mag" not in self.mount.unusable:
             self.counters.mag += len(samples)
             self._take_beside("mag", self.mount.mag_in_tool(self.gate.mag(samples)))
 
     def push_precision(self, samples: Samples) -> None:
-        """Take samples of the high-precision unit, dtype of `wire.IMU`; left out where its mount is not known."""
+        """
+        Accept samples of the high-precision unit, dtype of `wire.IMU`.
+
+        They are left out if its mount is not known.
+        """
         if "precision" not in self.mount.unusable:
             self.counters.precision += len(samples)
             self._take_beside("precision", self.mount.precision_in_tool(self.gate.precision(samples)))
 
     def push_temperature(self, samples: Samples) -> None:
-        """Take temperatures, dtype of `wire.TEMPERATURE`."""
+        """Accept temperatures, dtype of `wire.TEMPERATURE`."""
         samples = self.gate.temperature(samples)
         self.temperature.take(samples["temperature"])
         self._take_beside("temperature", samples)
@@ -114,9 +122,11 @@ class Pipeline:
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
-        Take samples of the AHRS, dtype of `wire.IMU`, in axes of the unit; all else of their time comes before them.
+        Process samples of the AHRS, dtype of `wire.IMU`, in axes of the unit.
 
-        followed : gravity of these samples in tool axes, where something else than the method followed it (a smoother).
+        Push all other samples of their time first.
+
+        followed : gravity of these samples in tool axes, if another method (a smoother) has already estimated it.
         """
         if "imu" in self.mount.unusable:
             return Output.empty(0)
@@ -140,7 +150,7 @@ class Pipeline:
         return output
 
     def _set_back(self, begun: Samples) -> None:
-        """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
+        """Restart with the samples that showed that time went back; their rows were already output as not used."""
         self.counters.set_back += 1
         self._begin_anew(self.mag_late_ns)
         for name, waiting in self._clocks.release().items():
@@ -148,14 +158,14 @@ class Pipeline:
         self._estimate.take_imu(begun)
 
     def set_mount(self, mount: Mount) -> None:
-        """Turn samples like this from now on; with other axes of the conventional unit the estimate begins anew."""
+        """Use this mount from now on; if it changes the axes of the conventional unit, the estimate restarts."""
         before, self.mount = self.mount, mount
         self._estimate.watch.expect_mag(expected="mag" not in mount.unusable)
         if not np.array_equal(before.imu, mount.imu):
             self.reset()
 
     def set_noise(self, stated: Mapping[str, Noise]) -> None:
-        """Reckon with the noise that covariances state where it is larger than the tool's; the estimate begins anew."""
+        """Use the noise stated by covariances if it is larger than the tool's; the estimate restarts."""
         settings, self.noise_notes = with_noise(self.settings, stated)
         if settings != self._with_noise:
             self._with_noise = settings
@@ -163,18 +173,18 @@ class Pipeline:
 
     def finish(self) -> Output:
         """
-        Give what the samples so far still hold when no more come: a survey that waited for the gyro.
+        Return the results still held back when no more samples arrive: a survey that waited for the gyro.
 
-        Samples may follow all the same.
+        More samples may still follow.
         """
         return self._estimate.finish()
 
     def revisions(self) -> dict[int, Survey]:
-        """Surveys, by number, of which the later ones say something else than was published; that stays."""
+        """Surveys, by number, whose values changed through later surveys; the published values stay unchanged."""
         return self._estimate.bin_stage.decision.revisions()
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
-        """Return what judges the newest surveys, by number, as the run is now; it may be called in a thread."""
+        """Return a function that judges the newest surveys by the present state of the run, in any thread."""
         return self._estimate.bin_stage.decision.judging_again(newest)
 
     def set_reference(self, reference: Reference) -> None:
@@ -183,21 +193,21 @@ class Pipeline:
         self._estimate.set_reference(reference)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
-        """Take a survey from the next half second on, as `StillSurvey.request`; it comes in `Output.surveys`."""
+        """Take a survey from the next half second on, see `StillSurvey.request`; the result is in `Output.surveys`."""
         self.still.request(duration_s)
 
     def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
-        """Seek north from now on, as `Requests.start_north`; the result comes in `Output.north`."""
+        """Seek north from now on, see `Requests.start_north`; the result is in `Output.north`."""
         self.requests.start_north(duration_s, mode, self._estimate.local_gravity)
 
     @property
     def requests(self) -> Requests:
-        """The north seek and the rotary survey that were asked for, with their progress."""
+        """The requested north seek and rotary survey, with their progress."""
         return self._estimate.bin_stage.requests
 
     @property
     def still(self) -> StillSurvey:
-        """The survey in a still interval that is under way: its progress, and what it waits for."""
+        """The current survey in a still interval: its progress, and the condition it waits for."""
         return self._estimate.bin_stage.still
 
     @property
@@ -206,52 +216,52 @@ class Pipeline:
         return self._numbering.last
 
     def continue_numbering(self, last: int) -> None:
-        """Give the next survey a number after `last`, which others remember of a run before this process."""
+        """Give the next survey a number after `last`, which is known from a run before this process."""
         self._numbering.last = max(self._numbering.last, last)
 
     @property
     def given_reference(self) -> Reference | None:
-        """The field that was given in place of what the settings say."""
+        """The field that was given in place of the settings."""
         return self._given
 
     @property
     def reference(self) -> Reference | None:
-        """The field that azimuths and totals are judged by."""
+        """The field by which azimuths and totals are judged."""
         return self._estimate.field.reference
 
     @property
     def north(self) -> str:
-        """The north that azimuths count from."""
+        """The north from which azimuths count."""
         return self._estimate.field.north
 
     @property
     def went_back(self) -> list[tuple[int, int]]:
-        """Each time that time went back since the last reset: the latest stamp before that and the first after, ns."""
+        """The latest stamp before and the first stamp after each time that time went back since the last reset, ns."""
         return self._clocks.went_back
 
     @property
     def of_no_time(self) -> int:
-        """Samples beside those of the IMU that were left out because their time is not the IMU's."""
+        """Number of samples of other streams that were left out because their time does not match the IMU's."""
         return self._clocks.dropped
 
     @property
     def innovations(self) -> list[Innovation]:
-        """What each source of measurements was expected to give and what it gave, since the estimate began."""
+        """Expected and measured values of each source since the estimate began, with their differences."""
         return self._estimate.innovations
 
     @property
     def mag_late_ns(self) -> int:
-        """By how much the magnetometer's stamps are late against the IMU's, as found and corrected, ns; early: < 0."""
+        """Delay of the magnetometer's stamps against the IMU's, as found and corrected, ns; negative if early."""
         return self._estimate.mag_late_ns
 
     @property
     def last_imu_ns(self) -> int:
-        """Stamp of the last sample of the IMU, ns; far before any where none came."""
+        """Stamp of the last sample of the IMU, ns; far in the past if there was none."""
         return int(self._estimate.last_imu_ns)
 
     @property
     def sensor_faults(self) -> list[SensorFault]:
-        """Faults of the sensors that stand now."""
+        """Present faults of the sensors."""
         return self._estimate.watch.faults + self._estimate.bin_stage.precision.faults
 
     @property

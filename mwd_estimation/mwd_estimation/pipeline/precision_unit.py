@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The high-precision unit: its samples bin by bin, its health, and the north that a station finds with it."""
+"""The high-precision unit: its samples bin by bin, its health, and the north found with it at a station."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from mwd_sensors.core.compiled import compiled
 
 @dataclasses.dataclass(frozen=True)
 class PrecisionBin:
-    """The unit in one bin of time."""
+    """Samples and health of the unit in one bin of time."""
 
-    samples: UnitSamples  #: not a number where the unit is faulty
+    samples: UnitSamples  #: NaN while the unit is faulty
     changes: list[SensorFault]  #: faults found, narrowed down or cleared
-    fault: Reason | None  #: why the unit is left out; None where it is used
+    fault: Reason | None  #: why the unit is left out; None if it is used
 
 
 class PrecisionUnit:
-    """The unit of one tool."""
+    """The high-precision unit of one tool."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._settle_ns = settings.survey.settle_s * 1e9
@@ -47,21 +47,25 @@ class PrecisionUnit:
 
     @property
     def faults(self) -> list[SensorFault]:
-        """Faults of the unit that stand now."""
+        """Present faults of the unit."""
         return self._health.faults
 
     @property
     def rates(self) -> tuple[Stamps, Array]:
-        """Stamps, ns, and rates, rad/s, shape (n, 3), of the samples kept; not a number where a gyro clipped."""
+        """Stamps, ns, and rates, rad/s, shape (n, 3), of the kept samples; NaN where a gyro clipped."""
         rates, clipped = self._values[:, :3], self._clipped & ~np.uint8(clip_flags.ACCEL) != 0
         return self._stamps, np.where(clipped[:, None], np.nan, rates) if clipped.any() else rates
 
     def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
-        """Seek north from now on with this latitude, deg, and local gravity, m/s^2; None where not known."""
+        """Seek north from now on with this latitude, deg, and local gravity, m/s^2; None if not known."""
         self.station = GyroStation(self._params, latitude_deg, gravity)
 
     def take(self, stamps: Stamps, values: Array, clipped: NDArray[np.uint8]) -> None:
-        """Take samples and their `clip_flags`, as `UnitSamples`; they are kept until the bin of their time is over."""
+        """
+        Accept samples and their `clip_flags`, as `UnitSamples`.
+
+        They are kept until the bin of their time is closed.
+        """
         self._stamps = np.concatenate([self._stamps[self._at :], stamps])
         self._values = np.concatenate([self._values[self._at :], values])
         self._clipped = np.concatenate([self._clipped[self._at :], clipped])
@@ -72,18 +76,18 @@ class PrecisionUnit:
         self._health.take_refused(refused)
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
-        """Take the conventional unit's samples of the same time; those of a suspect sensor are not compared."""
+        """Accept samples of the conventional unit of the same time for comparison, except those of a suspect sensor."""
         unsure = suspect & (GYRO | ACCEL) != 0
         self._health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
 
     def close(self, imu: Bin, still_bins: int) -> PrecisionBin:
         """
-        Close one bin: judge the unit, and seek north with it where it is in order.
+        Close one bin: judge the unit, and seek north with it if it has no fault.
 
-        imu : the conventional unit's bin; still_bins : number of bins for which the tool has kept still.
+        imu : the conventional unit's bin. still_bins : number of bins for which the tool has been still.
         """
         end_ns = (imu.index + 1) * BIN_NS
-        # By bins, not by blocks: the same samples go into the seek however the stream is cut.
+        # Pass samples by bins, not by blocks, so that the seek gets the same samples however the stream is cut.
         first, self._at = self._at, first_not_before(self._stamps, self._at, end_ns)
         part = slice(first, self._at)
         samples = UnitSamples(self._stamps[part], self._values[part], self._clipped[part])
@@ -104,7 +108,7 @@ class PrecisionUnit:
 
 @compiled
 def first_not_before(stamps: Stamps, start: int, end_ns: int) -> int:
-    """Return the first place from `start` on whose stamp is not before `end_ns`."""
+    """Return the first index from `start` on whose stamp is not before `end_ns`."""
     while start < len(stamps) and stamps[start] < end_ns:
         start += 1
     return start

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What somebody asked the estimator for beside its own surveys: a north seek and a survey in a turning string."""
+"""Requests to the estimator in addition to its own surveys: a north seek and a survey in a turning string."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from mwd_estimation.survey.rotary_survey import RotarySurvey
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
-LONGEST_S = 3600.0  # of a request
-_ROTARY_S = 30.0  # of a survey in a turning string whose request names no duration
+LONGEST_S = 3600.0  # for a request
+_ROTARY_S = 30.0  # for a rotary survey whose request states no duration
 
 
 class Requests:
-    """The north seek and the rotary survey under way, at most one of each."""
+    """The current north seek and rotary survey, at most one of each."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._settings = settings
         self._north: NorthSession | None = None
         self._rotary: RotarySurvey | None = None
-        # Rates of the conventional unit since the request for north.
+        # Rates of the conventional unit since the north seek was requested.
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
     def start_north(self, duration_s: float, mode: str, gravity: float | None) -> None:
         """
-        Seek north from now on; gravity: local, m/s^2, None where not known.
+        Seek north from now on; `gravity` is the local gravity, m/s^2, None if not known.
 
         Raises
         ------
         ValueError
-            The request cannot be met, a seek is under way, or the latitude is not known.
+            The request cannot be carried out, a seek is running already, or the latitude is not known.
         """
         latitude = self._settings.place.lat_deg
         if self._north is not None:
@@ -52,21 +52,25 @@ class Requests:
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
     def cancel_north(self) -> None:
-        """Seek north no longer."""
+        """Cancel the north seek."""
         self._north = None
 
     @property
     def north(self) -> NorthSession | None:
-        """The seek under way; None where there is none."""
+        """The current north seek; None if there is none."""
         return self._north
 
     def take_rates(self, stamps: Stamps, gyro: Array) -> None:
-        """Take rates of the conventional unit, rad/s, shapes (n,) and (n, 3), for the seek."""
+        """Pass rates of the conventional unit, rad/s, shapes (n,) and (n, 3), to the seek."""
         if self._north is not None:
             self._rates = np.concatenate([self._rates[0], stamps]), np.concatenate([self._rates[1], gyro])
 
     def seek(self, end_ns: int, precision: UnitSamples) -> Solution | None:
-        """Give a bin that ends at this time, ns, to the seek, unless the seek began later; its result where it ends."""
+        """
+        Pass a bin that ends at `end_ns` to the seek, unless the seek began later.
+
+        Return the result when the seek ends.
+        """
         stamps, rates = self._rates
         if self._north is None or not len(stamps) or stamps[0] >= end_ns:
             return None
@@ -79,7 +83,7 @@ class Requests:
         return found
 
     def end_north(self, reason: Reason) -> Solution | None:
-        """End the seek for a reason; what it ends with, None where there was none."""
+        """End the seek for a reason; return its result, None if there was no seek."""
         if self._north is None:
             return None
         found, self._north = dataclasses.replace(self._north.solution(), reason=reason), None
@@ -92,26 +96,26 @@ class Requests:
         Raises
         ------
         ValueError
-            The duration is no duration, or a rotary survey is under way.
+            The duration is not valid, or a rotary survey is running already.
         """
         if self._rotary is not None:
             raise ValueError("a rotary survey is already being taken")
         self._rotary = RotarySurvey(_bounded(duration_s) or _ROTARY_S)
 
     def cancel_rotary(self) -> None:
-        """Take the rotary survey no longer."""
+        """Cancel the rotary survey."""
         self._rotary = None
 
     @property
     def rotary_progress(self) -> RotaryProgress | None:
-        """Progress of the rotary survey; None where there is none."""
+        """Progress of the rotary survey; None if there is none."""
         return self._rotary.progress() if self._rotary is not None else None
 
     def average(self, samples: Samples, pairs: Samples) -> tuple[StillAverage | Refusal, float] | None:
         """
-        Give a block, dtype `attitude.sample.SAMPLE`, to the rotary survey.
+        Pass a block, dtype `attitude.sample.SAMPLE`, to the rotary survey.
 
-        Its average or refusal and the rotary speed, rad/s, where it ends.
+        When the survey ends, return its average or refusal, and the rotary speed, rad/s.
         """
         if self._rotary is None:
             return None
@@ -123,7 +127,7 @@ class Requests:
 
 
 def _bounded(duration_s: float) -> float:
-    """Give the duration of a request back, or refuse one that would never end."""
+    """Return the duration of a request, or raise ValueError if it is too long."""
     if duration_s > LONGEST_S:
         raise ValueError(f"duration: must be at most {LONGEST_S:g} s, got {duration_s:g}")
     return duration_s

@@ -20,10 +20,10 @@ from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
-# Numbers of the sensors by the vectors of messages; and the faults that a sensor declared not provided looks like.
+# Numbers of the sensors by message field; and the faults that a sensor shows if it is declared not provided.
 _SENSOR_OF = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.INVALID, FaultCode.DEAD)
-# Half seconds for which it is remembered that a sensor was declared not provided.
+# Number of half seconds for which a declaration "not provided" is remembered.
 _DECLARED_BINS = 240
 
 
@@ -31,16 +31,16 @@ _DECLARED_BINS = 240
 class Stretch:
     """Samples during which the same sensors are usable."""
 
-    part: slice  #: of the block
+    part: slice  #: samples of the block
     #: `stamps`, `gyro`, `accel`: shapes (n,), (n, 3) and (n, 3); ns, rad/s and m/s^2.
     stamps: Stamps
     gyro: Array
     accel: Array
     suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the sensors in doubt at each sample
-    unusable: int  #: bits of the sensors that are unusable throughout
-    drifted: bool  #: whether gravity shows that the gyros turn where the tool does not
-    #: `begins_contamination`, `contaminated`: whether the azimuth is found to have taken in wrong values of a faulty
-    #: sensor here, or since before.
+    unusable: int  #: bits of the sensors that are unusable in the whole stretch
+    drifted: bool  #: whether gravity shows that the gyros report a turn that the tool does not make
+    #: `begins_contamination`, `contaminated`: whether wrong values of a faulty sensor are found to have entered the
+    #: azimuth from here on, or already before.
     begins_contamination: bool
     contaminated: bool
     changes: list[SensorFault]  #: faults found, narrowed down or cleared at the first sample
@@ -48,9 +48,9 @@ class Stretch:
 
 class SensorWatch:
     """
-    The sensors' health and its history.
+    Health of the sensors and its history.
 
-    mat_tu, shape (3, 3): rotation from the axes of the conventional unit to those of the tool, which its samples have.
+    mat_tu, shape (3, 3): rotation from the axes of the conventional unit to those of the tool, which the samples have.
     """
 
     def __init__(self, settings: EstimatorSettings, mat_tu: Array) -> None:
@@ -60,14 +60,14 @@ class SensorWatch:
         self._state = monitor.initial()
         self.history = FaultHistory()
         self._contaminated = self._drifted = False
-        # By sensor, and half second, the stamp of its first sample that was declared not provided.
+        # By sensor and half second: stamp of the first sample that was declared not provided.
         self._declared_ns: dict[int, dict[int, int]] = {}
-        # Since when the magnetometer, as far as is known a sound one, has been taken in.
+        # Stamp from which magnetic samples have been used while the magnetometer appeared healthy.
         self._mag_since_ns = np.iinfo(np.int64).max
 
     @property
     def faults(self) -> list[SensorFault]:
-        """Faults that stand now."""
+        """Present faults."""
         return [self._explained(fault, np.iinfo(np.int64).max) for fault in monitor.faults(self._state)]
 
     @property
@@ -76,16 +76,16 @@ class SensorWatch:
         return monitor.known(self._state)
 
     def expect_mag(self, *, expected: bool) -> None:
-        """Say whether magnetic samples are to come: where their mount is not known they are left out on purpose."""
+        """Set whether magnetic samples are expected: without a known mount they are left out on purpose."""
         self._params = self._params._replace(mag_expected=self._mag_expected and expected)
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Judge force and field against this from now on."""
+        """Judge force and field by this reference from now on."""
         known = (reference.gravity, reference.total, reference.dip) if reference is not None else (None, None, None)
         monitor.set_reference(self._state, *known)
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Take magnetic samples as they came, T."""
+        """Accept unchanged magnetic samples, T."""
         monitor.push_mag(self._state, stamps, b_t)
 
     def take_refused(self, refused: Samples) -> None:
@@ -93,7 +93,7 @@ class SensorWatch:
         monitor.push_refused(self._state, refused)
 
     def note_declared(self, samples: Samples) -> None:
-        """Note which vectors of samples, of either type, are declared not provided."""
+        """Note which vectors the samples, of either type, declare as not provided."""
         for vector in _SENSOR_OF.keys() & set(samples.dtype.names or ()):
             absent = input_covariance.not_provided(samples, vector)
             if absent.any():
@@ -104,7 +104,7 @@ class SensorWatch:
                     del known[next(iter(known))]
 
     def _explained(self, fault: SensorFault, now_ns: int) -> SensorFault:
-        """Return the fault in axes of the unit, with whether messages up to a stamp declare the sensor not provided."""
+        """Return the fault in axes of the unit, and whether messages up to `now_ns` declare its sensor not provided."""
         fault = fault.in_unit_axes(self._mat_tu)
         declared = self._declared_ns.get(fault.place // 3, {}).values()
         if fault.code in _MISSING and any(fault.since_ns <= at <= now_ns for at in declared):
@@ -112,16 +112,24 @@ class SensorWatch:
         return fault
 
     def shift_mag(self, late_ns: int, wait_ns: int) -> None:
-        """Correct the stamps of magnetic samples that wait, late by so much, ns; wait_ns: for those to come, longer."""
+        """
+        Correct the stamps of waiting magnetic samples, which are late by `late_ns`, ns.
+
+        wait_ns : how much longer to wait for later magnetic samples, ns.
+        """
         monitor.shift_mag(self._state, late_ns)
         self._params = self._params._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
     def mag_used(self, first_ns: int) -> None:
-        """Note that magnetic samples from this stamp on go into the azimuth."""
+        """Note that magnetic samples from this stamp on enter the azimuth."""
         self._mag_since_ns = min(self._mag_since_ns, first_ns)
 
     def stretches(self, stamps: Stamps, gyro: Array, accel: Array) -> Iterator[Stretch]:
-        """Cut a block where the health of a sensor changes, which is rare; each stretch is judged when asked for."""
+        """
+        Cut a block where the health of a sensor changes, which is rare.
+
+        Each stretch is judged when it is requested.
+        """
         found = monitor.run(self._params, self._state, stamps, gyro, accel)
         for start, stop in itertools.pairwise(sorted({0, *found.places, len(stamps)})):
             part = slice(start, stop)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users set: the tool, the place, the survey and the verdict, and the parameters of each filter from them."""
+"""Settings of users (tool, place, surveys, verdict), and the parameters of each filter derived from them."""

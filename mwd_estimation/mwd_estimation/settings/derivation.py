@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The parameters of every filter, from the settings, where each fact is set once: one function for each filter.
+Parameters of every filter, derived from the settings, in which each fact is set once: one function per filter.
 
-Facts of the tool and the place enter here and nowhere else; what is not derived keeps the filter's own default.
+Facts of the tool and the place enter here and nowhere else; other parameters keep the default of the filter.
 """
 
 from __future__ import annotations
@@ -38,41 +38,42 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.settings import SettingsError
 
-# Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
+# Least ratio of a gyro's noise or bias to the default tool's: the bounded filter must not treat a gyro as perfect.
 _LEAST_GYRO = 0.02
 _CALIBRATED_TILT = 1.5e-4  # rad; a tumble calibration leaves 0.1 mg, 100 ppm and 0.1 mrad
-# Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it follows the bias.
+# Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
 _WALK_DEG_H_RTH = 10.0
-# Ramp of a precision gyro's bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour: that of
-# a tactical MEMS unit 10 degC an hour into the warm.
+# Ramp of a precision gyro's bias while the tool warms up or cools, 1 sigma, as a share of the bias per hour: that of a
+# tactical MEMS unit warmed by 10 degC in an hour.
 _RAMP_PER_H = 0.6
-# Smallest limit for the rate that a gyro reads at rest, rad/s: any bias changes this much with temperature and age.
+# Least limit for the rate that a gyro may show at rest, rad/s: any bias changes this much with temperature and age.
 _REST_RATE = 0.01
-# Field of a string at the magnetometer that stays in it, 1 sigma, along the axis and each way across it, nT: the tool
-# code's AMIL; poles of 1000 uWb some 7 m away; pipe of steel.
+# Magnetic field of the string at the magnetometer, 1 sigma, along the axis and in each direction across it, nT: AMIL of
+# the tool code; poles of 1000 uWb some 7 m away; steel pipe.
 _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3000.0, 1000.0)}
-# Probability that pipe of steel has another field at a station than at the others, and that it turns the field there
-# and keeps total and dip: in the field case of S1 it did so at each station of table 2, by 18 to 23 deg, and at none
-# of table 1.
+# Probability that steel pipe has another field at one station than at the others, so that it rotates the field and
+# keeps total and dip: in the field case of S1 it did so at each station of table 2, by 18 to 23 deg, and at none of
+# table 1.
 _OF_STEEL = 0.3
-_LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
+# Deviation of local gravity from the normal gravity of a place, by anomalies and the depth of the tool, m/s^2.
+_LOCAL_GRAVITY = 0.002
 
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
-    """Parameters of the selected gravity method; gravity: local, m/s^2, None where not known."""
+    """Return the parameters of the selected gravity method; `gravity` is local, m/s^2, None if not known."""
     found = _of_tool(settings.tool, gravity, method(settings.gravity.method).Params())
     expert = dataclasses.asdict(settings.gravity.expert)
     return found._replace(**{name: expert[name] for name in found._fields if name in expert})
 
 
 def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
-    """Parameters of the direction of the accelerometer alone, which remains while the gyros are faulty."""
+    """Return the parameters of the accelerometer-only method, which is used while the gyros are faulty."""
     found: accelerometer_only.Params = _of_tool(settings.tool, gravity, accelerometer_only.Params())
     return found
 
 
 def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
-    """Return the default parameters of a gravity method with what the facts of tool and place make of them."""
+    """Return the default parameters of a gravity method, changed to the facts of tool and place."""
     usual, calibration = Gyro(), accelerometer_tilt(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
@@ -81,32 +82,32 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
         "accel_range": min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         "coning": 0.0 if tool.samples == "integrated" else 1.0,
         "sampled": tool.samples == "points",
-        # The filter's own noises have reserve for motion that is not white: they are in proportion to the tool's.
+        # The filter's default noises include a reserve for motion that is not white; scale them with the tool's noise.
         "gyro_noise": _in_proportion(default, "gyro_noise", tool.gyro.noise_deg_sqrt_h, usual.noise_deg_sqrt_h),
         "bias_sigma": _in_proportion(default, "bias_sigma", tool.gyro.bias_deg_h, usual.bias_deg_h),
         "misalignment_sigma": _in_proportion(
             default, "misalignment_sigma", tool.gyro.misalignment_mrad, usual.misalignment_mrad
         ),
         "calibration_sigma": calibration,
-        # The simpler methods do not know their sigma so well: theirs has a floor of its own.
+        # Simpler methods know their sigma less well and have a sigma floor of their own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
     }
     return default._replace(**{name: derived[name] for name in default._fields if name in derived})
 
 
 def _in_proportion(default: Any, name: str, figure: float, usual: float) -> float:
-    """Return a default of a gravity method, 0 where it has none, scaled by a figure of the tool over the usual one."""
+    """Return a default of a gravity method, 0 if it has none, scaled by a figure of the tool over the usual figure."""
     return float(getattr(default, name, 0.0)) * max(figure / usual, _LEAST_GYRO)
 
 
 def accelerometer_tilt(tool: Tool) -> float:
     """
-    Tilt that the errors of the accelerometers give the direction of gravity, 1 sigma, rad.
+    Return the tilt of the gravity direction caused by the errors of the accelerometers, 1 sigma, rad.
 
-    A scale error turns the vector by its difference between two axes times sine and cosine of the angle to them: half
-    of it, root mean square over all attitudes. The default figures are the tool code's, with room for what a fleet
-    meets in years; a tool of which no misalignment is told is taken for one calibrated before the run, and what is
-    beyond the tool code is added.
+    A scale error rotates the vector by the difference of the errors of two axes, times sine and cosine of the angle to
+    them; the root mean square over all attitudes is half of the error. The default figures are those of the tool code,
+    with a reserve for a fleet over years. A tool without a stated misalignment is assumed to have been calibrated
+    before the run; only the part of its figures above the tool code is added.
     """
     sensor, usual = tool.accelerometer, Accelerometer()
     if sensor.misalignment_mrad == 0.0:
@@ -118,11 +119,11 @@ def accelerometer_tilt(tool: Tool) -> float:
 
 def input_ranges(settings: EstimatorSettings) -> Ranges:
     """
-    Ranges by which the gate judges what comes in.
+    Return the ranges by which the gate judges samples.
 
-    Of three axes the widest counts: the gate is in axes of the units, a range may be stated in those of the tool. A
-    precision unit is often left at its default, which is that of its cross axes, and its x follows the string: its
-    gate is not below that of the conventional unit.
+    The widest range of the three axes is used, because the gate works in axes of the units while a range may be stated
+    in tool axes. A precision unit often keeps its default, which is the range of its cross axes, although its x axis
+    follows the string; its gate is therefore at least that of the conventional unit.
     """
     tool = settings.tool
     fastest = max(tool.gyro.range_deg_s)
@@ -135,13 +136,13 @@ def input_ranges(settings: EstimatorSettings) -> Ranges:
 
 
 def health_params(settings: EstimatorSettings) -> monitor.Params:
-    """Parameters of the health checks of the conventional unit and the magnetometer."""
+    """Return the parameters of the health checks of the conventional unit and the magnetometer."""
     tool, usual = settings.tool, monitor.Params()
     return monitor.Params(
         gyro_range=math.radians(min(tool.gyro.range_deg_s)),
         accel_range=min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         mag_range=tool.magnetometer.range_ut * 1e-6 or math.inf,
-        # The checks set how long they wait for the magnetometer, as long as that covers the delay.
+        # Keep the checks' own waiting time for the magnetometer if it covers the delay.
         mag_lag_ns=max(usual.mag_lag_ns, round(tool.magnetometer.delay_s * 1e9)),
         rest_rate=max(_REST_RATE, usual.rest_rate * (tool.gyro.bias_deg_h / Gyro().bias_deg_h)),
         mag_expected=tool.magnetometer.present,
@@ -149,12 +150,12 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
 
 
 def precision_gyro_bias(settings: EstimatorSettings) -> float:
-    """1 sigma of the bias of the precision unit's gyros, rad/s, for the comparison of the two units."""
+    """Return the bias of the precision unit's gyros, 1 sigma, rad/s, for the comparison of the two units."""
     return math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0
 
 
 def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.Params:
-    """Parameters of the pairing of magnetic samples with gravity."""
+    """Return the parameters for pairing magnetic samples with gravity."""
     attitude, tool = settings.attitude, settings.tool
     return time_alignment_state.Params(
         mag_lag_ns=round(tool.magnetometer.delay_s * 1e9),
@@ -165,15 +166,15 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.P
 
 
 def interference_params(settings: EstimatorSettings) -> interference_state.Params:
-    """Parameters of the filter of the drill string's field."""
+    """Return the parameters of the filter of the drill string's field."""
     tool, usual = settings.tool, interference_state.Params()
-    # The largest possible field is in proportion to the expected one, and no smaller than the magnetometer's bias.
+    # The largest possible field scales with the expected one, and is at least the magnetometer's bias.
     axial = usual.axial * (_string_nt(tool)[0] / _string_nt(Tool())[0])
     return interference_state.Params(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
 
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.Params:
-    """Parameters of the azimuth that the gyros of both units carry; what a tool does not state is as usual."""
+    """Return the parameters of the azimuth propagated by the gyros of both units; unstated figures keep the default."""
     tool, usual = settings.tool, gyro_azimuth_state.Params()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h
@@ -194,7 +195,7 @@ def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.Param
 
 
 def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
-    """Parameters of the gyro azimuth of a station."""
+    """Return the parameters of the gyro azimuth of a station."""
     gyro = settings.tool.precision.gyro
     return dataclasses.replace(
         TACTICAL,
@@ -212,7 +213,7 @@ def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
 
 
 def north_params(settings: EstimatorSettings) -> SessionParams:
-    """Parameters of a north seek on request."""
+    """Return the parameters of a north seek on request."""
     gyro = settings.tool.gyro
     return SessionParams(
         x_noise_deg_rth=gyro.noise_deg_sqrt_h,
@@ -222,15 +223,15 @@ def north_params(settings: EstimatorSettings) -> SessionParams:
 
 def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Make the reference field of the place, with the sigmas of the tool code where one is named; None: there is no field.
+    Return the reference field of the place, with the sigmas of the tool code if one is named; None: there is no field.
 
-    first_ns: stamp whose day counts where no date is set.
+    first_ns : stamp that gives the date if no date is set.
 
     Raises
     ------
     ValueError
-        As `reference_of` and `tool_code.reference_sigmas`; a tool code that assumes an in-field reference where the
-        field is a global model's.
+        See `reference_of` and `tool_code.reference_sigmas`; also if a tool code assumes an in-field reference but the
+        field is that of a global model.
     """
     found = reference_of(settings.place, first_ns)
     return None if found is None else with_code(settings, found)
@@ -238,9 +239,11 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
 
 def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    As `reference`, but a clock outside the model's years gives a reference of nothing whose source says so.
+    Return the reference as `reference` does, but an empty one for a clock outside the years of the model.
 
-    A node whose clock is wrong still follows gravity; an error of the settings themselves is raised, as by `reference`.
+    The source of the empty reference gives the reason.
+
+    A node whose clock is wrong still estimates gravity; errors of the settings themselves are raised as in `reference`.
     """
     try:
         return reference(settings, first_ns)
@@ -252,12 +255,12 @@ def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference |
 
 def check(settings: EstimatorSettings) -> None:
     """
-    Refuse a place without a reference field, on the day that is set or else on any day of the model.
+    Refuse a place without a reference field, on the date that is set or else on any date of the model.
 
     Raises
     ------
     ValueError
-        As `reference`, or the temperatures of the tool's calibration are the wrong way round.
+        See `reference`; also if the temperatures of the tool's calibration are in the wrong order.
     """
     low_c, high_c = settings.tool.calibrated_c
     if low_c > high_c:
@@ -269,31 +272,31 @@ def check(settings: EstimatorSettings) -> None:
 
 
 def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
-    """The reference with the sigmas of the tool code, where one is named. ValueError as `reference`."""
+    """Return the reference with the sigmas of the tool code, if one is named. ValueError as in `reference`."""
     place, code = settings.place, settings.survey.tool_code
     if not code:
         return found
     if "IFR" in code and place.model:
         raise SettingsError(
             f"survey.tool_code: {code} needs an in-field reference and {found.source} is a global model; "
-            "give the field of the IFR certificate (place.field fixed), or take a code with SRGM, HRGM (HDGM) or "
+            "give the field of the IFR certificate (place.field fixed), or choose a code with SRGM, HRGM (HDGM) or "
             "LRGM (WMM, IGRF)"
         )
-    # A certificate of this place outranks what the code assumes of all places.
+    # A certificate for this place replaces the assumptions that the code makes for all places.
     return found if place.source else tool_code.reference_for(code, found)
 
 
 def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     """
-    Errors of a station's readings: by the tool code, where one is named, else by the figures of the tool.
+    Return the errors of a station's readings: from the tool code if one is named, else from the figures of the tool.
 
-    How the accelerometers are turned in their mount stands in no code: what the tool states of their direction is added
-    to what a calibration of both triads leaves.
+    No tool code describes how the accelerometers are rotated in their mount: the direction error that the tool states
+    is added to the error that a calibration of both triads leaves.
 
     Raises
     ------
     ValueError
-        No tool code of that name, or one that is not of a magnetic survey.
+        There is no tool code of that name, or it does not belong to a magnetic survey.
     """
     tool, described = settings.tool, assembly(settings.tool)
     mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * tool.accelerometer.misalignment_mrad))
@@ -301,7 +304,7 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     if settings.survey.tool_code:
         errors = dataclasses.replace(tool_code.sensor_errors(settings.survey.tool_code), mount_deg=mount_deg)
         if tool.string != Tool().string:
-            # Tool codes are those of tools in enough non-magnetic collars.
+            # Tool codes assume enough non-magnetic collars around the tool.
             errors = dataclasses.replace(errors, axial_interference_nt=along, cross_interference_nt=across)
         return errors if described is None else dataclasses.replace(errors, sag_deg=described.sigma_sag_deg)
     return SensorErrors(
@@ -317,13 +320,13 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
 
 
 def _string_nt(tool: Tool) -> tuple[float, float]:
-    """Field of the string, 1 sigma, along the axis and each way across it, nT: as stated, else by its kind."""
+    """Return the field of the string, 1 sigma, along and across the axis, nT: as stated, else from its kind."""
     along, across = _STRINGS_NT[tool.string]
     return along if tool.axial_interference_nt is None else tool.axial_interference_nt, across
 
 
 def _sag_deg(tool: Tool, described: Assembly | None) -> float:
-    """Sag that is left, 1 sigma, deg: of the assembly, of any other correction, or of none at all."""
+    """Return the remaining sag, 1 sigma, deg: of the assembly, of another correction, or without correction."""
     if described is not None:
         return described.sigma_sag_deg
     return SIGMA_CORRECTED_DEG if tool.sag_correction_deg != 0.0 else SensorErrors().sag_deg
@@ -331,17 +334,19 @@ def _sag_deg(tool: Tool, described: Assembly | None) -> float:
 
 def assembly(tool: Tool) -> Assembly | None:
     """
-    Read the bottom-hole assembly of the tool; None where no file is named.
+    Read the bottom-hole assembly of the tool; None if no file is named.
 
     Raises
     ------
     SettingsError
-        The file cannot be read, is no assembly, or a sag correction is given beside it.
+        The file cannot be read, is not an assembly, or a sag correction is set in addition to it.
     """
     if not tool.assembly_file:
         return None
     if tool.sag_correction_deg != 0.0:
-        raise SettingsError("tool.sag_correction_deg: must be 0 beside tool.assembly_file, whose sag is computed")
+        raise SettingsError(
+            "tool.sag_correction_deg: must be 0 together with tool.assembly_file, whose sag is computed"
+        )
     try:
         with contents_hidden(tool.assembly_file, "`mwd sag`"):
             return read_assembly(Path(tool.assembly_file))
@@ -350,7 +355,11 @@ def assembly(tool: Tool) -> Assembly | None:
 
 
 def sag_correction(tool: Tool) -> SagCorrection:
-    """Correction of the inclination for sag, by the assembly or as set. ValueError as `assembly` and `sag.sag`."""
+    """
+    Return the correction of the inclination for sag, from the assembly or as set.
+
+    ValueError as in `assembly` and `sag.sag`.
+    """
     described = assembly(tool)
     if described is None:
         return SagCorrection(math.radians(tool.sag_correction_deg))
@@ -358,7 +367,7 @@ def sag_correction(tool: Tool) -> SagCorrection:
 
 
 def calibrated_range(tool: Tool) -> CalibratedRange:
-    """Temperatures the tool was calibrated at, and the growth of its errors beyond them."""
+    """Return the temperatures at which the tool was calibrated, and the growth of its errors beyond them."""
     return CalibratedRange(
         *tool.calibrated_c,
         accelerometer_mps2_per_c=tool.accelerometer.bias_ug_per_c / 1e6 * STANDARD_GRAVITY,
@@ -367,7 +376,7 @@ def calibrated_range(tool: Tool) -> CalibratedRange:
 
 
 def station_params(settings: EstimatorSettings) -> StationSettings:
-    """Parameters of the calculation of a station."""
+    """Return the parameters for the calculation of a station."""
     tool, survey, verdict = settings.tool, settings.survey, settings.verdict
     return StationSettings(
         north=survey.north,
@@ -383,7 +392,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
 
 
 def station_priors(settings: EstimatorSettings) -> Priors:
-    """Return how probable each disturbance of a station is before any reading."""
+    """Return the probability of each disturbance of a station before any reading."""
     external = settings.verdict.external_field
     if settings.tool.string != "steel":
         return Priors(external=external)
@@ -396,5 +405,5 @@ def dwell_params(settings: EstimatorSettings) -> toolface_dwell.Params:
 
 
 def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.Params:
-    """Parameters of the summary of drilling dynamics; gravity: local, m/s^2, None where not known."""
+    """Return the parameters of the summary of drilling dynamics; `gravity` is local, m/s^2, None if not known."""
     return drilling_dynamics.Params(settings.dynamics.shock_threshold, gravity or STANDARD_GRAVITY)

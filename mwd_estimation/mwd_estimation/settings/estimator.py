@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What can be set about the estimator, in the words of its users.
+Settings of the estimator.
 
-Each fact is set once: the tool in `tool`, the place in `place`. `derivation` makes the parameters of every filter
+Each fact is set once: the tool in `tool`, the place in `place`. `derivation` computes the parameters of every filter
 from them.
 """
 
@@ -25,12 +25,12 @@ from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 
 @dataclasses.dataclass(frozen=True)
 class Verdict(QualitySettings):
-    """When a survey is accepted, doubtful or rejected, and what may disturb it before any reading."""
+    """Limits for accepting, doubting or rejecting a survey, and probabilities of disturbances before any reading."""
 
     external_field: float = setting(
         0.05,
-        "Probability, before any reading, that steel outside the string disturbs a station. Raise it beside other "
-        "wells: stations are doubted by smaller deviations.",
+        "Probability, before any reading, that steel outside the string disturbs a station. Raise it near other "
+        "wells; smaller deviations then make a station doubtful.",
         low=0.0,
         high=0.5,
         expert=True,
@@ -39,11 +39,11 @@ class Verdict(QualitySettings):
 
 @dataclasses.dataclass(frozen=True)
 class Gravity:
-    """Which method follows gravity, and the parameters of that method alone."""
+    """Choice of the method that estimates gravity, and the parameters of that method alone."""
 
     method: str = setting(
         gravity.DEFAULT,
-        f"Gravity extraction; all but {gravity.DEFAULT} are for comparison. "
+        f"Method that estimates gravity; all but {gravity.DEFAULT} are for comparison.  "
         + "; ".join(f"{one.name}: {one.doc}" for one in gravity.METHODS.values())
         + ".",
         choices=tuple(gravity.METHODS),
@@ -52,11 +52,11 @@ class Gravity:
     expert: Any = setting(None, "Parameters of the selected method", expert=True)
 
     def __post_init__(self) -> None:
-        """Give the selected method's parameters their names and defaults."""
+        """Set names and defaults of the selected method's parameters."""
         kind, given = EXPERT.get(self.method, NoExpert), self.expert
         if given is not None and not isinstance(given, (kind, Mapping)):
             given = to_mapping(given)
-        # What another method had by default does not hold for this one.
+        # Defaults of another method do not apply to this one.
         others = [to_mapping(other()) for other in EXPERT.values() if other is not kind]
         if given is None or (isinstance(given, Mapping) and dict(given) in others):
             given = kind()
@@ -67,7 +67,7 @@ class Gravity:
 
 @dataclasses.dataclass(frozen=True)
 class Attitude:
-    """The continuous attitude while drilling."""
+    """Settings of the continuous attitude while drilling."""
 
     vertical_deg: float = setting(
         3.0,
@@ -81,14 +81,14 @@ class Attitude:
     toolface_dwell_s: float = setting(
         5.0,
         "Time without rotation after which a toolface can be used for steering. Raising it delays the first toolface "
-        "of a slide; lowering it may release toolfaces of a string that sticks and will turn again.",
+        "of a slide; lowering it may release toolfaces of a string that only sticks and will turn again.",
         unit="s",
         low=0.0,
         high=120.0,
     )
     toolface_dwell_cycles: float = setting(
         1.5,
-        "The same time as a multiple of the longest stick-slip cycle in the last minutes of rotation. Raise it where "
+        "The same time as a multiple of the longest stick-slip cycle in the last minutes of rotation. Raise it if "
         "cycles are irregular.",
         low=1.0,
         high=10.0,
@@ -98,11 +98,11 @@ class Attitude:
 
 @dataclasses.dataclass(frozen=True)
 class Dynamics:
-    """The summary of drilling dynamics."""
+    """Settings of the summary of drilling dynamics."""
 
     shock_threshold: float = setting(
         25.0 * STANDARD_GRAVITY,
-        "Acceleration that counts as a shock, gravity left out. Raising it counts fewer shocks; use the limit of the "
+        "Acceleration, without gravity, that counts as a shock. Raising it counts fewer shocks; use the limit of the "
         "tool's data sheet.",
         unit="m/s^2",
         low=1.0,
@@ -112,7 +112,7 @@ class Dynamics:
 
 @dataclasses.dataclass(frozen=True)
 class EstimatorSettings:
-    """Everything that can be set about the estimator."""
+    """All settings of the estimator."""
 
     tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment")
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity")

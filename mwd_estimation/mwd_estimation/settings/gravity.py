@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of each gravity method that may be set: the node declares those of the selected one alone."""
+"""Parameters of each gravity method that users may set; the node declares those of the selected method only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mwd_sensors.core.settings import setting
 
 @dataclass(frozen=True)
 class Mahony:
-    """The complementary filter with fixed gains."""
+    """Parameters of the complementary filter with fixed gains."""
 
     k_p: float = setting(
         0.15,
@@ -34,7 +34,7 @@ class Mahony:
 
 @dataclass(frozen=True)
 class FuzzyMahony(Mahony):
-    """S3's filter: the proportional gain follows a fuzzy table."""
+    """Parameters of the filter of S3, whose proportional gain follows a fuzzy table."""
 
     k_p_least: float = setting(
         0.01,
@@ -57,7 +57,7 @@ class FuzzyMahony(Mahony):
 
 @dataclass(frozen=True)
 class LigorioKalman:
-    """The linear Kalman extraction."""
+    """Parameters of the linear Kalman extraction."""
 
     gyro_noise: float = setting(
         0.01,
@@ -85,7 +85,7 @@ class LigorioKalman:
     )
     memory: float = setting(
         0.05,
-        "Correlation time of that acceleration; a longer lasting one is taken for gravity.",
+        "Correlation time of that acceleration; an acceleration that lasts longer is taken for gravity.",
         unit="s",
         low=0.001,
         high=100.0,
@@ -95,7 +95,7 @@ class LigorioKalman:
 
 @dataclass(frozen=True)
 class AccelerometerOnly:
-    """The direction of the accelerometer alone."""
+    """Parameters of the direction of the accelerometer alone."""
 
     memory: float = setting(
         2.0,
@@ -109,10 +109,10 @@ class AccelerometerOnly:
 
 @dataclass(frozen=True)
 class NoExpert:
-    """A method without parameters to set."""
+    """Stand-in for a method without parameters to set."""
 
 
-# A method that is not listed has none.
+# Methods that are not listed have no parameters to set.
 EXPERT: dict[str, type[Any]] = {
     "s3": FuzzyMahony,
     "mahony": Mahony,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The place of the well in the settings, and the reference of gravity and magnetic field that follows from it."""
+"""The place of the well in the settings, and the reference of gravity and magnetic field derived from it."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from mwd_sensors.core import earth
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import SettingsError, setting
 
-# A source with this in its name holds the field of the moment too.
+# A source whose name contains this includes the field of the moment.
 _IFR2 = "IFR2"
-# The geomagnetic model of a word of `place.field`.
+# Geomagnetic model for each word of `place.field`.
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
 # Limits of the Earth's field, nT; the same as in `Reference`.
 _WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
-# Most that a fixed field may differ by from the model, T: the ores of Kursk and Kiruna exceed it within kilometres, and
-# the crust elsewhere makes a tenth of it. Latitude beyond which the dip has its sign, deg, and difference of dips that
-# are the same but for the slip, deg.
+# _ANOMALY: largest difference of a fixed field from the model, T; the ores of Kursk and Kiruna exceed it within
+# kilometres, the crust elsewhere reaches a tenth of it. _FAR_FROM_EQUATOR_DEG: latitude beyond which the sign of the
+# dip is certain. _SAME_DEG: difference of dips that agree once the slip is undone.
 _ANOMALY, _FAR_FROM_EQUATOR_DEG, _SAME_DEG = 8e-6, 25.0, 10.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """Where the well is, and the Earth's field and gravity there."""
+    """Position of the well, and the Earth's field and gravity there."""
 
     field: str = setting(
         "none",
-        "Where the reference field comes from: none (azimuth from magnetic north, no check of the field), model (the "
+        "Source of the reference field: none (azimuth from magnetic north, no check of the field), model (the "
         "World Magnetic Model of 2025 to 2030, by position and date), igrf (the IGRF, likewise, from 1900), fixed (the "
         "figures below, such as those of an IFR or HDGM certificate). Surveys are judged and corrected only against a "
         "field.",
@@ -41,7 +41,7 @@ class Place:
     )
     lat_deg: float | None = setting(
         None,
-        "Latitude, WGS 84, north positive. The gyro azimuth needs it too, and gravity beside a fixed field follows "
+        "Latitude, WGS 84, north positive. The gyro azimuth needs it too, and with a fixed field gravity follows "
         "from it. nan: not given.",
         unit="deg",
         low=-90.0,
@@ -64,7 +64,7 @@ class Place:
         "position then gives the convergence to grid north.",
         expert=True,
     )
-    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
+    date: str = setting("", "Date for the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
     total_nt: float = setting(
         0.0,
         "Strength of the fixed field, which needs dip_deg too; 0: not given.",
@@ -116,7 +116,7 @@ class Place:
     )
     observatory_share: float = setting(
         0.2,
-        "Part of the observatory's disturbance that the well does not share, 1 sigma. Raising it widens the sigmas of "
+        "Share of the observatory's disturbance that the well does not have, 1 sigma. Raising it widens the sigmas of "
         "surveys in a storm. Raise it with the distance and at auroral latitudes.",
         low=0.0,
         high=2.0,
@@ -125,21 +125,21 @@ class Place:
 
     @property
     def model(self) -> str:
-        """Geomagnetic model of the field, of `earth.MODELS`; empty: the field is not that of a model."""
+        """Geomagnetic model of the field, of `earth.MODELS`; "" if the field does not come from a model."""
         return _MODELS.get(self.field, "")
 
 
 def reference_of(place: Place, first_ns: int) -> Reference | None:
     """
-    Make the reference field and gravity of a place; None where `place.field` is none.
+    Return the reference field and gravity of a place; None if `place.field` is none.
 
-    first_ns: stamp whose day counts where no date is set.
+    first_ns : stamp that gives the date if no date is set.
 
     Raises
     ------
     ValueError
-        The date is no date, or outside the model's years; a fixed field without its strength, that no field at the
-        position is like, or with a source but without one of its sigmas, or the other way round.
+        The date is not a date, or is outside the years of the model. A fixed field has no strength, differs from any
+        field possible at the position, or has a source without all its sigmas, or sigmas without a source.
     """
     if place.field == "none":
         return None
@@ -152,19 +152,19 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
 
 def _check_with_place(place: Place, first_ns: int) -> None:
     """
-    Refuse a fixed field with a slip that the position shows: a wrong sign, another angle or unit.
+    Refuse a fixed field whose error the position reveals: a wrong sign, another angle or unit.
 
-    A survey with the wrong declination is wrong by as much, and nothing measured in the hole shows it.
+    A wrong declination makes surveys wrong by the same angle, and no measurement in the hole shows it.
 
     Raises
     ------
     SettingsError
-        Names the figure, what the position has and what was probably meant.
+        Names the figure, the value at the position, and the value that was probably meant.
     """
     lat, dip = place.lat_deg, place.dip_deg
     if lat is None or dip is None:
         return
-    way_out = "leave out the position where the field is not the Earth's"
+    way_out = "leave out the position if the field is not the Earth's"
     if place.lon_deg is None:
         if abs(lat) > _FAR_FROM_EQUATOR_DEG and lat * dip < 0.0:
             raise SettingsError(
@@ -175,7 +175,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     try:
         model = _of_model(dataclasses.replace(place, field="igrf", grid="none", date=""), first_ns)
     except ValueError:
-        # A clock that is wrong by decades.
+        # The clock is wrong by decades.
         return
     if model.total is None or model.dip is None or model.declination is None:
         return
@@ -199,12 +199,12 @@ def _check_with_place(place: Place, first_ns: int) -> None:
 
 def day_of(place: Place) -> datetime.date | None:
     """
-    Return the day that is set; None where none is.
+    Return the date that is set; None if there is none.
 
     Raises
     ------
     SettingsError
-        The date is no date.
+        The text is not a date.
     """
     try:
         return datetime.date.fromisoformat(place.date) if place.date else None
@@ -223,7 +223,7 @@ def _of_model(place: Place, first_ns: int) -> Reference:
         total=field.total,
         dip=field.dip,
         declination=field.declination,
-        # A place says where true north is; the settings give the grid of the well's maps.
+        # A place defines true north; the settings give the grid of the well's maps.
         convergence=_convergence(place, lat, lon),
         gravity=field.gravity,
         source=field.source,
@@ -231,7 +231,7 @@ def _of_model(place: Place, first_ns: int) -> Reference:
 
 
 def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
-    """Return the fields that may have been meant by figures of a field: total, T, and dip."""
+    """Return the fields that may have been meant by the figures of a field: total, T, and dip, deg."""
     meant = {
         f"a dip of {-dip_deg:g} deg instead of {dip_deg:g} deg": -dip_deg,
         f"a dip of {90.0 - dip_deg:g} deg: {dip_deg:g} deg is its angle from the vertical": 90.0 - dip_deg,
@@ -240,7 +240,7 @@ def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
 
 
 def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
-    """Return the fields that may have been meant by a position and a day."""
+    """Return the fields that may have been meant by a position and a date."""
     lat, lon = place.lat_deg or 0.0, place.lon_deg or 0.0
     places: dict[str, dict[str, Any]] = {
         f"latitude {-lat:g} instead of {lat:g}": {"lat_deg": -lat},
@@ -262,7 +262,7 @@ def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
     for words, other in meant.items():
         if abs(other.lat_deg or 0.0) > 90.0 or (other.lat_deg, other.lon_deg, other.date) == (lat, lon, place.date):
             continue
-        # Without a map grid: only the field is needed, and the other place may lie outside the grid.
+        # Omit the map grid: only the field is needed, and the other position may be outside the grid.
         with contextlib.suppress(ValueError):
             found = _of_model(dataclasses.replace(other, grid="none"), first_ns)
             slips.append(Slip(words, found.total or 0.0, found.dip or 0.0))
@@ -279,7 +279,7 @@ def _convergence(place: Place, lat: float, lon: float) -> float | None:
 
 
 def _fixed(place: Place) -> Reference:
-    """The reference of a field that is given in figures."""
+    """Return the reference of a field given in figures."""
     if not place.total_nt > 0.0 or place.dip_deg is None:
         raise SettingsError("place.total_nt, place.dip_deg: a fixed field needs its strength and dip")
     if not _WEAKEST_NT < place.total_nt < _STRONGEST_NT:
@@ -311,10 +311,10 @@ def _fixed(place: Place) -> Reference:
         )
     if dip_deg > 10.0 or declination_deg > 20.0:
         raise SettingsError(
-            f"place.source_sigmas: {dip_deg:g} and {declination_deg:g} deg are no sigmas of dip and declination; the "
+            f"place.source_sigmas: {dip_deg:g} and {declination_deg:g} deg are not sigmas of dip and declination; the "
             "order is total (nT), dip (deg), declination (deg)"
         )
-    # A certificate covers core and crust, and the Sun's field only where an observatory is part of it (IFR2).
+    # A certificate covers core and crust; the field from the Sun only if an observatory is part of it (IFR2).
     outside = 0.0 if _IFR2 in place.source.upper() else 1.0
     return dataclasses.replace(
         reference,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise that covariances of the samples state, as settings of the tool."""
+"""Settings of the tool with the noise that the covariances of its samples state."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.input_covariance import Noise
 
-# A gyro's stated noise counts as larger from this ratio: a data sheet means the density, a driver what a sample has
-# after a filter of its own (first order, 255 Hz, read at 100 Hz: twice).
+# A gyro's stated noise counts as larger from this ratio on: a data sheet states the density, a driver the noise of a
+# sample after its own filter (first order, 255 Hz, read at 100 Hz: twice as much).
 _LARGER = 3.0
-# The noise of accelerometers that the bounded filter reckons with anyway, m/s^2/sqrt(Hz).
+# Accelerometer noise that the bounded filter assumes anyway, m/s^2/sqrt(Hz).
 _ACCEL_NOISE = Params().accel_noise
 
 
 def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tuple[EstimatorSettings, list[str]]:
     """
-    Settings with the noise that the covariances of the samples state, where it is larger than the tool's.
+    Return settings with the noise stated by the covariances of the samples, where it is larger than the tool's.
 
     Parameters
     ----------
     settings : EstimatorSettings
     stated : mapping
-        By vector of the messages, as `input_covariance.NoiseWatch` finds it.
+        Noise by vector of the messages, from `input_covariance.NoiseWatch`.
 
     Returns
     -------
     settings : EstimatorSettings
     notes : list of str
-        One sentence for each vector whose noise is taken; empty where the settings stay the same.
+        One sentence for each vector whose stated noise is used; empty if the settings stay the same.
     """
     tool, notes = settings.tool, []
     gyro, accel, mag = (
@@ -43,7 +43,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
     gyro_noise, mag_bias = tool.gyro.noise_deg_sqrt_h, tool.magnetometer.bias_nt
     accel_bias = tool.accelerometer.bias_ug
     taken = "more than the tool's: sigma is widened by it"
-    # What the continuous attitude averages over, s, which is less than a station does.
+    # Averaging time of the continuous attitude, s, which is shorter than that of a station.
     seconds = max(2.0 * time_alignment_state.Params().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
     if density > _LARGER * gyro_noise:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The tool in the settings of the estimator: what its sensors can do, and how it lies in the hole.
+Settings of the tool: the errors of its sensors, and its position in the string.
 
 Names and units are those of the simulator's grades, so that a grade file is a valid tool file (`tool_file`).
 """
@@ -17,12 +17,12 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Gyro:
-    """Gyros of the conventional unit, 1 sigma unless stated otherwise."""
+    """Settings of the gyros of the conventional unit, 1 sigma unless stated otherwise."""
 
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
-        "Largest rate that each axis reads; the smallest of the three counts. Too large, and clipped rates are taken "
-        "for true ones; too small, and fast turning is called clipped. From the data sheet.",
+        "Largest rate that each axis reads; the smallest of the three counts. If set too large, clipped rates are "
+        "taken for true ones; if too small, fast turning counts as clipped. From the data sheet.",
         unit="deg/s",
         low=0.1,
         high=2e6,
@@ -47,8 +47,9 @@ class Gyro:
     )
     misalignment_mrad: float = setting(
         0.3,
-        "Rate about the tool axis that the cross axes read too, 1 sigma. Raising it widens the sigma of inclination "
-        "and azimuth in a turning string until it is learnt. 0.3 is left by calibration, 1 is common without.",
+        "Share of the rate about the tool axis that the cross axes read, 1 sigma. Raising it widens the sigma of "
+        "inclination and azimuth in a turning string until it is learnt. 0.3 remains after calibration, 1 is common "
+        "without.",
         unit="mrad",
         low=0.0,
         high=100.0,
@@ -66,12 +67,12 @@ class Gyro:
 
 @dataclass(frozen=True)
 class Accelerometer:
-    """Accelerometers of the conventional unit."""
+    """Settings of the accelerometers of the conventional unit."""
 
     range_g: Vector = setting(
         (16.0, 16.0, 16.0),
-        "Largest force that each axis reads; the smallest of the three counts. Too large, and clipped shocks bend "
-        "the estimate; too small, and ordinary vibration is called clipped. From the data sheet.",
+        "Largest force that each axis reads; the smallest of the three counts. If set too large, clipped shocks bias "
+        "the estimate; if too small, ordinary vibration counts as clipped. From the data sheet.",
         unit="g",
         low=0.1,
         high=2e5,
@@ -80,7 +81,7 @@ class Accelerometer:
         408.0,
         "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigma of inclination and toolface "
         "of every sample, and the acceptance limits of surveys. The default is the ISCWSA MWD tool code's (0.004 "
-        "m/s^2); a calibration certificate may state less, a unit as it leaves the factory has some 3000.",
+        "m/s^2); a calibration certificate may state less, a new unit without calibration has some 3000.",
         unit="ug",
         low=0.0,
         high=1e5,
@@ -107,10 +108,11 @@ class Accelerometer:
     misalignment_mrad: float = setting(
         0.0,
         "Direction error of each axis that calibration leaves, 1 sigma, from the residual of a tumble calibration. "
-        "With it, bias and scale error make the sigma of inclination and toolface of every sample, and raising one of "
-        "them widens it; 0 stands for not known: a calibrated tool, 0.15 mrad in all. In surveys it is how the "
-        "accelerometers may be turned in their mount: it widens the sigmas of inclination and azimuth, and from some "
-        "5 mrad on first stations are doubtful until a string that turns, or other toolfaces, show the mount.",
+        "Together with bias and scale error it sets the sigma of inclination and toolface of every sample; raising "
+        "one widens the sigma. 0 means not known: a calibrated tool, 0.15 mrad in all. In surveys it is the angle by "
+        "which the accelerometers may be rotated in their mount: it widens the sigmas of inclination and azimuth, and "
+        "above some 5 mrad the first stations are doubtful until a turning string, or other toolfaces, show the "
+        "mount.",
         unit="mrad",
         low=0.0,
         high=500.0,
@@ -120,7 +122,7 @@ class Accelerometer:
 
 @dataclass(frozen=True)
 class Magnetometer:
-    """The magnetometer, without the field of the drill string."""
+    """Settings of the magnetometer, without the field of the drill string."""
 
     present: bool = setting(
         True,
@@ -129,7 +131,7 @@ class Magnetometer:
     )
     range_ut: float = setting(
         800.0,
-        "Largest field that an axis reads; 0: not known. Too large, and a saturated axis is not named. From the data "
+        "Largest field that an axis reads; 0: not known. If set too large, saturation is not detected. From the data "
         "sheet.",
         unit="uT",
         low=0.0,
@@ -166,7 +168,7 @@ class Magnetometer:
     delay_s: float = setting(
         0.02,
         "Time after its stamp at which a magnetic sample is used; those that arrive later are counted and not used. "
-        "Raising it delays the azimuth by as much. Raise it where `mwd process` or the diagnostics count late samples.",
+        "Raising it delays the azimuth by as much. Raise it if `mwd process` or the diagnostics count late samples.",
         unit="s",
         low=0.0,
         high=0.2,
@@ -176,11 +178,11 @@ class Magnetometer:
 
 @dataclass(frozen=True)
 class PrecisionGyro:
-    """Gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
+    """Settings of the gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
 
     range_deg_s: Vector = setting(
         (100.0, 100.0, 100.0),
-        "Largest rate that each axis reads; the smallest of the three counts. Too large, and clipped rates turn the "
+        "Largest rate that each axis reads; the smallest of the three counts. If set too large, clipped rates bias the "
         "gyro azimuth. From the data sheet.",
         unit="deg/s",
         low=0.1,
@@ -190,7 +192,7 @@ class PrecisionGyro:
     noise_deg_sqrt_h: float = setting(
         0.0,
         "White noise (angle random walk); 0: measured while the tool rests. Raising it widens the sigma of the gyro "
-        "azimuth. Set it where pumps shake the tool during every survey.",
+        "azimuth. Set it if pumps shake the tool during every survey.",
         unit="deg/sqrt(h)",
         low=0.0,
         high=10.0,
@@ -198,8 +200,8 @@ class PrecisionGyro:
     )
     bias_deg_h: float = setting(
         5.0,
-        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position; how good this "
-        "unit is, the stations of a run tell.",
+        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. The stations "
+        "of a run estimate the bias of this unit.",
         unit="deg/h",
         low=0.0,
         high=1e5,
@@ -214,7 +216,7 @@ class PrecisionGyro:
     )
     misalignment_mrad: float = setting(
         0.3,
-        "Rate about the tool axis that the cross axes read too. Raising it widens sigma in a turning string.",
+        "Share of the rate about the tool axis that the cross axes read. Raising it widens sigma in a turning string.",
         unit="mrad",
         low=0.0,
         high=100.0,
@@ -222,8 +224,8 @@ class PrecisionGyro:
     )
     g_deg_h_g: float = setting(
         0.5,
-        "Sensitivity of the rate to specific force, of each axis to each. Raising it widens the sigma of every gyro "
-        "azimuth. State it for a better unit.",
+        "Sensitivity of the rate of each axis to the specific force along each axis. Raising it widens the sigma of "
+        "every gyro azimuth. State it for a better unit.",
         unit="deg/h/g",
         low=0.0,
         high=1e3,
@@ -231,8 +233,8 @@ class PrecisionGyro:
     )
     g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
         (0.0, 0.0, 0.0, 0.0),
-        "Sensitivity to specific force found by calibration and taken off: along, across, stretch, shear. Zeros: "
-        "not calibrated.",
+        "Sensitivity to specific force that a calibration found, which is corrected: along, across, stretch, shear. "
+        "Zeros: not calibrated.",
         unit="deg/h/g",
         expert=True,
     )
@@ -240,23 +242,23 @@ class PrecisionGyro:
 
 @dataclass(frozen=True)
 class PrecisionUnit:
-    """The high-precision inertial unit (topic gyro/data_raw); a tool without one needs nothing set here."""
+    """Settings of the high-precision inertial unit (topic gyro/data_raw); a tool without one needs none of them."""
 
     gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")
 
 
 @dataclass(frozen=True)
 class Tool:
-    """What the tool's sensors can do and how the tool lies in the hole; the only place where it is set."""
+    """Settings of the tool's sensors and of its position in the string; these facts are set nowhere else."""
 
     gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit")
     accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")
     magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer")
     precision: PrecisionUnit = setting(PrecisionUnit, "The high-precision unit")
-    mount: MountSettings = setting(MountSettings, "How the units sit in the tool")
+    mount: MountSettings = setting(MountSettings, "How the units are mounted in the tool")
     samples: str = setting(
         "integrated",
-        "What a sample of the conventional unit is: integrated (strapdown-integrated over its interval), means "
+        "Meaning of a sample of the conventional unit: integrated (strapdown-integrated over its interval), means "
         "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
         "coning of 2 deg drifts by 65 deg/h. From the data sheet.",
         choices=("integrated", "means", "points"),
@@ -272,8 +274,8 @@ class Tool:
     )
     latency_s: float = setting(
         0.0,
-        "Age of a reading at its stamp: both toolfaces are extrapolated by the x gyro for so long. Raising it "
-        "amplifies gyro noise. Set it where the tool stamps samples late.",
+        "Age of a reading at its stamp: the x gyro extrapolates both toolfaces by this time. Raising it "
+        "amplifies gyro noise. Set it if the tool stamps samples late.",
         unit="s",
         low=0.0,
         high=2.0,
@@ -288,7 +290,8 @@ class Tool:
     )
     hole_axis_deg: tuple[float, float] = setting(
         (0.0, 0.0),
-        "Known angles of the hole axis from the tool axis, about y (towards -z) and z (towards +y); taken off.",
+        "Known angles of the hole axis from the tool axis, about y (towards -z) and z (towards +y), which are "
+        "corrected.",
         unit="deg",
         low=-10.0,
         high=10.0,
@@ -296,12 +299,12 @@ class Tool:
     )
     assembly_file: str = setting(
         "",
-        "YAML of the bottom-hole assembly; its sag is computed and added to the inclination, and its sigma_sag_deg "
-        "is that of surveys. Empty: as set below. `mwd sag` shows the correction.",
+        "YAML file of the bottom-hole assembly; its sag is computed and added to the inclination, and its "
+        "sigma_sag_deg is used for surveys. Empty: sag_correction_deg is used. `mwd sag` shows the correction.",
     )
     sag_correction_deg: float = setting(
         0.0,
-        "Sag of the assembly in a horizontal hole; times the sine of the inclination it is added to the inclination. "
+        "Sag of the assembly in a horizontal hole; multiplied by the sine of the inclination, it is added to that. "
         "Setting it lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. From a sag model of the assembly.",
         unit="deg",
         low=-5.0,
@@ -310,17 +313,17 @@ class Tool:
     )
     string: str = setting(
         "non_magnetic",
-        "What the magnetometer lies in: non_magnetic (enough non-magnetic collars: 220 nT along the axis, 1 sigma), "
+        "Pipe around the magnetometer: non_magnetic (enough non-magnetic collars: 220 nT along the axis, 1 sigma), "
         "short (too few of them: 1500 nT), steel (none, as around a probe in steel pipe: 3000 nT along the axis, 1000 "
-        "nT across it, and at one station in three a field that is turned). In a string of steel a magnetic azimuth "
-        "is not accepted by itself: take a gyro.",
+        "nT across it, and at one station in three a rotated field). In a string of steel a magnetic azimuth "
+        "is not accepted by itself: use a gyro.",
         choices=("non_magnetic", "short", "steel"),
     )
     axial_interference_nt: float | None = setting(
         None,
-        "Axial field of the drill string at the magnetometer, 1 sigma; not given: by the kind of string. Raising it "
-        "widens the sigma of uncorrected azimuths, calls for the axial correction sooner and lets it explain a "
-        "stronger string: samples are read with up to nine times as much. Set it from the collar's length.",
+        "Axial field of the drill string at the magnetometer, 1 sigma; default: by the kind of string. Raising it "
+        "widens the sigma of uncorrected azimuths, applies the axial correction sooner and lets the correction "
+        "explain a stronger string: up to nine times this value per sample. Set it from the collar's length.",
         unit="nT",
         low=0.0,
         high=50000.0,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tool file, or a grade file of the simulator, as settings of the estimator's block `tool`."""
+"""Reading a tool file, or a grade file of the simulator, as settings of the estimator's block `tool`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from mwd_estimation.settings.tool import PrecisionUnit, Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
-TUMBLE_MRAD = 0.1  # what a tumble calibration leaves of the directions of the axes
-# Terms of a grade that a simulated sensor has and that some blocks here do not use.
+TUMBLE_MRAD = 0.1  # direction error of the axes after a tumble calibration
+# Terms of a grade for simulated sensors that some blocks of settings here do not use.
 _SIMULATED_ONLY = {
     "": "name source temperature_c calibrated_at_c adc_hz gyro accelerometer magnetometer",
     "gyro": "bandwidth_hz instability_deg_h instability_s walk_deg_h_sqrt_h scale_ppm delay_ms bias_deg_h_per_c "
@@ -41,19 +41,19 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
         raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
     read = used(table, unit)
     if unit is Tool and isinstance(read.get("accelerometer"), dict):
-        # Figures that a file states are those of the tool, and make the sigma of its samples.
+        # The figures stated in a file are those of the tool, and determine the sigma of its samples.
         read["accelerometer"].setdefault("misalignment_mrad", TUMBLE_MRAD)
     return read
 
 
 def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str, Any]:
     """
-    Return the part of a table that a class of settings declares; terms that only a simulated sensor has are left out.
+    Return the part of a table that a class of settings declares; terms of simulated sensors only are left out.
 
     Raises
     ------
     SettingsError
-        A name that neither a tool nor a grade has, with its near misses.
+        The table has a name that neither a tool nor a grade has; the message lists similar names.
     """
     hints, kept = typing.get_type_hints(unit), {}
     known = {field.name for field in dataclasses.fields(unit)}

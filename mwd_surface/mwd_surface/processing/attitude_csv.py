@@ -45,7 +45,7 @@ class Lines:
         Parameters
         ----------
         attitude, gravity : samples of `wire.ATTITUDE` and `wire.GRAVITY`, shape (n,)
-            Samples of the same stamps. A negative sigma means that the value is unknown.
+            Samples of the same stamps. A NaN sigma means that the value is unknown.
 
         Raises
         ------

@@ -256,7 +256,7 @@ def in_words(status: int) -> str:
 
 
 def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Signals, patience: float) -> None:
-    """Send a signal to the living processes and wait until all have ended, or the patience with each is over."""
+    """Send a signal to the living processes; wait until each has ended or has used up its patience."""
     waiting = {process: StopTime(patience, STOP_LIMIT + _MARGIN, process.pid) for process in processes}
     for process in processes:
         process.send_signal(number)
