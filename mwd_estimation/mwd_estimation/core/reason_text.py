@@ -138,7 +138,8 @@ WORDS: dict[Code, str] = {
     "move the sensor away or use a gyro",
     Code.UNCERTAIN_REFERENCE: _UNCERTAIN + "the field does not fit the reference; "
     "check place, date and magnetic storms",
-    Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration; check the tool at surface",
+    Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration, or shielded by magnetic mud; "
+    "check the tool at surface",
     Code.UNCERTAIN_FOR_ANY_TOOL: "azimuth known to {value:.0f deg} only, and to {limit:.0f deg} by any magnetic tool "
     "here: the horizontal field is weak, or the string is of steel; use a gyro",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree ({value:.0f %} probable that the gyro is wrong): "

@@ -26,8 +26,8 @@ LYING_VELOCITY, _STILL_RATE = 0.005, 0.05
 # Weight of a block in the scatter: one over the sum of the first number and the number of blocks, the latter at most
 # the second number, which is longer than a sway of the string.
 _SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
-# A string sways for many blocks to one side, so that its scatter does not average out like white noise. A sway with the
-# variance v and the period p over a time T of n blocks leaves as much drift of the axis as white noise with the variance
+# A string sways for many blocks to one side, so that its scatter does not average out like white noise. A sway with
+# variance v and period p over a time T of n blocks leaves as much drift of the axis as white noise with the variance
 # v 12 p^2 n / (2 pi T)^2, which is 20 v for 20 s in a minute; doubled, because the phase of the sway is not known. The
 # scatter of a tool that does not sway is so small that this costs nothing.
 _SWAYS = 40.0

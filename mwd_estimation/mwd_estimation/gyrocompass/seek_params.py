@@ -25,9 +25,6 @@ TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
 _AVERAGED, _SHAKEN = 10, 1.5
 # Noise measured at rest over the stated one above which the measured one holds: three of its sigmas.
 _NOISIER = 1.25
-# Sigma of the g-sensitivity over the stated one: no seek in one attitude shows a g-sensitivity larger than stated, and a
-# Student's t density of five degrees of freedom, for units that are not as stated, has 99 % within 1.56 times as much.
-_G_SENSITIVITY = 1.5
 # Share of its range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
 # Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. Time over
@@ -133,7 +130,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
     latitude = math.radians(params.latitude_deg)
     horizontal = EARTH_RATE * math.cos(latitude)
     # Along, across, stretch and shear are half sums of two matrix elements, each of this sigma.
-    element = _G_SENSITIVITY * params.g_sensitivity_deg_h_g * math.sqrt(0.5)
+    element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
     start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
     return KernelParams(
@@ -166,8 +163,8 @@ def white_noise(stamp_ns: Stamps, gyro_t: Array, *, turning: bool = False) -> fl
     Return the white noise of the y and z gyros, deg/sqrt(h), or None for too few samples.
 
     stamp_ns, shape (n,); gyro_t, rad/s, shape (n, 3). It is computed from differences of neighbours, which contain
-    neither bias nor Earth rate; from second differences if the tool is turning, which contain no rotation either. Pumps shake single samples but not averages over tenths of a second; if the two
-    disagree, the averages are used.
+    neither bias nor Earth rate; from second differences if the tool is turning, which contain no rotation either.
+    Pumps shake single samples but not averages over tenths of a second; if the two disagree, the averages are used.
     """
     usable = np.isfinite(gyro_t).all(axis=1)
     stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]

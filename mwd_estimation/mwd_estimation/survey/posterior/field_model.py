@@ -130,7 +130,6 @@ class Sigmas:
 
     shared: Array  #: shape (22,); of each state: uT, plain, m/s^2, plain, rad, uT, rad, rad, uT, and one for the gyro
     own: Array  #: shape (3,); of total, dip and declination of a station alone, in units of the shared ones
-    field: tuple[float, float] = (0.0, 0.0)  #: horizontal and total of the reference, uT; 0: unknown
 
 
 # Most of a reference's variance that can be a station's own.
@@ -158,8 +157,7 @@ def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic:
         own = np.divide(station, sigma[Shared.TOTAL : Shared.OUTSIDE], out=own, where=whole > 0.0)
     sigma[Shared.OUTSIDE : Shared.OUTSIDE + 3] = _QUIET_NT * 1e-3
     sigma[Shared.GYRO] = 1.0
-    known = (0.0, 0.0) if reference is None else (reference.horizontal / UT, (reference.total or 0.0) / UT)
-    return Sigmas(sigma, own, known)
+    return Sigmas(sigma, own)
 
 
 @compiled

@@ -62,9 +62,6 @@ _STORM_UT = (0.4, 0.4, 0.25)
 # The field of another place, as of a longitude typed wrong, uT, rad, rad, and its share of wrong references. Total and
 # dip together reach every vector of the meridian: these slopes need no second order.
 _PLACE, _PLACE_SHARE = {"TOTAL": 4.0, "DIP": math.radians(10.0), "DECLINATION": math.radians(8.0)}, 0.05
-# A field of the crust that the model lacks, each component, uT, and its share of wrong references: the steepest
-# anomalies of magnetite ores reach some uT, and a third of wrong references is a guess.
-_CRUST_UT, _CRUST_SHARE = 1.5, 0.3
 # Shielding by mud and soft iron takes up to 3 % off the field across the axis, where the sensor's housing is thin.
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 # 1 sigma of each component of an external field, uT; the first is none.
@@ -97,13 +94,8 @@ class Filters:
         return np.flatnonzero([kind in strings for kind in self.kinds])
 
 
-def filters(priors: Priors, sigma: Array, field: tuple[float, float] = (0.0, 0.0)) -> Filters:
-    """
-    The parallel filters of a run.
-
-    sigma: nominal ones, shape (22,), as `field_model.Sigmas`; field: horizontal and total of the reference, uT, 0 where
-    it is not known.
-    """
+def filters(priors: Priors, sigma: Array) -> Filters:
+    """The parallel filters of a run; sigma: nominal ones, shape (22,), as `field_model.Sigmas`."""
     rows: list[tuple[Hypothesis, float, Array]] = []
 
     def add(kind: Hypothesis, weight: float, **sizes: float | tuple[float, ...]) -> None:
@@ -122,12 +114,9 @@ def filters(priors: Priors, sigma: Array, field: tuple[float, float] = (0.0, 0.0
     for along, across in _CROSS:
         add(Hypothesis.CROSS_AXIAL, priors.cross_axial / len(_CROSS), FIELD_BIAS=(along, across, across))
     of_field = {name: _REFERENCE_TIMES * float(sigma[getattr(Shared, name)]) for name in _PLACE}
-    near = 0.5 * (1.0 - _PLACE_SHARE - _CRUST_SHARE) * priors.reference
+    near = 0.5 * (1.0 - _PLACE_SHARE) * priors.reference
     add(Hypothesis.REFERENCE, near, **of_field)
     add(Hypothesis.REFERENCE, near, OUTSIDE=_STORM_UT)
-    if min(field) > 0.0:
-        turned = {"TOTAL": _CRUST_UT, "DIP": _CRUST_UT / field[1], "DECLINATION": _CRUST_UT / field[0]}
-        add(Hypothesis.REFERENCE, _CRUST_SHARE * priors.reference, **turned)
     add(Hypothesis.PLACE, _PLACE_SHARE * priors.reference, **_PLACE)
     add(Hypothesis.SHIELDING, priors.sensor / 3.0, FIELD_SCALE=(0.0, _DEFECT_SCALE, _DEFECT_SCALE))
     add(Hypothesis.SCALE, priors.sensor / 3.0, FIELD_SCALE=(_DEFECT_SCALE,) * 3)

@@ -84,7 +84,7 @@ class RunFilter:
 
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
-        self.filters = hypotheses.filters(priors, self.sigma, sigmas.field)
+        self.filters = hypotheses.filters(priors, self.sigma)
         self._external = hypotheses.external_weights(priors)
         k = len(self.filters.weight)
         covariance = np.zeros((k, SIZE, SIZE))
