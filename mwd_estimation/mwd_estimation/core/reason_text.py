@@ -45,7 +45,9 @@ HYPOTHESES = {
     "external": "steel outside the string",
     "reference": "wrong reference or magnetic storm",
     "place": "field of another place",
-    "sensor": "sensor out of calibration",
+    "shielding": "magnetic mud or soft iron that shields the magnetometer",
+    "scale": "magnetometer with a wrong scale",
+    "sensor": "accelerometers turned in their mount",
 }
 _REST = "let the tool rest longer, or turn it between two rests"
 _UNCERTAIN = "azimuth may be more than {limit:.0f deg} off (probability {value:.1f %}): "
@@ -83,7 +85,7 @@ WORDS: dict[Code, str] = {
     "in: correct the unit of the columns and compute again",
     Code.DEAD_AXIS: "{names[0]} stays the same while the other axes turn: the axis is dead, or its column is wrong; "
     "check the tool",
-    Code.WIRING: "{names[1]}: the {names[0]} fits only if you {remedies}; correct the columns and compute again",
+    Code.WIRING: "{names[1]} (the {names[0]} shows it): {remedies}; correct the columns and compute again",
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
     Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
     Code.NORTH_UNKNOWN: "{names[0]} azimuth needs the {names[1]}: azimuth is magnetic",
@@ -124,8 +126,8 @@ WORDS: dict[Code, str] = {
     "run: check latitude, longitude and date of the place, or the reference given",
     Code.REFERENCE_SLIP: "the reference is probably given wrong: the readings ({values[0]:.0f nT}, dip "
     "{values[1]:.1f deg}) fit {names[0]}; correct it and process again",
-    Code.SENSOR_DEFECT: "a sensor is probably out of calibration ({value:.0f %}: wrong scale of a magnetometer, or "
-    "accelerometers turned in their mount): check the tool at surface, change it",
+    Code.SENSOR_DEFECT: "the accelerometers are probably turned in their mount ({value:.0f %}): check the tool at "
+    "surface, change it",
     Code.MOUNT_MAY_BE_TURNED: "inclination may be off by {value:.1f deg} (1 sigma): the dip fits accelerometers turned "
     "in their mount as well; survey again at another toolface, check the tool at surface",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
@@ -136,7 +138,8 @@ WORDS: dict[Code, str] = {
     "move the sensor away or use a gyro",
     Code.UNCERTAIN_REFERENCE: _UNCERTAIN + "the field does not fit the reference; "
     "check place, date and magnetic storms",
-    Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration; check the tool at surface",
+    Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration, or shielded by magnetic mud; "
+    "check the tool at surface",
     Code.UNCERTAIN_FOR_ANY_TOOL: "azimuth known to {value:.0f deg} only, and to {limit:.0f deg} by any magnetic tool "
     "here: the horizontal field is weak, or the string is of steel; use a gyro",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree ({value:.0f %} probable that the gyro is wrong): "

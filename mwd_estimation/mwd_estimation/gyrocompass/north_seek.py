@@ -132,25 +132,28 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     joined = gyro_errors.joined(now, _sought(p, state, right))
     parts = gyro_errors.parts(now, *joined)
     circle = azimuth_posterior.posterior(parts, p.horizontal)
+    # What misses the latitude by k sigmas shows errors k times as large as stated: north has them too.
+    larger = max(math.sqrt(circle.misfit), 1.0)
+    sigma = min(larger * circle.sigma, math.pi)
     azimuth = float(wrap_tau(circle.mean + heading))
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
     found = gyro_errors.learnt(now, *joined, p.horizontal)
     known = np.where(np.abs(found.bias) > _FOUND * found.bias_sigma, found.bias, 0.0)
-    fit = Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting, known)
+    fit = Fit(method, azimuth, sigma, inclination, seen, circle.misfit, fitting, known)
     reason = refusal(params, state, fit)
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:
         each = [azimuth_posterior.posterior(parts, p.horizontal, angle) for angle in circle.several]
         if all(one.sigma <= WORST_SIGMA for one in each):
-            choices = tuple((float(wrap_tau(one.mean + heading)), one.sigma) for one in each)
+            choices = tuple((float(wrap_tau(one.mean + heading)), min(larger * one.sigma, math.pi)) for one in each)
     scribe = state.mat[:, 2]
     return Solution(
         reason,
         method,
         azimuth,
-        circle.sigma,
+        sigma,
         inclination,
         float(wrap_tau(circle.mean + math.atan2(scribe[1], scribe[0]))),
         float(state.elapsed),

@@ -26,6 +26,11 @@ LYING_VELOCITY, _STILL_RATE = 0.005, 0.05
 # Weight of a block in the scatter: one over the sum of the first number and the number of blocks, the latter at most
 # the second number, which is longer than a sway of the string.
 _SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
+# A string sways for many blocks to one side, so that its scatter does not average out like white noise. A sway with
+# variance v and period p over a time T of n blocks leaves as much drift of the axis as white noise with the variance
+# v 12 p^2 n / (2 pi T)^2, which is 20 v for 20 s in a minute; doubled, because the phase of the sway is not known. The
+# scatter of a tool that does not sway is so small that this costs nothing.
+_SWAYS = 40.0
 # Number of blocks at rest in a row after which the roll becomes a reference.
 _REST_BLOCKS = 2
 
@@ -88,9 +93,9 @@ def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
 
 @compiled
 def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
-    """Update with an angle that should not change; its noise is the scatter so far. Return False beyond the gate."""
+    """Update with an angle that should not change; its noise follows from the scatter. Return False beyond the gate."""
     innovation, spread = _look(s.P, work, y)
-    r2 = max(_LEAST_DIRECTION**2, s.scatter[which])
+    r2 = max(_LEAST_DIRECTION**2, _SWAYS * s.scatter[which])
     ok = innovation * innovation < _GATE * (spread + r2)
     # Excess over the prediction, at least zero, because a wide start would otherwise give a negative noise.
     seen = max(min(innovation * innovation, _GATE * (spread + r2)) - spread, 0.0)

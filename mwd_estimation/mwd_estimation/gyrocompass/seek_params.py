@@ -23,6 +23,8 @@ SEEK, S1 = "seek", "s1"
 TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
 # Number of samples averaged for the noise, and ratio of single to averaged noise above which the single one is ignored.
 _AVERAGED, _SHAKEN = 10, 1.5
+# Noise measured at rest over the stated one above which the measured one holds: three of its sigmas.
+_NOISIER = 1.25
 # Share of its range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
 # Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. Time over
@@ -102,14 +104,18 @@ def at_place(
     Parameters
     ----------
     unit : SeekParams
-        Figures of the unit and requirements on the azimuth. White noise of 0 means: as measured at rest.
+        Figures of the unit and requirements on the azimuth. White noise of 0 means: as measured at rest; noise that is
+        measured clearly larger than stated holds too.
     latitude_deg : float
     gravity : float or None
         Local gravity, m/s^2; None uses standard gravity.
     noise_deg_rth : float or None
         White noise measured at rest, deg/sqrt(h).
     """
-    noise = unit.gyro_noise_deg_rth or noise_deg_rth or TACTICAL_NOISE_DEG_RTH
+    measured = noise_deg_rth or 0.0
+    stated = unit.gyro_noise_deg_rth or measured or TACTICAL_NOISE_DEG_RTH
+    # The statement is for all units of a type; samples that clearly contradict it are of this one.
+    noise = measured if measured > _NOISIER * stated else stated
     return dataclasses.replace(
         unit,
         latitude_deg=latitude_deg,
@@ -152,13 +158,13 @@ def kernel_params(params: SeekParams) -> KernelParams:
     )
 
 
-def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
+def white_noise(stamp_ns: Stamps, gyro_t: Array, *, turning: bool = False) -> float | None:
     """
-    Return the white noise of the y and z gyros of a tool at rest, deg/sqrt(h), or None for too few samples.
+    Return the white noise of the y and z gyros, deg/sqrt(h), or None for too few samples.
 
     stamp_ns, shape (n,); gyro_t, rad/s, shape (n, 3). It is computed from differences of neighbours, which contain
-    neither bias nor Earth rate. Pumps shake single samples but not averages over tenths of a second; if the two
-    disagree, the averages are used.
+    neither bias nor Earth rate; from second differences if the tool is turning, which contain no rotation either.
+    Pumps shake single samples but not averages over tenths of a second; if the two disagree, the averages are used.
     """
     usable = np.isfinite(gyro_t).all(axis=1)
     stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]
@@ -168,8 +174,10 @@ def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
     if not step > 0.0:
         return None
 
+    order, gain = (2, 6.0) if turning else (1, 2.0)
+
     def density(values: Array, seconds: float) -> float:
-        return math.sqrt(0.5 * float(np.mean(np.diff(values, axis=0) ** 2)) * seconds)
+        return math.sqrt(float(np.mean(np.diff(values, order, axis=0) ** 2)) / gain * seconds)
 
     whole = len(rates) // _AVERAGED
     means = rates[: whole * _AVERAGED].reshape(whole, _AVERAGED, 2).mean(axis=1)

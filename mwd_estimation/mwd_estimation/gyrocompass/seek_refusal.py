@@ -26,7 +26,7 @@ _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 _LEAST_SENSITIVITY = 0.17
 # Limits in sigmas: horizontal Earth rate compared with the latitude's, and instrument errors compared with their
 # figures.
-_MISFIT, _EXCESSIVE = 4.0, 5.0
+_MISFIT, _EXCESSIVE = 3.0, 5.0
 
 
 @dataclasses.dataclass(frozen=True)

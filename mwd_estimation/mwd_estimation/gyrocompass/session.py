@@ -127,12 +127,12 @@ class NorthSession:
             self._first = None
 
     def _params_now(self, first: list[tuple[UnitSamples, tuple[Stamps, Array]]]) -> SeekParams:
-        """Return parameters with the noise measured at rest, or with the x gyro whose range is large enough."""
+        """Return parameters with the measured noise, and with the x gyro whose range is large enough."""
         stamps = np.concatenate([precision.stamps for precision, _ in first])
         rates = np.concatenate([precision.values[:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
         fastest = float(np.nanmax(np.abs(x_rates)))
-        noise = white_noise(stamps, rates) if fastest < _AT_REST else None
+        noise = white_noise(stamps, rates, turning=fastest >= _AT_REST)
         params = at_place(self._unit, self._latitude, self._gravity, noise)
         if fastest <= 0.9 * self._range:
             return params

@@ -260,6 +260,8 @@ def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
         Hypothesis.EXTERNAL: Code.UNCERTAIN_EXTERNAL,
         Hypothesis.REFERENCE: Code.UNCERTAIN_REFERENCE,
         Hypothesis.PLACE: Code.UNCERTAIN_REFERENCE,
+        Hypothesis.SHIELDING: Code.UNCERTAIN_SENSOR,
+        Hypothesis.SCALE: Code.UNCERTAIN_SENSOR,
         Hypothesis.SENSOR: Code.UNCERTAIN_SENSOR,
     }.get(first, Code.UNCERTAIN_STRING)
     return Reason(code, risk, far)

@@ -17,7 +17,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import gyro_errors, north_seek
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
@@ -395,3 +395,36 @@ def test_a_seek_teaches_where_the_tool_lies_otherwise_and_has_not_moved() -> Non
     swayed.scatter[:] = (1.0 * DEG) ** 2
     assert not north_seek.teaches(params, swayed, None)
     assert not north_seek.teaches(params, north_seek.initial(), None)
+
+
+@pytest.mark.parametrize(("stated", "measured", "used"), [(0.05, 0.2, 0.2), (0.05, 0.055, 0.05), (0.0, 0.03, 0.03)])
+def test_noise_that_the_samples_show_to_be_larger_replaces_the_stated_one(
+    stated: float, measured: float, used: float
+) -> None:
+    params = at_place(SeekParams(gyro_noise_deg_rth=stated), 34.0, None, measured)
+    assert (params.gyro_noise_deg_rth, params.gyro_x_noise_deg_rth) == (used, used)
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+@pytest.mark.parametrize("turning", [False, True])
+def test_noise_is_measured_at_rest_and_while_the_tool_turns(noise: float, turning: bool) -> None:
+    clean = motion(8.0, 34.0 * DEG, 1.0, 0.5, steady(60.0) if turning else still, 100.0)
+    gyro, _ = measured(clean, np.random.default_rng(6), noise, leak=np.array([3e-4, -3e-4]))
+    assert white_noise(clean.stamp_ns, gyro, turning=turning) == pytest.approx(noise, rel=0.15)
+
+
+@pytest.mark.parametrize("hertz", [0.05, 0.15, 0.5])
+def test_a_sway_of_the_string_stays_within_sigma(hertz: float) -> None:
+    params = settings("still", 0.01, 34.0, accel_bias_ug=20.0)
+    rng = np.random.default_rng(8)
+    for phase in rng.uniform(0.0, math.tau, 8):
+
+        def swaying(t: np.ndarray, middle: float = 1.0, phase: float = phase) -> np.ndarray:
+            return np.asarray(middle + 0.04 * DEG * np.sin(math.tau * hertz * t + phase))
+
+        clean = motion(67.5, 34.0 * DEG, swaying, lambda t: swaying(t + 1.0, 1.2), still, RATE)
+        gyro, accel = measured(clean, rng, 0.01, 0.01, 30.0)
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
+        found = north_seek.solution(params, state)
+        assert abs(wrap_pi(found.azimuth - 1.2)) < 3.0 * found.sigma

@@ -89,6 +89,23 @@ def strong_magnetometer(tool: Tool, earth: Earth, rng: np.random.Generator) -> D
     return Disturbed(dataclasses.replace(tool, field_scale=tool.field_scale + 0.02), earth)
 
 
+def shielding(tool: Tool, earth: Earth, rng: np.random.Generator) -> Disturbed:
+    """Magnetic mud or soft iron about the sensor that takes .5 to 3 % off the field across the axis."""
+    share = rng.uniform(0.005, 0.03)
+    return Disturbed(dataclasses.replace(tool, field_scale=tool.field_scale - share * np.array([0.0, 1.0, 1.0])), earth)
+
+
+def one_axis_off(tool: Tool, earth: Earth, rng: np.random.Generator) -> Disturbed:
+    """A magnetometer of which one axis reads 2 % too much or too little."""
+    error = rng.choice([-0.02, 0.02]) * np.eye(3)[rng.integers(3)]
+    return Disturbed(dataclasses.replace(tool, field_scale=tool.field_scale + error), earth)
+
+
+def crust(tool: Tool, earth: Earth, rng: np.random.Generator) -> Disturbed:
+    """A field of the crust of .8 to 2.5 uT that the reference lacks."""
+    return Disturbed(tool, earth, outside_n=between(0.8e-6, 2.5e-6, rng) * direction(rng))
+
+
 def turned_accelerometers(tool: Tool, earth: Earth, rng: np.random.Generator) -> Disturbed:
     """Accelerometers turned by 2 deg in their mount, about any axis."""
     turn = Rotation.from_rotvec(2.0 * DEG * direction(rng)).as_matrix()

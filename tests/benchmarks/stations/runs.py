@@ -225,6 +225,9 @@ KINDS = {
     "landing east-west, remanence growing by .2-1 uT": Kind(_landed, of_string=_growing(0.2e-6, 1e-6)),
     "landing east-west, remanence growing by 1-3 uT": Kind(_landed, of_string=_growing(1e-6, 3e-6)),
     "landing east-west, the string as it was": Kind(_landed, disturbances.magnetised(300e-9, 1500e-9)),
+    "mud that shields .5-3 % of the field across the axis": Kind(_curve, disturbances.shielding),
+    "one axis of the magnetometer 2 % off": Kind(_curve, disturbances.one_axis_off),
+    "field of the crust, .8-2.5 uT": Kind(_curve, disturbances.crust),
 }
 # What the table's row of disturbed runs pools, of each kind one part: the disturbances of `singles.POOLED`. The others
 # have no disturbance, one along the axis alone or weaker than these, a gyro, or a fault of a sensor or of the data.

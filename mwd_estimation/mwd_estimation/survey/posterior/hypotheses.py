@@ -28,6 +28,8 @@ class Hypothesis(StrEnum):
     CROSS_AXIAL = "cross_axial"
     REFERENCE = "reference"
     PLACE = "place"
+    SHIELDING = "shielding"
+    SCALE = "scale"
     SENSOR = "sensor"
     EXTERNAL = "external"
 
@@ -40,7 +42,9 @@ class Priors:
     cross_axial: float = 0.06  #: a magnetised collar with a field across the axis
     #: The reference is four times as wrong as stated or of another place, or there is a magnetic storm.
     reference: float = 0.12
-    sensor: float = 0.01  #: a magnetometer with a wrong scale, or accelerometers turned in their mount
+    #: A magnetometer with a wrong scale, one that magnetic mud or soft iron shields, or accelerometers turned in their
+    #: mount.
+    sensor: float = 0.015
     external: float = 0.05  #: steel outside the string (casing, fish, another well) at a station
     #: Steel turns the field about the vertical and keeps its total and dip: nothing but a gyro shows that.
     turned: float = 0.003
@@ -58,6 +62,7 @@ _STORM_UT = (0.4, 0.4, 0.25)
 # The field of another place, as of a longitude typed wrong, uT, rad, rad, and its share of wrong references. Total and
 # dip together reach every vector of the meridian: these slopes need no second order.
 _PLACE, _PLACE_SHARE = {"TOTAL": 4.0, "DIP": math.radians(10.0), "DECLINATION": math.radians(8.0)}, 0.05
+# Shielding by mud and soft iron takes up to 3 % off the field across the axis, where the sensor's housing is thin.
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 # 1 sigma of each component of an external field, uT; the first is none.
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
@@ -113,8 +118,9 @@ def filters(priors: Priors, sigma: Array) -> Filters:
     add(Hypothesis.REFERENCE, near, **of_field)
     add(Hypothesis.REFERENCE, near, OUTSIDE=_STORM_UT)
     add(Hypothesis.PLACE, _PLACE_SHARE * priors.reference, **_PLACE)
-    add(Hypothesis.SENSOR, 0.5 * priors.sensor, FIELD_SCALE=(_DEFECT_SCALE,) * 3)
-    add(Hypothesis.SENSOR, 0.5 * priors.sensor, MOUNT=(_DEFECT_MOUNT,) * 3)
+    add(Hypothesis.SHIELDING, priors.sensor / 3.0, FIELD_SCALE=(0.0, _DEFECT_SCALE, _DEFECT_SCALE))
+    add(Hypothesis.SCALE, priors.sensor / 3.0, FIELD_SCALE=(_DEFECT_SCALE,) * 3)
+    add(Hypothesis.SENSOR, priors.sensor / 3.0, MOUNT=(_DEFECT_MOUNT,) * 3)
     kinds, weights, variances = zip(*rows, strict=True)
     weight = np.array(weights)
     return Filters(tuple(kinds), weight / weight.sum(), np.array(variances))
