@@ -40,6 +40,7 @@ from mwd_surface.rig.opcua.data_value import EPOCH, data_value
 from mwd_surface.rig.opcua.information_model import add_well
 from mwd_surface.rig.opcua.methods import Method, control_methods, survey_methods
 from mwd_surface.rig.opcua.settings import OpcuaSettings
+from mwd_surface.rig.opcua.subscription_limits import LONGEST_QUEUE, SubscriptionLimits
 from mwd_surface.rig.opcua.survey_history import SurveyHistory
 from mwd_surface.rig.values import RigValues, nothing_yet
 
@@ -93,6 +94,7 @@ class OpcuaServer(LoopInterface):
         self._last: dict[str, VariableValue] = {}
         self._written_values = asyncio.Event()
         self._ids: dict[str, Any] = {}
+        self._subscriptions: SubscriptionLimits | None = None
 
     @property
     def port(self) -> int:
@@ -159,9 +161,10 @@ class OpcuaServer(LoopInterface):
         server.iserver.allow_remote_admin = False
         server.iserver.max_connections = self.settings.max_clients
         server.iserver.max_subscriptions = self.settings.max_subscriptions
-        server.iserver.max_monitored_item_queue_size = 1000
+        server.iserver.max_monitored_item_queue_size = LONGEST_QUEUE
         server.iserver.max_unacked_messages_per_subscription = 100
         server.iserver.max_pending_messages_per_connection = 100
+        self._subscriptions = SubscriptionLimits(self._ua, server.iserver.subscription_service)
         server.limits.max_message_size = budgets.OPCUA.size
         server.limits.max_chunk_count = budgets.OPCUA.size // server.limits.max_recv_buffer + 1
 
@@ -261,6 +264,7 @@ class OpcuaServer(LoopInterface):
             for client, since in list(self._since.items())
         )
         server = self._server
+        limits = self._subscriptions
         subscriptions = 0 if server is None else len(server.iserver.subscription_service.subscriptions)
         last = tuple(
             (name, f"{self._last[name].value} (0x{self._last[name].status:08X})")
@@ -277,6 +281,8 @@ class OpcuaServer(LoopInterface):
             refused=self.refused,
             counts=(
                 ("subscriptions", subscriptions),
+                ("monitored items", 0 if limits is None else limits.items),
+                ("monitored items refused", 0 if limits is None else limits.refused),
                 ("commands", self._commands),
                 ("errors of history and conditions", self._record_errors),
             ),
