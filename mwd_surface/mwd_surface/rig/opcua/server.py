@@ -33,6 +33,7 @@ from mwd_surface.rig.interface import (
     port_error,
     probe_port,
 )
+from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
 from mwd_surface.rig.opcua.address_space import MANIFEST, VARIABLES, VariableValue, variable_values
 from mwd_surface.rig.opcua.conditions import Conditions
@@ -111,6 +112,7 @@ class OpcuaServer(LoopInterface):
             asyncua is missing, the address or port cannot be opened, or there is no folder for certificates.
         """
         self._asyncua = optional("asyncua", "asyncua", "OPC UA")
+        bound_log("asyncua")
         self._ua = self._asyncua.ua
         self._access = Access(self.settings, self._folder, self._ua)
         super().start()
