@@ -17,7 +17,9 @@ def logged(messages, step_s=0.0):
             raise ValueError(message)
         except ValueError as error:
             handler.emit(
-                logging.LogRecord("lib", logging.ERROR, "", 0, "%s", (message,), (ValueError, error, error.__traceback__))
+                logging.LogRecord(
+                    "lib", logging.ERROR, "", 0, "%s", (message,), (ValueError, error, error.__traceback__)
+                )
             )
         now[0] += step_s
     return lines
