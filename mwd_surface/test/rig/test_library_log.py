@@ -13,14 +13,9 @@ def logged(messages, step_s=0.0):
     now, lines = [1000.0], []
     handler = LibraryLog(lines.append, lambda: now[0])
     for message in messages:
-        try:
-            raise ValueError(message)
-        except ValueError as error:
-            handler.emit(
-                logging.LogRecord(
-                    "lib", logging.ERROR, "", 0, "%s", (message,), (ValueError, error, error.__traceback__)
-                )
-            )
+        error = ValueError(message)
+        record = logging.LogRecord("lib", logging.ERROR, "", 0, "%s", (message,), (ValueError, error, None))
+        handler.emit(record)
         now[0] += step_s
     return lines
 

@@ -123,7 +123,7 @@ def test_an_unserved_function_is_not_answered_with_values_when_requests_come_in_
         connection.settimeout(1.0)
         connection.sendall(queue + read)
         answer = connection.recv(300)
-        assert not answer[7] == 24
+        assert answer[7] != 24
 
 
 @pytest.mark.fault_case(89)
