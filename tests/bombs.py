@@ -258,6 +258,30 @@ def entities_xlsx(path: Path) -> None:
     _xlsx(path, path.read_text())
 
 
+def _xlsx_with(path: Path, part: str, before: str, extra: str) -> None:
+    """Spreadsheet of one cell with a text put into one of its parts, before the first place of another text."""
+    book = openpyxl.Workbook()
+    book.active.append(["md_m", "inc_deg", "azi_deg"])
+    plain = io.BytesIO()
+    book.save(plain)
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for item in old.infolist():
+            text = old.read(item).decode()
+            new.writestr(item.filename, text.replace(before, extra + before, 1) if item.filename == part else text)
+
+
+def styles_xlsx(path: Path) -> None:
+    """Spreadsheet of one cell and nine million fonts: a part of a few kilobytes that takes minutes."""
+    _xlsx_with(path, "xl/styles.xml", "</fonts>", "<font/>" * 9_000_000)
+
+
+def sheets_xlsx(path: Path) -> None:
+    """Spreadsheet whose 20 000 sheets are the same one."""
+    sheets = (f'<sheet name="s{k}" sheetId="{k + 2}" state="visible" r:id="rId1"/>' for k in range(20_000))
+    space = ' xmlns:r="http://schemas.openxmlformats.org/officeDocument/2006/relationships"/>'
+    _xlsx_with(path, "xl/workbook.xml", "</sheets>", "".join(sheets).replace("/>", space))
+
+
 def far_rows(path: Path) -> None:
     """Pressure of 60 000 samples, most of them most of a day apart."""
     times, now = [], 0.0
@@ -304,7 +328,14 @@ PLACES: dict[str, Callable[[Path], None]] = {"pipe": pipe, "device": device, "fo
 YAML = {"merge keys": merge_keys, "aliases": aliases, "long number": long_number, "deep": deep}
 MCAP = {"zeros": mcap_of_zeros, "records": mcap_of_records}
 ROS1 = {"bz2": ros1_bz2, "lz4": ros1_lz4, "without index": ros1_without_index}
-SHEETS = {"zeros": zeros_xlsx, "far row": far_row_xlsx, "wide": wide_xlsx, "entities": entities_xlsx}
+SHEETS = {
+    "zeros": zeros_xlsx,
+    "far row": far_row_xlsx,
+    "wide": wide_xlsx,
+    "entities": entities_xlsx,
+    "styles": styles_xlsx,
+    "many sheets": sheets_xlsx,
+}
 WAV = {"long": long_wav, "slow": slow_wav}
 RUNS = {"long Parquet": long_parquet, "wide Parquet": wide_parquet, "long line": long_line}
 FILES = {"endless": endless, "deep": deep_json}

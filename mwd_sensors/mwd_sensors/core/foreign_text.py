@@ -34,6 +34,16 @@ def unprintable(text: str) -> str:
     return ""
 
 
+def not_a_file_name(name: str) -> str:
+    """Return why a text is not the name of a file in a given folder, because it names another; empty if it is one."""
+    if name.strip() in (".", "..") or any(mark in name for mark in "/\\\0") or _DRIVE.match(name):
+        return "is a path; give a file name without folders"
+    return ""
+
+
+_DRIVE = re.compile(r"\s*[A-Za-z]:")
+
+
 def without_contents(path: Path | str, error: BaseException, advice: str = "") -> str:
     """
     Say that a file cannot be used, without quoting its content.

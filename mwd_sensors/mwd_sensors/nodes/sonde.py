@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.foreign_text import contents_hidden, printable
+from mwd_sensors.core.process_starts import starts_before
 from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.nodes.rig_commands import RigCommands
 from mwd_sensors.nodes.telemetry import TelemetryTopics
@@ -115,6 +117,7 @@ class SondeNode(GraphNode[SondeSettings]):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonde", SondeSettings(), **node_options)
         self._published = dict.fromkeys(_ORDER, 0)
+        self._starts = starts_before(os.environ)
         self._sonde: Sonde | None = None
         self._telemetry: TelemetryTopics | None = None
         self._truth_file: TruthFile | None = None
@@ -157,7 +160,9 @@ class SondeNode(GraphNode[SondeSettings]):
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _start(self) -> Sonde:
-        sonde = self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
+        # The estimator would take a repetition of the first start's noise for a link that sends its buffer twice.
+        sonde = self._sonde = Sonde(self._scenario, self.get_clock().now().nanoseconds, self._starts)
+        self._starts += 1
         self._blocks: Iterator[dict[str, Samples]] = sonde.blocks(_BLOCK_S)
         self._all_simulated = False
         self._simulated_until = 0.0

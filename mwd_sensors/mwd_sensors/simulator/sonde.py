@@ -44,6 +44,8 @@ _STREAMS = (
     "link",
     "steering",
 )
+# Streams that are drawn anew when the same tool is started again: no two runs of a real sensor have the same noise.
+_NOISE = ("ahrs_run", "precision_run", "mag_run")
 _TURNING = 0.5  # rad/s; a top drive slower than this counts as sliding
 
 
@@ -57,6 +59,8 @@ class Sonde:
         Settings of the run.
     epoch_ns : int, optional
         Stamp of time zero, ns; the default is the date of the scenario.
+    start : int
+        How many times this tool has been started before: the same tool and motion with other noise.
 
     Attributes
     ----------
@@ -72,10 +76,13 @@ class Sonde:
         Telemetry link to the surface, if the scenario has one.
     """
 
-    def __init__(self, scenario: Scenario, epoch_ns: int | None = None) -> None:
+    def __init__(self, scenario: Scenario, epoch_ns: int | None = None, start: int = 0) -> None:
         self.scenario = scenario
-        seeds = np.random.SeedSequence(scenario.seed).spawn(len(_STREAMS))
-        self._rng = {name: np.random.Generator(np.random.PCG64(s)) for name, s in zip(_STREAMS, seeds, strict=True)}
+        seeds = dict(zip(_STREAMS, np.random.SeedSequence(scenario.seed).spawn(len(_STREAMS)), strict=True))
+        if start:
+            again = np.random.SeedSequence((scenario.seed, start)).spawn(len(_NOISE))
+            seeds |= dict(zip(_NOISE, again, strict=True))
+        self._rng = {name: np.random.Generator(np.random.PCG64(s)) for name, s in seeds.items()}
         start = parse_date(scenario.date)
         self.epoch_ns = epoch_ns if epoch_ns is not None else round(start.timestamp()) * wire.NANOSECONDS
         self._day_s = start.hour * 3600.0 + start.minute * 60.0 + start.second

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -60,6 +62,27 @@ def test_the_same_seed_is_the_same_run_and_another_is_another():
     _, other = run(changes={**SHORT, "seed": 2})
     assert first["imu/data_raw"].tobytes() == again["imu/data_raw"].tobytes()
     assert first["imu/data_raw"].tobytes() != other["imu/data_raw"].tobytes()
+
+
+@pytest.mark.fault_case(57)
+def test_a_tool_that_is_started_again_has_the_same_motion_and_no_sample_of_before():
+    """The estimator took the repeated noise for a buffer sent twice, and marked the sonde faulty for minutes."""
+    story = scenario.read(SCENARIOS / "default.yaml", STILL)
+    starts = []
+    for start in range(3):
+        blocks = list(Sonde(story, start=start).blocks(1.0))
+        starts.append({topic: np.concatenate([block[topic] for block in blocks]) for topic in wire.SONDE_TOPICS})
+    for before, after in itertools.combinations(starts, 2):
+        for name in ("position", "orientation"):
+            assert before["truth"][name].tobytes() == after["truth"][name].tobytes()
+        # A sensor with a coarse step repeats single numbers, but never the six of an IMU sample.
+        same = [
+            (before["imu/data_raw"][field] == after["imu/data_raw"][field]).all(axis=1)
+            for field in ("angular_velocity", "linear_acceleration")
+        ]
+        assert not (same[0] & same[1]).any()
+        for topic, field in (("gyro/data_raw", "angular_velocity"), ("imu/mag", "magnetic_field")):
+            assert (before[topic][field] == after[topic][field]).all(axis=1).mean() < 0.1, topic
 
 
 @pytest.mark.parametrize(

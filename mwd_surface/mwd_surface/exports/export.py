@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mwd_sensors.core.foreign_text import not_a_file_name
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.exports.export_name import safe_name
 
@@ -107,7 +108,7 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     Raises
     ------
     ValueError
-        Unknown format; the message names similar ones.
+        Unknown format; the message names similar ones. Or the name is a path.
     ExportError
         The folder or file cannot be written.
     """
@@ -115,6 +116,8 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         near = difflib.get_close_matches(kind, FORMATS, n=2, cutoff=0.4) or list(FORMATS)
         raise ValueError(f"unknown format {kind!r}; did you mean {' or '.join(near)}?")
     made = FORMATS[kind]
+    if wrong := not_a_file_name(name):
+        raise ValueError(f"name: {name!r} {wrong}")
     if name:
         first = next(key for key, other in FORMATS.items() if other.ending == made.ending)
         word = "" if name.endswith(made.ending) or kind == first else made.word

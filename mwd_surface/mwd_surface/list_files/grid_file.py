@@ -12,6 +12,7 @@ import datetime as dt
 import io
 import re
 import zipfile
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -22,6 +23,11 @@ from mwd_surface.list_files.number_cells import Cell
 
 _SPREADSHEETML = "urn:schemas-microsoft-com:office:spreadsheet"
 _MOST_SPAN = 100  # columns that one cell of an HTML table may span
+# What .xlsx holds in addition to rows, cells and their texts: openpyxl takes up to 0.1 ms for each of these elements,
+# whatever its name, and several ms for each sheet.
+_MOST_OTHER, _MOST_SHEETS = 100_000, 200
+_OF_CELLS = re.compile(rb"<(?:\w+:)?(?:row|c|v|f|is|t|si|r|rPr)[\s/>]")
+_SHEET = re.compile(rb"<(?:\w+:)?sheet[\s/>]")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,22 +100,40 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
 
 
 def _check_archive(data: bytes, name: str) -> None:
-    """Refuse an archive that is not a spreadsheet, or whose unpacked size exceeds the budget."""
+    """Refuse an archive that is not a spreadsheet, or that unpacks to more than memory and time allow."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             items = archive.infolist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+            names = {item.filename for item in items}
+            too_much = _too_much(archive)
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
-    unpacked = sum(item.file_size for item in items)
-    if unpacked > (budgets.SPREADSHEET.unpacked or 0):
-        raise ListFileError(f"{name}: unpacks to more than {(budgets.SPREADSHEET.unpacked or 0) / budgets.MB:g} MB")
-    names = {item.filename for item in items}
+    if too_much:
+        raise ListFileError(f"{name}: {too_much}")
     if "xl/workbook.bin" in names:
         raise ListFileError(f"{name} is a binary Excel workbook (.xlsb), which is not read; save it as .xlsx or CSV")
     if "content.xml" in names:
         raise ListFileError(f"{name} is an OpenDocument file (.ods), which is not read; save it as .xlsx or CSV")
     if not any(item.startswith("xl/") for item in names):
         raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save the list as .xlsx or CSV")
+
+
+def _too_much(archive: zipfile.ZipFile) -> str:
+    """Return which budget an archive exceeds, in words; empty if it is within all. Any part may serve as any other."""
+    items = archive.infolist()
+    most = budgets.SPREADSHEET.unpacked or 0
+    if sum(item.file_size for item in items) > most:
+        return f"unpacks to more than {most / budgets.MB:g} MB"
+    other = sheets = 0
+    for item in items:
+        part = archive.read(item)
+        other += part.count(b"<") - part.count(b"</") - sum(1 for _ in _OF_CELLS.finditer(part))
+        sheets += sum(1 for _ in _SHEET.finditer(part))
+        if other > _MOST_OTHER:
+            return f"has more than {_MOST_OTHER} styles, names and other elements; save the list alone, as CSV"
+        if sheets > _MOST_SHEETS:
+            return f"has more than {_MOST_SHEETS} sheets; save the list alone"
+    return ""
 
 
 def html_sheets(text: str, name: str) -> Sheets:

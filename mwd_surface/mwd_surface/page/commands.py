@@ -9,7 +9,7 @@ from typing import Any
 
 from aiohttp import web
 
-from mwd_sensors.core.foreign_text import unprintable
+from mwd_sensors.core.foreign_text import not_a_file_name, unprintable
 from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
@@ -92,6 +92,8 @@ def _argument(name: str, value: Any, kind: type) -> Any:
         raise web.HTTPBadRequest(text=f"{name}: must be finite")
     if isinstance(value, str) and (len(value) > _MAX_TEXT or unprintable(value)):
         raise web.HTTPBadRequest(text=f"{name}: {unprintable(value) or f'at most {_MAX_TEXT} characters'}")
+    if name == "name" and (wrong := not_a_file_name(value)):
+        raise web.HTTPBadRequest(text=f"name: {wrong}")
     if type(value) is int and not 0 <= value < 2**32:
         raise web.HTTPBadRequest(text=f"{name}: must be within 0 and {2**32 - 1}")
     return value

@@ -23,6 +23,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from mwd_sensors.core.process_starts import STARTS_VARIABLE
 from mwd_sensors.core.stop_time import STOP_LIMIT, STOP_PATIENCE, StopTime
 
 SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
@@ -54,6 +55,7 @@ class _Child:
     process: subprocess.Popen[bytes] | None = None
     born: float = 0.0
     crashes: int = 0
+    starts: int = 0
     due: float | None = None
     status: int | None = None
     failure: str = ""
@@ -181,9 +183,10 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=self._environment,
+                env={**self._environment, STARTS_VARIABLE: str(child.starts)},
                 start_new_session=True,
             )
+        child.starts += 1
         child.born, child.status = self._clock(), None
 
     def _ended(self, child: _Child, status: int, now: float) -> None:

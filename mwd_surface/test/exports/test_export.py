@@ -10,6 +10,9 @@ import os
 import example_surveys as example
 import lasio
 import pytest
+from hypothesis import example as case
+from hypothesis import given
+from hypothesis import strategies as st
 from lxml import etree
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -180,9 +183,32 @@ def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_pat
         "1_ST0-report-20260515T174340Z.html",
         "1_ST0-report-20260515T174340Z.pdf",
     }
-    assert export(table, "csv", tmp_path, "../../x.csv") == tmp_path / "x.csv"
+    assert export(table, "csv", tmp_path, "x y.csv") == tmp_path / "x_y.csv"
     long = survey_table(example.surveys(dataclasses.replace(example.WELL, wellbore="W" * 300)), example.MADE)
     assert export(long, "csv", tmp_path).name.endswith("-definitive-20260515T174340Z.csv")
+
+
+@pytest.mark.fault_case(80)
+@given(st.text(max_size=12), st.sampled_from(["/", "\\", "\0"]), st.text(max_size=12))
+@case("..", "/", "x")
+@case("", "/", "etc/x")
+@case("C:", "\\", "x")
+def test_a_path_instead_of_a_name_is_refused_and_nothing_is_written(table, tmp_path_factory, before, mark, behind):
+    folder = tmp_path_factory.mktemp("exports")
+    with pytest.raises(ValueError, match="without folders"):
+        export(table, "csv", folder, before + mark + behind)
+    assert not any(folder.iterdir())
+
+
+@pytest.mark.fault_case(80)
+def test_a_link_that_lies_in_the_folder_is_replaced_and_what_it_leads_to_kept(table, tmp_path):
+    outside, folder = tmp_path / "outside.csv", tmp_path / "exports"
+    folder.mkdir()
+    outside.write_text("kept")
+    (folder / "x.csv").symlink_to(outside)
+    path = export(table, "csv", folder, "x")
+    assert outside.read_text() == "kept"
+    assert not path.is_symlink()
 
 
 def test_an_unknown_format_is_answered_with_the_near_ones(table, tmp_path):

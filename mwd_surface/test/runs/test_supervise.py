@@ -94,6 +94,21 @@ def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp
         assert sentences[-1] == "a is started again"
 
 
+@pytest.mark.fault_case(57)
+def test_a_process_learns_how_many_times_it_was_started_before(make, tmp_path):
+    clock = Clock()
+    supervisor = make(clock=clock)
+    code = "import os; print('start', os.environ['MWD_STARTS'], flush=True); os.abort()"
+    supervisor.start(order(tmp_path, "a", code))
+    for _ in range(2):
+        until(lambda: not supervisor.runs("a"))
+        supervisor.watch()
+        clock.now += 5.0
+        supervisor.watch()
+    until(lambda: not supervisor.runs("a"))
+    assert (tmp_path / "a.log").read_text().splitlines() == ["start 0", "start 1", "start 2"]
+
+
 def test_a_process_that_cannot_be_started_again_is_tried_slowly(make, tmp_path):
     clock, sentences = Clock(), []
     supervisor = make(report=sentences.append, clock=clock)

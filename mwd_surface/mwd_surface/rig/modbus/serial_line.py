@@ -13,7 +13,7 @@ from mwd_surface.rig.interface import (
     OnRigState,
     optional,
 )
-from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.server import ModbusServer, serve_only
 from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 
 
@@ -67,6 +67,7 @@ class ModbusSerial(ModbusServer):
             stopbits=line.stop_bits,
             identity=self._named(),
         )
+        serve_only(server)
         make = server.callback_new_connection
         server.callback_new_connection = lambda: self._watched(self._for_us(make()))
         try:

@@ -34,6 +34,7 @@ from mwd_surface.rig.interface import (
     optional,
     probe_port,
 )
+from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.modbus.control import REQUEST, ControlRegisters
 from mwd_surface.rig.modbus.map import COUNT, WRITABLE, WRITABLE_COUNT, float_of, registers
 from mwd_surface.rig.modbus.settings import ModbusSettings
@@ -43,6 +44,9 @@ _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
 # Largest number of bits or registers in one request (Modbus application protocol 1.1b3, section 6).
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
 _WRITES = (5, 6, 15, 16, 22, 23)
+# Functions that are answered: reads, writes, and reading the identification (43). pymodbus would answer others with
+# example values (24, a queue of registers that does not exist) or claim to have done what it did not (8).
+_SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
 _LOOK = 1.0  # s between checks for idle connections
 _PYMODBUS = 3, 13  # first version with the simulator devices that this server uses
 
@@ -114,6 +118,7 @@ class ModbusServer(LoopInterface):
             pymodbus is missing, or the address or port cannot be opened.
         """
         self._server = optional("pymodbus.server", "pymodbus", self._what, _PYMODBUS)
+        bound_log("pymodbus")
         self._simulator = optional("pymodbus.simulator", "pymodbus", self._what)
         self._codes = optional("pymodbus.constants", "pymodbus", self._what).ExcCodes
         self._identity = optional("pymodbus", "pymodbus", self._what).ModbusDeviceIdentification
@@ -124,6 +129,7 @@ class ModbusServer(LoopInterface):
         host, port = checked_host(self.settings.host, self.settings.allow_network), self.settings.port
         probe_port(host, port)
         server = self._server.ModbusTcpServer(self._devices(), address=(host, port), identity=self._named())
+        serve_only(server)
         make = server.callback_new_connection
         server.callback_new_connection = lambda: self._watched(make())
         try:
@@ -298,7 +304,7 @@ class ModbusServer(LoopInterface):
         return f"{name[0]}:{name[1]}"
 
     def _at_once(self, data: bytes) -> bytes | None:
-        return _refused_count(data)
+        return _refusal(data)
 
     def status(self) -> InterfaceStatus:
         """Return the state of the server."""
@@ -330,16 +336,26 @@ class ModbusServer(LoopInterface):
         )
 
 
-def _refused_count(data: bytes) -> bytes | None:
-    """
-    Return the answer to a request for no register or too many registers; None for any other request.
+def serve_only(server: Any) -> None:
+    """Let a pymodbus server decode only the functions that are answered."""
+    table = server.decoder.pdu_table
+    server.decoder.pdu_table = {function: classes for function, classes in table.items() if function in _SERVED}
 
-    The protocol requires exception 3 of the requested function, but pymodbus 3.16 answers exception 1 of function 0.
+
+def _refusal(data: bytes) -> bytes | None:
     """
-    if len(data) != 12:
+    Return the answer to a request that is refused by its function or by its number of registers; None for others.
+
+    The protocol requires exception 1 or 3 of the requested function, but pymodbus 3.16 answers exception 1 of
+    function 0.
+    """
+    if len(data) < 8:
         return None
-    transaction, protocol, length, unit, function, _address, count = struct.unpack(">HHHBBHH", data)
-    most = _MOST_READ.get(function)
-    if protocol != 0 or length != 6 or most is None or 1 <= count <= most:
+    transaction, protocol, length, unit, function = struct.unpack_from(">HHHBB", data)
+    if protocol != 0 or length != len(data) - 6 or function >= 0x80:
         return None
-    return struct.pack(">HHHBBB", transaction, 0, 3, unit, function | 0x80, 3)
+    code = 0 if function in _SERVED else 1
+    if len(data) == 12 and function in _MOST_READ:
+        (count,) = struct.unpack_from(">H", data, 10)
+        code = 0 if 1 <= count <= _MOST_READ[function] else 3
+    return struct.pack(">HHHBBB", transaction, 0, 3, unit, function | 0x80, code) if code else None

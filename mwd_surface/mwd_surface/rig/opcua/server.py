@@ -33,6 +33,7 @@ from mwd_surface.rig.interface import (
     port_error,
     probe_port,
 )
+from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
 from mwd_surface.rig.opcua.address_space import MANIFEST, VARIABLES, VariableValue, variable_values
 from mwd_surface.rig.opcua.conditions import Conditions
@@ -40,6 +41,7 @@ from mwd_surface.rig.opcua.data_value import EPOCH, data_value
 from mwd_surface.rig.opcua.information_model import add_well
 from mwd_surface.rig.opcua.methods import Method, control_methods, survey_methods
 from mwd_surface.rig.opcua.settings import OpcuaSettings
+from mwd_surface.rig.opcua.subscription_limits import LONGEST_QUEUE, SubscriptionLimits
 from mwd_surface.rig.opcua.survey_history import SurveyHistory
 from mwd_surface.rig.values import RigValues, nothing_yet
 
@@ -93,6 +95,7 @@ class OpcuaServer(LoopInterface):
         self._last: dict[str, VariableValue] = {}
         self._written_values = asyncio.Event()
         self._ids: dict[str, Any] = {}
+        self._subscriptions: SubscriptionLimits | None = None
 
     @property
     def port(self) -> int:
@@ -109,6 +112,7 @@ class OpcuaServer(LoopInterface):
             asyncua is missing, the address or port cannot be opened, or there is no folder for certificates.
         """
         self._asyncua = optional("asyncua", "asyncua", "OPC UA")
+        bound_log("asyncua")
         self._ua = self._asyncua.ua
         self._access = Access(self.settings, self._folder, self._ua)
         super().start()
@@ -159,9 +163,10 @@ class OpcuaServer(LoopInterface):
         server.iserver.allow_remote_admin = False
         server.iserver.max_connections = self.settings.max_clients
         server.iserver.max_subscriptions = self.settings.max_subscriptions
-        server.iserver.max_monitored_item_queue_size = 1000
+        server.iserver.max_monitored_item_queue_size = LONGEST_QUEUE
         server.iserver.max_unacked_messages_per_subscription = 100
         server.iserver.max_pending_messages_per_connection = 100
+        self._subscriptions = SubscriptionLimits(self._ua, server.iserver.subscription_service)
         server.limits.max_message_size = budgets.OPCUA.size
         server.limits.max_chunk_count = budgets.OPCUA.size // server.limits.max_recv_buffer + 1
 
@@ -261,6 +266,7 @@ class OpcuaServer(LoopInterface):
             for client, since in list(self._since.items())
         )
         server = self._server
+        limits = self._subscriptions
         subscriptions = 0 if server is None else len(server.iserver.subscription_service.subscriptions)
         last = tuple(
             (name, f"{self._last[name].value} (0x{self._last[name].status:08X})")
@@ -277,6 +283,8 @@ class OpcuaServer(LoopInterface):
             refused=self.refused,
             counts=(
                 ("subscriptions", subscriptions),
+                ("monitored items", 0 if limits is None else limits.items),
+                ("monitored items refused", 0 if limits is None else limits.refused),
                 ("commands", self._commands),
                 ("errors of history and conditions", self._record_errors),
             ),

@@ -19,6 +19,8 @@ from pathlib import Path
 
 import pytest
 from example_rig import eventually, started, values
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mwd_surface.rig.interface import InterfaceError, MissingPackageError
 from mwd_surface.rig.modbus.map import COUNT, VERSION, ModbusForm, float_of
@@ -39,6 +41,13 @@ def serving(on_rig_state=None, **changes):
     with started(server(on_rig_state, **changes)) as s:
         s.publish(values())
         eventually(lambda: ask(s.port, 4, 3, 1)[2:] == b"\x00\x0c")
+        yield s
+
+
+@pytest.fixture(scope="module")
+def served():
+    """One server for the tests that only ask."""
+    with serving() as s:
         yield s
 
 
@@ -94,6 +103,27 @@ def test_what_is_not_on_the_map_is_refused_with_the_exception_for_it(function, a
         before = ask(s.port, 4, 2, 36)
         assert ask(s.port, function, address, count, unit) == bytes([function | 0x80, code])
         assert ask(s.port, 4, 2, 36) == before
+
+
+@pytest.mark.fault_case(89)
+@given(function=st.integers(0, 127).filter(lambda f: f not in (1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 43)), body=st.binary())
+@settings(max_examples=60, deadline=None)
+def test_a_function_that_is_not_served_gets_exception_1_of_that_function(served, function, body):
+    """Function 24 was answered with four example values, and unknown functions with exception 1 of function 0."""
+    pdu = bytes([function]) + body[:200]
+    with socket.create_connection(("127.0.0.1", served.port), 5.0) as connection:
+        connection.sendall(struct.pack(">HHHB", 9, 0, len(pdu) + 1, 1) + pdu)
+        assert connection.recv(300) == struct.pack(">HHHBBB", 9, 0, 3, 1, function | 0x80, 1)
+
+
+@pytest.mark.fault_case(89)
+def test_an_unserved_function_is_not_answered_with_values_when_requests_come_in_one_piece(served):
+    read, queue = struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 0, 1), struct.pack(">HHHBBH", 2, 0, 4, 1, 24, 0)
+    with socket.create_connection(("127.0.0.1", served.port), 5.0) as connection:
+        connection.settimeout(1.0)
+        connection.sendall(queue + read)
+        answer = connection.recv(300)
+        assert answer[7] != 24
 
 
 @pytest.mark.fault_case(89)

@@ -7,6 +7,7 @@ import dataclasses
 import datetime as dt
 import itertools
 import json
+import math
 import shutil
 import socket
 import subprocess
@@ -20,6 +21,7 @@ from example_rig import attitude, certified, eventually, started, values
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Alarm, Severity
 from mwd_surface.rig.interface import InterfaceError, MissingPackageError
+from mwd_surface.rig.opcua import subscription_limits
 from mwd_surface.rig.opcua.address_space import NAMESPACE, VARIABLES
 from mwd_surface.rig.opcua.server import OpcuaServer
 from mwd_surface.rig.opcua.settings import OpcuaSettings
@@ -279,6 +281,64 @@ def test_subscriptions_are_limited(served):
 
     assert run(many()) <= 64
     eventually(lambda: dict(served.status().counts)["subscriptions"] == 0)
+
+
+def _every(interval_ms):
+    """Return the request of a subscription with any publishing interval."""
+    asked = ua.CreateSubscriptionParameters()
+    asked.RequestedPublishingInterval = interval_ms
+    asked.RequestedLifetimeCount, asked.RequestedMaxKeepAliveCount = 10_000, 3000
+    asked.PublishingEnabled = True
+    return asked
+
+
+async def _watch(client, subscription, count, queue=2**31):
+    """Ask for monitored items of one variable, each with the longest queue; returns ids and status codes."""
+    asked = ua.CreateMonitoredItemsParameters()
+    asked.SubscriptionId = subscription.subscription_id
+    asked.TimestampsToReturn = ua.TimestampsToReturn.Both
+    for handle in range(count):
+        item = ua.MonitoredItemCreateRequest()
+        item.ItemToMonitor = ua.ReadValueId(ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime))
+        item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
+        item.MonitoringMode = ua.MonitoringMode.Reporting
+        item.RequestedParameters.ClientHandle = handle
+        item.RequestedParameters.QueueSize = queue
+        asked.ItemsToCreate.append(item)
+    return await client.uaclient.create_monitored_items(asked)
+
+
+@pytest.mark.fault_case(90)
+def test_monitored_items_and_their_queues_are_limited_and_free_their_place(served, monkeypatch):
+    """46 000 items of one client without a certificate held the server up for minutes."""
+    monkeypatch.setattr(subscription_limits, "MOST_ITEMS", 50)
+
+    async def attempt():
+        async with asyncua.Client(served.address) as client:
+            first = await client.create_subscription(_every(1e-6), None)
+            made = await _watch(client, first, 40)
+            assert all(result.StatusCode.is_good() for result in made)
+            assert all(result.RevisedQueueSize <= subscription_limits.LONGEST_QUEUE for result in made)
+            second = await client.create_subscription(_every(math.nan), None)
+            # asyncua gives the publishing interval of the subscription as the revised sampling interval.
+            assert all(result.RevisedSamplingInterval == subscription_limits.SHORTEST_MS for result in made)
+            codes = [result.StatusCode.value for result in await _watch(client, second, 30)]
+            assert codes.count(0) == 10
+            assert set(codes[10:]) == {ua.StatusCodes.BadTooManyMonitoredItems}
+            change = ua.ModifyMonitoredItemsParameters()
+            change.SubscriptionId = first.subscription_id
+            item = ua.MonitoredItemModifyRequest()
+            item.MonitoredItemId = made[0].MonitoredItemId
+            item.RequestedParameters.QueueSize = 2**31
+            change.ItemsToModify.append(item)
+            (changed,) = await client.uaclient.modify_monitored_items(change)
+            assert changed.RevisedQueueSize <= subscription_limits.LONGEST_QUEUE
+            await first.delete()
+            again = await _watch(client, second, 30)
+            assert all(result.StatusCode.is_good() for result in again)
+
+    run(attempt())
+    eventually(lambda: dict(served.status().counts)["monitored items"] == 0)
 
 
 def test_junk_and_idle_connections_leave_the_others_alone(served):
