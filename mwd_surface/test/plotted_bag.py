@@ -40,7 +40,7 @@ def blank(store, name):
         elif kind.name == "NAME":
             values[field] = blank(store, inner)
         elif kind.name == "ARRAY":
-            values[field] = np.zeros(inner[1])
+            values[field] = np.zeros(inner[1], dtype=inner[0][1][0])
         else:
             values[field] = []
     return store.types[name](**values)

@@ -326,7 +326,8 @@ def _messages(bag, topic):
 def test_the_recording_opens_in_the_libraries_with_every_message(played):
     with AnyReader([played["bag"]]) as reader:
         counts = {}
-        for connection, _, _ in reader.messages():
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
             counts[connection.topic] = counts.get(connection.topic, 0) + 1
         assert counts == {c.topic: c.msgcount for c in reader.connections if c.msgcount}
     (file,) = played["bag"].glob("*.mcap")

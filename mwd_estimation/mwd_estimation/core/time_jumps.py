@@ -7,8 +7,9 @@ from there. One stream, the AHRS, leads. If it jumps forward, the estimate conti
 are rejected, except the last. If it jumps back, the estimate restarts with exactly the samples that confirmed the jump.
 
 The other streams may jump earlier or later than the leader. Their samples of the new time wait until the leader arrives
-there, and their samples of the old time are dropped after it has left. If a stream returns to its old time before the
-leader has followed, only its own clock was wrong, and the waiting samples are dropped.
+there, also across further data gaps, and their samples of the old time are dropped after it has left. If a stream
+returns to its old time before the leader has followed, only its own clock was wrong, and the waiting samples are
+dropped.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ BACK_NS = 1_000_000_000
 CONFIRMED = 3
 # The step of a slow stream may exceed `BACK_NS`, up to this multiple of its previous step.
 _PACES = 4
+# The first step of a stream other than the leader may have this length, ns: a thermometer sends once a second to once a
+# minute, and its pace is not known yet.
+_FIRST_STEP_NS = 60_000_000_000
 MOST_AHEAD = 500_000
 """
 Largest number of samples kept of a stream that is ahead of the leader; beyond it, the leader does not follow.
@@ -40,9 +44,10 @@ def advances(stamps: Stamps, newest_ns: int) -> NDArray[np.bool_]:
 class _Pace:
     """Clock of one stream: its latest stamp, and how large a step it may make without confirmation."""
 
-    def __init__(self) -> None:
+    def __init__(self, first_step_ns: int = BACK_NS) -> None:
         self.last_ns = _NONE
-        self._step = 0
+        # The first step is admitted as that of a stream with this pace.
+        self._step = first_step_ns // _PACES
 
     def follows(self, stamp: int) -> bool:
         """Return whether a stamp is near the latest one."""
@@ -53,12 +58,12 @@ class _Pace:
     def take(self, stamp: int) -> None:
         """Accept a stamp that is near the latest one."""
         if stamp > self.last_ns:
-            self._step = stamp - self.last_ns if self.last_ns != _NONE else 0
+            self._step = stamp - self.last_ns if self.last_ns != _NONE else self._step
             self.last_ns = stamp
 
-    def begin(self, stamp: int, step: int) -> None:
-        """Continue from a confirmed stamp; `step` is the last step before it."""
-        self.last_ns, self._step = stamp, step
+    def begin(self, stamp: int, step: int | None = None) -> None:
+        """Continue from a confirmed stamp; `step` is the last step before it, by default that of the time before."""
+        self.last_ns, self._step = stamp, self._step if step is None else step
 
     def take_block(self, stamps: Stamps) -> bool:
         """Accept a block if each stamp is near the one before, and return True; otherwise accept none, return False."""
@@ -77,7 +82,7 @@ class _Beside:
     """A stream other than the leader: its clock, its waiting samples, and samples whose stamps jump away from those."""
 
     def __init__(self) -> None:
-        self.pace = _Pace()
+        self.pace = _Pace(_FIRST_STEP_NS)
         self.waiting: list[Samples] = []
         self.jump: list[Samples] = []
 
@@ -100,7 +105,7 @@ class _Beside:
         """Remove and return the waiting samples; the stream continues from the last of them."""
         samples, self.waiting, self.jump = np.concatenate(self.waiting), [], []
         stamps = samples["stamp_ns"]
-        self.pace.begin(int(stamps.max()), int(stamps[-1] - stamps[-2]) if len(stamps) > 1 else 0)
+        self.pace.begin(int(stamps.max()), int(stamps[-1] - stamps[-2]) if len(stamps) > 1 else None)
         return samples
 
 
@@ -186,7 +191,7 @@ class Clocks:
                 return sample[:0]
             self._behind.discard(name)
             other.waiting = []
-            pace.begin(stamp, 0)
+            pace.begin(stamp)
             return sample
         if not other.is_ahead and pace.follows(stamp):
             # Either the waiting stamps were wrong, or there was no jump at all.
@@ -210,10 +215,16 @@ class Clocks:
         other.jump = _in_a_row(other.jump, sample)
         if len(other.jump) < CONFIRMED:
             return sample[:0]
-        # The stream jumped back to its earlier time, or jumped again to a third time.
+        begins_ns, went_back = int(other.jump[0]["stamp_ns"][0]), other.first_ns < pace.last_ns
+        returns = begins_ns > pace.last_ns - BACK_NS and (went_back or begins_ns <= self._lead.last_ns + BACK_NS)
+        if not returns and begins_ns > int(other.waiting[-1]["stamp_ns"][0]):
+            # A data gap in the new time.
+            other.waiting += other.jump
+            other.jump = []
+            return sample[:0]
+        # The stream returned to its earlier time, or jumped again to a third time.
         self.dropped += len(other.waiting)
         other.waiting, other.jump = other.jump, []
-        returns = pace.last_ns - BACK_NS < other.first_ns <= self._lead.last_ns + BACK_NS
         return other.released() if returns else sample[:0]
 
     def reached(self, before_ns: int) -> dict[str, Samples]:

@@ -3,6 +3,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_estimation.core.time_jumps import Clocks
 from mwd_sensors.core import wire
@@ -144,6 +146,34 @@ def test_a_stream_whose_clock_was_wrong_for_a_while_is_used_as_soon_as_it_is_rig
     # Samples that the leader has come to meanwhile are of its time, as far as it can tell.
     assert np.isin(np.round(100.0 + 0.1 * np.arange(355, 600), 6), np.round(right, 6)).all()
     assert used[-1] == (599, right[-1])
+
+
+@given(
+    gaps=st.lists(st.tuples(st.integers(5, 60), st.floats(1.0, 500.0)), min_size=1, max_size=6),
+    block=st.sampled_from([1, 7, 50, 1000]),
+)
+def test_no_sample_is_lost_at_data_gaps_however_far_a_stream_is_read_ahead_of_the_leader(gaps, block):
+    steps = np.concatenate([[0.0, *[0.1] * 9], *([gap, *[0.1] * (count - 1)] for count, gap in gaps)])
+    stamps, clocks, taken = 1000.0 + np.cumsum(steps), Clocks(), []
+    for part in np.array_split(stamps, range(block, len(stamps), block)):
+        taken += seconds(clocks.beside("mag", samples(*part)))
+        for one in part:
+            before_ns = clocks.lead_ns
+            clocks.lead(samples(one))
+            for waiting in clocks.reached(before_ns).values():
+                taken += seconds(waiting)
+    # The stream may end before a jump is confirmed, but here it does not.
+    assert taken == pytest.approx(stamps.tolist())
+    assert clocks.dropped == 0
+
+
+@pytest.mark.parametrize("period", [1.0 + 1e-5, 5.0, 60.0])
+@pytest.mark.parametrize("cuts", [[], [1], [1, 2, 3, 4, 5], [4]])
+def test_each_sample_of_a_slow_stream_is_used_when_it_comes_from_the_first_on(period, cuts):
+    clocks, stamps = Clocks(), 100.0 + period * np.arange(6)
+    for part in np.split(stamps, cuts):
+        assert len(clocks.beside("temperature", samples(*part))) == len(part)
+    assert clocks.dropped == 0
 
 
 def test_a_stream_slower_than_once_a_second_is_used_without_end():

@@ -116,6 +116,21 @@ class Definitions:
             except TypesysError as error:
                 raise DefinitionError(f"{type_name}: {error}") from error
 
+    def size(self, type_name: str, message: object) -> int:
+        """
+        Return the number of bytes of a message in CDR, with the four bytes of its encapsulation.
+
+        `rclpy.serialization.serialize_message` of Jazzy may return more bytes, with old content of the memory, and
+        other readers refuse such a message.
+
+        Raises
+        ------
+        DefinitionError
+            As `definition`.
+        """
+        self.load(type_name)
+        return 4 + int(self.typestore.get_msgdef(type_name).getsize_cdr(0, message, self.typestore))
+
     def learn(self, type_name: str, text: str) -> None:
         """
         Learn a type from the schema text of a recording, unless the type is known already.

@@ -33,6 +33,11 @@ class OpcuaConformance:
     keys : OpcuaKeys
     well : str
         Name of the object with the methods.
+
+    Raises
+    ------
+    ValueError
+        The server does not answer, refuses the certificate, or has no such object.
     """
 
     name, largest, lag_s = "OPC UA", 2**32 - 1, _LAG_S
@@ -115,6 +120,7 @@ class OpcuaPeer:
         """Open a session."""
         from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
         from asyncua.sync import Client
+        from asyncua.ua.uaerrors import UaError
 
         keys = self._interface.keys
         self._client = Client(self._interface.url, timeout=20)
@@ -122,9 +128,21 @@ class OpcuaPeer:
         self._client.application_uri = keys.application
         own = str(keys.certificate), str(keys.private_key)
         self._client.set_security(SecurityPolicyBasic256Sha256, *own, server_certificate=str(keys.server_certificate))
-        self._client.connect()
+        try:
+            self._client.connect()
+        except (UaError, OSError, TimeoutError) as error:
+            self._client.tloop.stop()
+            why = f"{self._interface.url} gives no session: {str(error) or type(error).__name__}"
+            raise ValueError(f"{why}; check the address, and that the server trusts the certificate") from error
         self._index = self._client.get_namespace_index(_NAMESPACE)
-        self._well = self._client.nodes.objects.get_child([f"{self._index}:{self._interface.well}"])
+        objects = {one.read_browse_name().Name: one for one in self._client.nodes.objects.get_children()}
+        if self._interface.well not in objects:
+            self._client.disconnect()
+            names = ", ".join(sorted(objects.keys() - {"Server", "Aliases", "Locations"}))
+            raise ValueError(
+                f"{self._interface.url} has no object {self._interface.well!r}; choose --well from: {names}"
+            )
+        self._well = objects[self._interface.well]
         self._variables: dict[str, Any] = {}
 
     def variable(self, name: str) -> Any:

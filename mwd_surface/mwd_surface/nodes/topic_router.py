@@ -23,6 +23,7 @@ from mwd_sensors.ros.diagnostics import WARN, Diagnostic
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.qos import STATE, buffered
 from mwd_sensors.ros.topic_publisher import TopicPublisher
+from mwd_surface.bags.definitions import installed
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_well import LiveWell
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
@@ -132,6 +133,7 @@ class TopicRouter:
         record, forward = self._record if is_recorded else None, self._foxglove.put
         self._foxglove.advertise(full_name, typed)
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        definitions = installed()
 
         def keep(data: bytes) -> None:
             if record is not None:
@@ -141,7 +143,7 @@ class TopicRouter:
         self._latched.append((last, keep))
 
         def on_published(message: Any) -> None:
-            data = serialize_message(message)
+            data = serialize_message(message)[: definitions.size(typed, message)]
             keep(data)
             last.append(data)
             if forward is not None:

@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+import plotted_bag
 import pytest
 from rosbags.typesys import get_types_from_msg
 
@@ -60,6 +61,15 @@ def test_the_schema_of_our_message_holds_every_type_it_uses_and_its_comments(def
     store = Definitions([])
     store.typestore.register({k: v for k, v in types.items() if k not in store.typestore.fielddefs})
     assert store.typestore.hash_rihs01(found.type_name) == found.type_hash
+
+
+@pytest.mark.parametrize("path", MWD_MSGS, ids=lambda path: path.stem)
+def test_the_size_of_a_message_is_that_of_its_serialisation(definitions, path):
+    type_name = f"mwd_msgs/msg/{path.stem}"
+    definitions.load(type_name)
+    message = plotted_bag.blank(definitions.typestore, type_name)
+    data = definitions.typestore.serialize_cdr(plotted_bag.arrays(message), type_name)
+    assert len(data) - definitions.size(type_name, message) in (0, 1, 2, 3)
 
 
 def test_a_schema_text_read_from_a_bag_makes_its_types_known(definitions):
