@@ -127,7 +127,8 @@ def _dead(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 
 def _noise(fault: SensorFault, sensor: str) -> tuple[str, str]:
-    size = f"{1e6 * fault.value:.0f} uT" if fault.place == 6 else f"{fault.value:.0f} m/s^2"
+    factor, unit = ((1.0, "rad/s"), (1.0, "m/s^2"), (1e6, "uT"))[fault.place // 3]
+    size = f"{factor * fault.value:.0f} {unit}"
     return f"{sensor} reads noise of {size} from sample to sample", f"{_CABLE}; check its range setting"
 
 
@@ -290,6 +291,11 @@ _DESCRIPTIONS = {
     FaultCode.MISMATCH: _Description(
         _plain("{sensor} agrees with no axis of the other unit's", "check its scale, its clock and its mounting"),
         confidence=0.9,
+    ),
+    FaultCode.ADRIFT: _Description(
+        _plain("{sensor} does not turn as gravity and the magnetic field do", f"{_CABLE}; check its unit and its range"),
+        "mismatch",
+        0.9,
     ),
     FaultCode.REST_RATE: _Description(
         _plain(

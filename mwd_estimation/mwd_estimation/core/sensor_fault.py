@@ -33,7 +33,7 @@ class FaultCode(enum.IntEnum):
     numbers), NEVER_CAME and SILENT (no samples), REPEATED (sent twice), UNIT (wrong unit of measurement), MISMATCH
     (matches no axis of the other unit), GRAVITY (the mean force is not gravity), REST_RATE (shows rotation at rest). On
     the stream: RATE, STAMPS, REPLAYED (old samples come again). Between sensors: AXES, SIGN, POINTS_UP (a wrong sign,
-    found without a reference), FRAME. On the whole unit: MOUNT (the string rotates about another axis of the unit than
+    found without a reference), FRAME, ADRIFT (the gyro does not turn as gravity and field do). On the whole unit: MOUNT (the string rotates about another axis of the unit than
     x).
     """
 
@@ -58,6 +58,7 @@ class FaultCode(enum.IntEnum):
     REST_RATE = 18
     REPLAYED = 19
     MOUNT = 20
+    ADRIFT = 21
 
 
 # Faults of the installation. As a rule they exist before the first sample and last for the whole run.

@@ -99,6 +99,7 @@ RULES = {
     FaultCode.REST_RATE: Rule(5, 4),
     FaultCode.REPLAYED: Rule(2, 4),
     FaultCode.MOUNT: Rule(4, 2),
+    FaultCode.ADRIFT: Rule(2, 2),
 }
 
 

@@ -40,7 +40,7 @@ _MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
 # Most samples that wait, if the stamps do not advance.
 _MOST_WAITING = 16384
 # The checks that windows evaluate.
-_WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUNT))
+_WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUNT), int(FaultCode.ADRIFT))
 # Position at which the kernel stopped: at a new sample, after the check of its stamp, or after a half second.
 _NEW, _STAMPED, _CLOSED = 0, 1, 2
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mwd_estimation.core.sensor_fault import MAG, FaultCode
+from mwd_estimation.core.sensor_fault import GYRO, MAG, FaultCode
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -76,6 +76,10 @@ class SignalLimits(NamedTuple):
     #: 1 sigma of a force that is random numbers, in units of the range: uniform numbers have 0.58.
     noise_of_range: float = 0.36
     field_noise: float = 1e-4  #: 1 sigma of a field that is random numbers, T: the Earth's field is at most 7e-5
+    #: `axial_rate_noise`, `cross_rate_noise`: 1 sigma of rates about the axis and across it that are random numbers,
+    #: rad/s. The torsional vibration of a string and the bending of a tool by 50 g of lateral vibration stay below.
+    axial_rate_noise: float = 10.0
+    cross_rate_noise: float = 2.0
     no_tesla: float = 3e-3  #: field that must be in another unit, T; `window_checks` names the unit
     #: `off_pace`, `in_pace`: share of intervals too long or too short for the rate: a fault above, no fault below.
     off_pace: float = 0.6
@@ -151,18 +155,20 @@ def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
 
 
 @compiled
-def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limit: float, began: int) -> bool:
-    """Check whether a sensor (accelerometer or magnetometer) sends random numbers."""
-    worst, size2, axes, white = 0.0, 0.0, 0, False
+def _judge_noise(
+    p: SignalLimits, checks: Any, channels: Any, s: int, limits: tuple[float, float], began: int
+) -> bool:
+    """Check whether a sensor sends random numbers; limits: of the spread along x, and along y and z."""
+    worst, size2, axes, white, limit = 0.0, 0.0, 0, False, limits[1]
     for c in range(3):
         row = channels[3 * s + c]
         size2 += row.mean**2 + row.spread**2
-        if row.spread > limit:
+        if row.spread > limits[min(c, 1)]:
             axes |= 1 << c
             worst = max(worst, row.spread)
             white = white or (row.n >= FEW and row.steps2 > p.white * row.n * row.spread**2)
     check = checks[FaultCode.NOISE.value, 3 * s]
-    if white and (s == 1 or size2 < p.no_tesla**2):
+    if white and (s != 2 or size2 < p.no_tesla**2):
         observe(check, FOR, began, worst, limit)
         check.seen_which[0] = axes
         return True
@@ -266,9 +272,13 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     whose values repeat, are at the end of the range or are missing, however briefly.
     """
     gyro, accel = _motion(p, channels)
-    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, p.field_noise, began))
+    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, (p.field_noise, p.field_noise), began))
     if limits[1] < math.inf:
-        _judge_noise(p, checks, channels, 1, p.noise_of_range * limits[1], began)
+        force = p.noise_of_range * limits[1]
+        _judge_noise(p, checks, channels, 1, (force, force), began)
+    if limits[0] < math.inf:
+        rates = (p.axial_rate_noise, p.cross_rate_noise)
+        doubtful |= GYRO * int(_judge_noise(p, checks, channels, 0, rates, began))
     for s in range(3):
         # Motion as shown by the other sensors; a magnetometer does not react to vibration.
         moves = accel if s == 0 else gyro

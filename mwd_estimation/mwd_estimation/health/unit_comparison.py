@@ -212,7 +212,9 @@ def _judge(
     observe(checks[FaultCode.SILENT.value, 6], AGAINST if len(stamps) else FOR, began, 0.0, 0.0)
     for i in range(1, len(stamps)):
         back += int(stamps[i] <= stamps[i - 1])
-    observe(checks[FaultCode.STAMPS.value, 0], FOR if 3 * back > len(stamps) else AGAINST, began, back, 0.0)
+    # Between the two shares nothing changes, so that uneven delays do not make the fault come and go.
+    disorder = FOR if 3 * back > len(stamps) else (AGAINST if 10 * back <= len(stamps) else NOTHING)
+    observe(checks[FaultCode.STAMPS.value, 0], disorder, began, back, 0.0)
     for s in range(2):
         _judge_axes(unit, began, s, sound)
     _judge_wrong(unit, began, still, sound)

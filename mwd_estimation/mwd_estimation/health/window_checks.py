@@ -68,6 +68,10 @@ class WindowLimits(NamedTuple):
     fastest: float = 50.0  #: rate faster than any string, rad/s: the gyros are in deg/s
     no_gravity: float = 0.35  #: relative difference of the mean force that cannot be gravity; see `variances`
     variances: float = 6.0
+    #: `field_lost`, `gravity_lost`: share of the squared field, and of gravity, that is left of the mean in axes carried
+    #: by the gyros, under the best mapping, below which the gyros do not turn as the tool does.
+    field_lost: float = 0.85
+    gravity_lost: float = 0.9
     #: Force along an axis for half a second, m/s^2, that is probably aliased vibration and passes.
     pushed: float = 15.0
 
@@ -123,6 +127,7 @@ class WindowJudge:
         if self._judge_gyro_unit():
             return
         axes = self._judge_axes()
+        self._judge_adrift()
         if axes != FOR and self._judge_mount():
             return
         # A surge biases the mean of a partial window; that is not a change of dip.
@@ -306,6 +311,24 @@ class WindowJudge:
         by_force = GYRO_BIT | ACCEL_BIT if self._force.confirms else 0
         noted.seen_sound = by_force | (GYRO_BIT | MAG_BIT if self._field.confirms else 0)
         return seen
+
+    def _judge_adrift(self) -> None:
+        """
+        Check whether the gyros turn as gravity and field do.
+
+        If neither is held together by the gyros under any mapping, and the dip between the two is right, gravity and
+        field are two witnesses against the gyros.
+        """
+        w, p = self._window, self._limits
+        if self._samples[0] != WHOLE or self._samples[2] != WHOLE or min(w.fields, w.forces) < _FEW_FIELDS:
+            return
+        seen = AGAINST if w.field[0] > p.field_held * w.field2 else NOTHING
+        field_lost = max(float(w.field.max()), w.field_deg) < p.field_lost * w.field2
+        gravity = math.sqrt(max(float(w.force.max()), w.force_deg)) / self._length
+        if field_lost and gravity < p.gravity_lost and self._accel_unit != 1 and not self._noisy:
+            off = abs(self._dips()[1] - self._expected.dip) if self._right_strength() else math.inf
+            seen = FOR if off < p.dip else NOTHING
+        self._note(FaultCode.ADRIFT, 0, seen, gravity, p.gravity_lost)
 
     def _judge_mount(self) -> bool:
         """Check whether the string turns about another axis of the unit than x, or in reverse while it points up."""

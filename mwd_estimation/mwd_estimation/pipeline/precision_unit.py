@@ -43,6 +43,7 @@ class PrecisionUnit:
         self._stamps = np.zeros(0, dtype=np.int64)
         self._values = np.zeros((0, 6))
         self._clipped = np.zeros(0, dtype=np.uint8)
+        self._doubted = np.zeros(0, dtype=np.bool_)
         self._at = 0
 
     @property
@@ -52,9 +53,10 @@ class PrecisionUnit:
 
     @property
     def rates(self) -> tuple[Stamps, Array]:
-        """Stamps, ns, and rates, rad/s, shape (n, 3), of the kept samples; NaN where a gyro clipped."""
-        rates, clipped = self._values[:, :3], self._clipped & ~np.uint8(clip_flags.ACCEL) != 0
-        return self._stamps, np.where(clipped[:, None], np.nan, rates) if clipped.any() else rates
+        """Stamps, ns, and rates, rad/s, shape (n, 3), of the kept samples; NaN where a gyro clipped or is in doubt."""
+        unknown = (self._clipped & ~np.uint8(clip_flags.ACCEL) != 0) | self._doubted
+        rates = self._values[:, :3]
+        return self._stamps, np.where(unknown[:, None], np.nan, rates) if unknown.any() else rates
 
     def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
         """Seek north from now on with this latitude, deg, and local gravity, m/s^2; None if not known."""
@@ -69,6 +71,7 @@ class PrecisionUnit:
         self._stamps = np.concatenate([self._stamps[self._at :], stamps])
         self._values = np.concatenate([self._values[self._at :], values])
         self._clipped = np.concatenate([self._clipped[self._at :], clipped])
+        self._doubted = np.concatenate([self._doubted[self._at :], np.zeros(len(stamps), dtype=np.bool_)])
         self._at = 0
 
     def take_refused(self, refused: Samples) -> None:
@@ -97,6 +100,9 @@ class PrecisionUnit:
             faulty = any(one.unusable for one in self.faults)
             refusal = self._health.refusal
             self.station.refuse(refusal, faulty)
+            if self._health.suspect:
+                # Until it is known which of two units is wrong, the azimuth does not follow this one.
+                self._doubted[part] = True
             if faulty:
                 fault = refusal
                 samples.values[:] = math.nan

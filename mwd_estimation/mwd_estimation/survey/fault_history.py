@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, SENSORS, FaultCode, SensorFault
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, SENSORS, FaultCode, SensorFault, Unit
 from mwd_estimation.core.verdicts import DOUBTFUL, REJECT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
@@ -129,6 +129,12 @@ class FaultHistory:
             for s, times in sorted(self._doubts.items())
             if any(last >= begin and first <= end + evidence_ns for first, last in times)
             and not (by_gyro and 1 << s == MAG)
+        ]
+        # Two units whose accelerometers have different axes: until the string turns, either may be wrong.
+        doubts += [
+            (ACCEL, Reason(Code.SENSOR_FAULT, fault=one))
+            for one in self._lately(begin)
+            if one.unit == Unit.EITHER and one.code == FaultCode.AXES and one.mappings[1]
         ]
         verdict, found = (REJECT, faults) if faults else (DOUBTFUL, doubts)
         return _accusation(verdict, found)

@@ -273,10 +273,14 @@ def utm_zone(lat: float, lon: float) -> str:
     """
     Return the EPSG code of the UTM zone, with the wider zones of south-western Norway and Svalbard; lat, lon in rad.
 
+    Nearer to a pole than any zone it is that of the polar grid (UPS).
+
     Source: NGA.SIG.0012, The Universal Grids and the Transverse Mercator and Polar Stereographic Map Projections, 2014,
     section 7 (zone 32V, and 31X, 33X, 35X, 37X).
     """
     lat_deg, lon_deg = math.degrees(lat), (math.degrees(lon) + 180.0) % 360.0 - 180.0
+    if not -80.0 <= lat_deg <= 84.0:
+        return "EPSG:32661" if lat_deg > 0.0 else "EPSG:32761"
     zone = math.floor((lon_deg + 180.0) / 6.0) % 60 + 1
     if 56.0 <= lat_deg < 64.0 and 3.0 <= lon_deg < 12.0:
         zone = 32

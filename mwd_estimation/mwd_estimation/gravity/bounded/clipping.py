@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.core import track
+from mwd_estimation.gravity.bounded.measurement import SHOCK_APART
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
@@ -19,7 +20,11 @@ USUAL_TIME = 0.3  # s, averaging time of the usual acceleration
 SHOCK_POWER = 1e4  # (m/s^2)^2, largest contribution of a shock to the usual acceleration
 SHOCK_MEMORY = 10.0  # s, time over which shocks are counted
 QUIET = 0.05  # least usual square of an innovation, of which the gate is a multiple
-LEAST_EXPECTED = 1e-6  # expected shocks per update below which no gate is set
+LEAST_EXPECTED = 1e-6  # expected shocks per update below which they set no gate
+# Square of an innovation, as a multiple of its usual variance, that no vibration reaches (12 sigma): a wrong sample, or a
+# shock between two samples, which may be no larger than the vibration around it.
+FARTHEST = 144.0
+ALONE = 1.0  # s without a shock before it: an attitude that is lost shows in many innovations in a row
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 CLIP_SLOPE = 15.0  # rad/s^2, error of that slope when clipping begins
 CLIP_BRIDGE = 4.0  # s, longest clipping that is bridged
@@ -46,7 +51,7 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
         # A sample that is a mean over dt shows at least the share of it that was clipped.
         shown = p.accel_range * min(HIDDEN / max(dt, 1e-4), 0.9)
         if clipped or power > shown * shown:
-            if (flag or unusual) and s.since_shock > 0.1:
+            if (flag or unusual) and s.since_shock > SHOCK_APART:
                 s.shocks += 1.0
                 s.since_shock = 0.0
             lost = (LOST * dt) ** 2
@@ -73,12 +78,17 @@ def jump_gate(s: Record) -> float:
     The gate is where chance makes an innovation as large less often than hidden shocks occur. A normal innovation
     exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). It is assumed that hidden
     shocks are as frequent as visible ones, less those that are vibration by chance, and occur at random: the
-    probability of at least one within a time T is 1 - exp(-n T).
+    probability of at least one within a time T is 1 - exp(-n T). Without shocks a single innovation may
+    exceed `FARTHEST`.
     """
     expected = (s.shocks / SHOCK_MEMORY - CHANCE / max(s.period, 1e-4)) * s.sums.time
-    if expected < LEAST_EXPECTED:
+    if expected >= LEAST_EXPECTED:
+        gate = -2.0 * math.log(-math.expm1(-expected))
+    elif s.since_shock > ALONE:
+        gate = FARTHEST
+    else:
         return NEVER
-    return -2.0 * math.log(-math.expm1(-expected)) * max(s.innovations.usual, QUIET)
+    return gate * max(s.innovations.usual, QUIET)
 
 
 @compiled

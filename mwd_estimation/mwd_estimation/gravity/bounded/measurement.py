@@ -29,6 +29,7 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
+SHOCK_APART = 0.1  # s, least time between two shocks that count
 JUMP_TIME = 0.06  # s, time after which a velocity lost in a shock shows as a displacement
 
 
@@ -68,6 +69,7 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
         S -= PH[lever]
     if y * y > gate * S:
         _lose_velocity(s, axis, y)
+        s.since_shock = min(s.since_shock, SHOCK_APART)
         S += y * y
     inverse = 1.0 / S
     for j in range(size):
