@@ -293,7 +293,9 @@ _DESCRIPTIONS = {
         confidence=0.9,
     ),
     FaultCode.ADRIFT: _Description(
-        _plain("{sensor} does not turn as gravity and the magnetic field do", f"{_CABLE}; check its unit and its range"),
+        _plain(
+            "{sensor} does not turn as gravity and the magnetic field do", f"{_CABLE}; check its unit and its range"
+        ),
         "mismatch",
         0.9,
     ),

@@ -155,9 +155,7 @@ def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
 
 
 @compiled
-def _judge_noise(
-    p: SignalLimits, checks: Any, channels: Any, s: int, limits: tuple[float, float], began: int
-) -> bool:
+def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tuple[float, float], began: int) -> bool:
     """Check whether a sensor sends random numbers; limits: of the spread along x, and along y and z."""
     worst, size2, axes, white, limit = 0.0, 0.0, 0, False, limits[1]
     for c in range(3):

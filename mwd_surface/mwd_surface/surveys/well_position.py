@@ -102,7 +102,9 @@ def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRec
     well = surveys.well
     what = f"survey programme {Path(well.programme).name}" if well.programme else f"error model {well.error_model}"
     turning = sum(r is not None and r.survey.kind == SURVEY_ROTARY for r in records)
-    what += f" ({turning} rotary surveys: {ROTARY_CODE.removeprefix('ISCWSA ')})" if turning and not well.programme else ""
+    what += (
+        f" ({turning} rotary surveys: {ROTARY_CODE.removeprefix('ISCWSA ')})" if turning and not well.programme else ""
+    )
     beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
     return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 
