@@ -103,19 +103,18 @@ def _check_archive(data: bytes, name: str) -> None:
     """Refuse an archive that is not a spreadsheet, or that unpacks to more than memory and time allow."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            items = archive.infolist()
-            names = {item.filename for item in items}
+            names = set(archive.namelist())
             too_much = _too_much(archive)
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
-    if too_much:
-        raise ListFileError(f"{name}: {too_much}")
     if "xl/workbook.bin" in names:
         raise ListFileError(f"{name} is a binary Excel workbook (.xlsb), which is not read; save it as .xlsx or CSV")
     if "content.xml" in names:
         raise ListFileError(f"{name} is an OpenDocument file (.ods), which is not read; save it as .xlsx or CSV")
     if not any(item.startswith("xl/") for item in names):
         raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save the list as .xlsx or CSV")
+    if too_much:
+        raise ListFileError(f"{name}: {too_much}")
 
 
 def _too_much(archive: zipfile.ZipFile) -> str:
