@@ -59,7 +59,7 @@ class Sonde:
         Settings of the run.
     epoch_ns : int, optional
         Stamp of time zero, ns; the default is the date of the scenario.
-    start : int
+    starts_before : int
         How many times this tool has been started before: the same tool and motion with other noise.
 
     Attributes
@@ -76,11 +76,11 @@ class Sonde:
         Telemetry link to the surface, if the scenario has one.
     """
 
-    def __init__(self, scenario: Scenario, epoch_ns: int | None = None, start: int = 0) -> None:
+    def __init__(self, scenario: Scenario, epoch_ns: int | None = None, starts_before: int = 0) -> None:
         self.scenario = scenario
         seeds = dict(zip(_STREAMS, np.random.SeedSequence(scenario.seed).spawn(len(_STREAMS)), strict=True))
-        if start:
-            again = np.random.SeedSequence((scenario.seed, start)).spawn(len(_NOISE))
+        if starts_before:
+            again = np.random.SeedSequence((scenario.seed, starts_before)).spawn(len(_NOISE))
             seeds |= dict(zip(_NOISE, again, strict=True))
         self._rng = {name: np.random.Generator(np.random.PCG64(s)) for name, s in seeds.items()}
         start = parse_date(scenario.date)

@@ -70,7 +70,7 @@ def test_a_tool_that_is_started_again_has_the_same_motion_and_no_sample_of_befor
     story = scenario.read(SCENARIOS / "default.yaml", STILL)
     starts = []
     for start in range(3):
-        blocks = list(Sonde(story, start=start).blocks(1.0))
+        blocks = list(Sonde(story, starts_before=start).blocks(1.0))
         starts.append({topic: np.concatenate([block[topic] for block in blocks]) for topic in wire.SONDE_TOPICS})
     for before, after in itertools.combinations(starts, 2):
         for name in ("position", "orientation"):
