@@ -92,7 +92,7 @@ def _argument(name: str, value: Any, kind: type) -> Any:
         raise web.HTTPBadRequest(text=f"{name}: must be finite")
     if isinstance(value, str) and (len(value) > _MAX_TEXT or unprintable(value)):
         raise web.HTTPBadRequest(text=f"{name}: {unprintable(value) or f'at most {_MAX_TEXT} characters'}")
-    if name == "name" and (wrong := not_a_file_name(value)):
+    if name == "name" and (wrong := not_a_file_name(str(value))):
         raise web.HTTPBadRequest(text=f"name: {wrong}")
     if type(value) is int and not 0 <= value < 2**32:
         raise web.HTTPBadRequest(text=f"{name}: must be within 0 and {2**32 - 1}")
