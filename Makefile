@@ -4,6 +4,7 @@
 # make test-ubuntu  the same tests with the versions of Ubuntu 24.04's Python packages, on Python 3.12
 # make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
 # make fuzz   generated input against every parser, for long (the suite does it for short); INPUTS=500: of so many each
+# make sweep  every scenario with requests of people, live and afterwards: equal lists; SECONDS=100: of so many each
 # make soak   an hour of the graph at ten times its pace with kills, LOSS=0.3: over a network that loses and reorders
 # make sbom   the locked packages as CycloneDX
 # make deb    out/mwd_*.deb: ROS 2, messages, packages and mwd in /opt/mwd, for machines of this distribution
@@ -19,7 +20,7 @@ CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD
 # wait for real nodes; tests/work_order.py has their order.
 PYTEST = $(CLEAN) $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures tour lock bench fuzz soak sbom deb clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures tour lock bench fuzz soak sweep sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -70,6 +71,9 @@ lock: setup
 
 fuzz: setup
 	@HYPOTHESIS_PROFILE=fuzz FUZZ_INPUTS=$(or $(INPUTS),5000) $(CLEAN) $(BIN)/python -m pytest -m fuzz --hypothesis-show-statistics $(ONLY)
+
+sweep: setup
+	@SWEEP_SECONDS=$(or $(SECONDS),240) $(PYTEST) --numprocesses 2 --dist load -k scenario mwd_surface/test/processing/test_live_and_afterwards.py
 
 soak: setup
 	@$(CLEAN) $(BIN)/python tests/soak.py $(if $(MINUTES),--minutes $(MINUTES)) $(if $(LOSS),--loss $(LOSS))

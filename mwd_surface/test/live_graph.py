@@ -2,9 +2,13 @@
 """Estimator and surface of a well without middleware, and the recording of what they send."""
 
 import dataclasses
+import itertools
+import math
 
+import numpy as np
 import plotted_bag
 
+from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.nodes.revisions import LiveRevisions
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
@@ -23,6 +27,7 @@ LIST, SURVEY = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Survey"
 EVENT, USED = "mwd_msgs/msg/OperatorEvent", "mwd_msgs/msg/UsedSamples"
 TAKE, ROTARY, RESET, DEPTH, ACCEPT, REJECT = 0, 3, 6, 8, 9, 10
 BESIDE = {"imu/mag": "push_mag", "gyro/data_raw": "push_precision", "imu/temperature": "push_temperature"}
+UNITS = ("imu/data_raw", "imu/mag", "gyro/data_raw")
 VECTORS = ("angular_velocity", "linear_acceleration", "magnetic_field")
 
 
@@ -54,22 +59,25 @@ class LiveGraph:
             self.bag.definitions.load(name)
         self.store, self.now_ns, self.newest_ns = self.bag.definitions.typestore, 0, 0
         self.depth = 1000.0
-        self._noise, self._noises = input_covariance.NoiseWatch(), 0
+        self._repeated = {name: RepeatedSamples(hold=name == "imu/data_raw") for name in UNITS}
 
-    def run(self, actions=(), step_s=0.2):
-        """Drill; actions: (seconds, callable of this graph). Returns the list at the end."""
+    def run(self, actions=(), step_s=0.2, seconds=math.inf):
+        """Drill for so long at most; actions: (seconds, callable of this graph). Returns the list at the end."""
         waiting = sorted(actions, key=lambda one: one[0])
         first = None
         self.now_ns = self.sonde.epoch_ns
         self._say_list()
-        for block in self.sonde.blocks(step_s):
+        for block in itertools.takewhile(lambda _: self.sonde.time <= seconds, self.sonde.blocks(step_s)):
             for name in block:
                 for vector in VECTORS:
                     if vector in (block[name].dtype.names or ()) and name != "truth":
                         block[name][vector] = block[name][vector] @ self.mat
+            # Samples arrive within their block, in the order in which they are sent, whatever their stamps.
+            span = self.now_ns, max(self.now_ns, self.sonde.epoch_ns + round(self.sonde.time * 1e9))
             for name, samples in block.items():
                 if name != "truth":
-                    self._record(name, samples)
+                    self._record(name, samples, span)
+            self.now_ns = span[1]
             self._estimate(block)
             first = self.now_ns if first is None else first
             while waiting and (self.now_ns - first) * 1e-9 >= waiting[0][0]:
@@ -84,22 +92,18 @@ class LiveGraph:
         self.bag.close()
         return self.list
 
-    def _record(self, name, samples):
+    def _record(self, name, samples, span):
         lost = min(self._lost.get(name, 0), len(samples))
         self._lost[name] = self._lost.get(name, 0) - lost
         layout, kept = wire.SONDE_TOPICS[name], samples[lost:]
-        if len(samples):
-            self.now_ns = max(self.now_ns, int(samples["stamp_ns"][-1]))
         if len(kept):
             frame = "w1/rig_floor" if name == "rig/state" else "w1/sonde_link"
             channel = self.bag.topic(f"/w1/{name}", layout.type_name)
-            self.bag.write_rows(channel, layout.encode(kept, frame), kept["stamp_ns"])
+            log_ns = np.maximum.accumulate(np.clip(kept["stamp_ns"], *span))
+            self.bag.write_rows(channel, layout.encode(kept, frame), log_ns)
 
     def _estimate(self, block):
         block = {name: self._taken_as_stated(name, samples) for name, samples in block.items()}
-        if len(self._noise.noise) != self._noises:
-            self._noises = len(self._noise.noise)
-            self.pipeline.set_noise(self._noise.noise)
         for name, push in BESIDE.items():
             if name in block and len(block[name]):
                 self._count(name, block[name])
@@ -120,13 +124,11 @@ class LiveGraph:
         self.revisions.finish()
 
     def _taken_as_stated(self, name, samples):
-        """What covariances say of samples, as the node takes it."""
-        if name not in ("imu/data_raw", "imu/mag", "gyro/data_raw") or not len(samples):
+        """Samples that came once, without the vectors that covariances declare absent, as the node takes them."""
+        if name not in UNITS or not len(samples):
             return samples
-        type_name = wire.SONDE_TOPICS[name].type_name
-        if name != "gyro/data_raw":
-            self._noise.take(samples, type_name)
-        return input_covariance.judge(samples, type_name)[0]
+        samples = self._repeated[name].take(samples["stamp_ns"], samples)[1]
+        return input_covariance.judge(samples, wire.SONDE_TOPICS[name].type_name)[0]
 
     def _count(self, name, samples):
         stamps = samples["stamp_ns"]

@@ -201,6 +201,7 @@ WORDS: dict[Code, str] = {
     Code.STRING_DOES_NOT_TURN: "the string does not turn: take a survey at rest",
     Code.TOO_FEW_WITH_GRAVITY: "too few samples with a known gravity",
     Code.TIME_WENT_BACK: "time went back: the estimate begins anew",
+    Code.NOISE_STATED: "the sensors state more noise than the tool's settings: the estimate begins anew; ask again",
 }
 
 

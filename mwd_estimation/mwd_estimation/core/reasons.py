@@ -127,6 +127,7 @@ class ReasonCode(StrEnum):
     STRING_DOES_NOT_TURN = "string_does_not_turn"
     TOO_FEW_WITH_GRAVITY = "too_few_with_gravity"
     TIME_WENT_BACK = "time_went_back"
+    NOISE_STATED = "noise_stated"
 
 
 @dataclass(frozen=True)

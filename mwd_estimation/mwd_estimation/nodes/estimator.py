@@ -84,7 +84,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.prepare(lambda: warm_up(self.settings))
         self._inputs = InputTopics(self)
         self._mount_key = self._inputs.mount_key
-        self._noises = 0
         self._pipeline = Pipeline(self.settings, None, self._inputs.mount(self.settings.tool.mount))
         # Samples not used by the last diagnostics, and when there were new ones.
         self._unused = 0, 0.0
@@ -131,8 +130,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._respond(False, "no survey taken: the settings were changed", 0)
         before = self._pipeline
         reference = before.given_reference if settings.place == before.settings.place else None
-        self._pipeline = Pipeline(settings, reference, self._inputs.mount(settings.tool.mount))
-        self._pipeline.set_noise(self._inputs.noise)
+        self._pipeline = Pipeline(settings, reference, self._inputs.mount(settings.tool.mount), self._inputs.noise)
         self._pipeline.continue_numbering(before.sequence)
         self._times_set_back = 0
 
@@ -167,9 +165,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             # Frames and static transforms are known with the first messages.
             self._mount_key = inputs.mount_key
             pipeline.set_mount(inputs.mount(pipeline.settings.tool.mount))
-        if len(inputs.noise) != self._noises:
-            self._noises = len(inputs.noise)
-            pipeline.set_noise(inputs.noise)
         pushes = (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature)
         for push, topic, samples in zip(pushes, _BESIDE, others, strict=True):
             if len(samples):

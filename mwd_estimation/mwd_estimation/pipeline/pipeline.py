@@ -6,12 +6,13 @@ Blocks may have any length. The output has the same bits however the streams are
 arrive, if a magnetic sample arrives at most `tool.magnetometer.delay_s` after its stamp.
 
 Values pass the gate (`core.input_gate`) before anything else sees them. The pipeline checks their time: if time goes
-back (a recording that loops or is rewound), the estimate restarts. The next stages, in the order of the signal, are in
-`estimate`.
+back (a recording that loops or is rewound), the estimate restarts. It also restarts if covariances state more noise
+than the tool's settings. The next stages, in the order of the signal, are in `estimate`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -26,6 +27,7 @@ from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.core.track import Track
 from mwd_estimation.pipeline.bin_stage import Numbering
 from mwd_estimation.pipeline.estimate import Estimate
+from mwd_estimation.pipeline.noise_onset import NoiseOnset
 from mwd_estimation.pipeline.output import Counters, Output
 from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.settings import derivation
@@ -49,6 +51,8 @@ class Pipeline:
         Overrides the settings, for a field measured beforehand.
     mount : Mount, optional
         Mount of the units in the tool; by default from the settings, without frames and static transforms.
+    noise : mapping of Noise, optional
+        Noise that covariances stated before, by vector (`input_covariance.NoiseWatch`): it counts from the start.
 
     Raises
     ------
@@ -58,7 +62,7 @@ class Pipeline:
     Attributes
     ----------
     noise_notes : list of str
-        A sentence for each vector whose stated noise is larger than the tool's and is used (`set_noise`).
+        A sentence for each vector whose stated noise is larger than the tool's and is used.
     gate : InputGate
         The gate that all samples pass. Samples that are used elsewhere too may pass it before they are pushed: samples
         that have passed it once pass it again unchanged.
@@ -67,7 +71,11 @@ class Pipeline:
     """
 
     def __init__(
-        self, settings: EstimatorSettings, reference: Reference | None = None, mount: Mount | None = None
+        self,
+        settings: EstimatorSettings,
+        reference: Reference | None = None,
+        mount: Mount | None = None,
+        noise: Mapping[str, Noise] | None = None,
     ) -> None:
         derivation.check(settings)
         self.settings = settings
@@ -76,8 +84,8 @@ class Pipeline:
         self.counters = Counters()
         self._numbering = Numbering()
         self._given = reference
-        self._with_noise = settings
-        self.noise_notes: list[str] = []
+        self._with_noise, self.noise_notes = with_noise(settings, noise or {})
+        self._onset = NoiseOnset(noise or {}, round(settings.tool.magnetometer.delay_s * 1e9))
         self.temperature = TemperatureWatch(derivation.calibrated_range(settings.tool))
         self.reset()
 
@@ -87,6 +95,10 @@ class Pipeline:
         self._begin_anew()
 
     def _begin_anew(self, mag_late_ns: int = 0) -> None:
+        self._onset.forget()
+        self._new_estimate(mag_late_ns)
+
+    def _new_estimate(self, mag_late_ns: int) -> None:
         mat_tu = self.mount.imu
         self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering, mat_tu, mag_late_ns)
         self._estimate.watch.expect_mag(expected="mag" not in self.mount.unusable)
@@ -99,6 +111,7 @@ class Pipeline:
         """
         if "mag" not in self.mount.unusable:
             self.counters.mag += len(samples)
+            self._onset.take_mag(samples)
             self._take_beside("mag", self.mount.mag_in_tool(self.gate.mag(samples)))
 
     def push_precision(self, samples: Samples) -> None:
@@ -118,7 +131,10 @@ class Pipeline:
         self._take_beside("temperature", samples)
 
     def _take_beside(self, name: str, samples: Samples) -> None:
-        self._estimate.take_beside(name, self._clocks.beside(name, samples))
+        self._hand_on(name, self._clocks.beside(name, samples))
+
+    def _hand_on(self, name: str, samples: Samples) -> None:
+        self._estimate.take_beside(name, self._onset.keep_beside(name, samples))
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
@@ -130,6 +146,7 @@ class Pipeline:
         """
         if "imu" in self.mount.unusable:
             return Output.empty(0)
+        self._onset.take_imu(samples)
         samples = self.mount.imu_in_tool(self.gate.imu(samples))
         self._estimate.take_refused(self.gate.take_refused())
         self.counters.imu += len(samples)
@@ -137,24 +154,39 @@ class Pipeline:
         (first, new), *rest = self._clocks.lead(samples)
         if new is None:
             for name, waiting in self._clocks.reached(before_ns).items():
-                self._estimate.take_beside(name, waiting)
-            return self._estimate.take_imu(first, followed)
+                self._hand_on(name, waiting)
+            return self._take_imu(first, followed)
         output, place = Output.empty(0), 0
         for part, begun in [(first, new), *rest]:
             given = followed.part(slice(place, place + len(part))) if followed is not None else None
             place += len(part)
-            output = output.joined(self._estimate.take_imu(part, given))
+            output = output.joined(self._take_imu(part, given))
             if begun is not None:
                 self._estimate.end_requests(Reason(ReasonCode.TIME_WENT_BACK), output)
                 self._set_back(begun)
         return output
+
+    def _take_imu(self, samples: Samples, followed: Track | None) -> Output:
+        """Estimate samples of one time, in parts during which the same noise counts."""
+        output = Output.empty(0)
+        while True:
+            count, noise = self._onset.next_change(samples)
+            part = samples[:count]
+            self._onset.keep_imu(part, followed)
+            output = output.joined(self._estimate.take_imu(part, followed))
+            if noise is None:
+                return output
+            self._set_noise(noise, output)
+            samples = samples[count:]
+            followed = followed.part(slice(count, None)) if followed is not None else None
 
     def _set_back(self, begun: Samples) -> None:
         """Restart with the samples that showed that time went back; their rows were already output as not used."""
         self.counters.set_back += 1
         self._begin_anew(self.mag_late_ns)
         for name, waiting in self._clocks.release().items():
-            self._estimate.take_beside(name, waiting)
+            self._hand_on(name, waiting)
+        self._onset.keep_imu(begun, None)
         self._estimate.take_imu(begun)
 
     def set_mount(self, mount: Mount) -> None:
@@ -164,12 +196,26 @@ class Pipeline:
         if not np.array_equal(before.imu, mount.imu):
             self.reset()
 
-    def set_noise(self, stated: Mapping[str, Noise]) -> None:
-        """Use the noise stated by covariances if it is larger than the tool's; the estimate restarts."""
+    def _set_noise(self, stated: Mapping[str, Noise], output: Output) -> None:
+        """
+        Use the noise stated by covariances if it is larger than the tool's; the estimate then restarts.
+
+        Rows for the kept samples were already output, and the samples counted: they give no further rows.
+        """
+        self._onset.count(stated)
         settings, self.noise_notes = with_noise(self.settings, stated)
-        if settings != self._with_noise:
-            self._with_noise = settings
-            self.reset()
+        if settings == self._with_noise:
+            return
+        self._with_noise = settings
+        self._estimate.end_requests(Reason(ReasonCode.NOISE_STATED), output)
+        kept, counted = self._onset.begin_again(self.last_imu_ns), dataclasses.astuple(self.counters)
+        self._new_estimate(self.mag_late_ns)
+        for name, samples in kept.beside:
+            self._estimate.take_beside(name, samples)
+        for samples, followed in kept.imu:
+            self._estimate.take_imu(samples, followed)
+        for field, count in zip(dataclasses.fields(self.counters), counted, strict=True):
+            setattr(self.counters, field.name, count)
 
     def finish(self) -> Output:
         """

@@ -221,8 +221,7 @@ def noisy(imu, mag, vector=None, sigma=0.0):
     imu, mag = imu.copy(), mag.copy()
     if vector:
         (mag if vector == "magnetic_field" else imu)[f"{vector}_covariance"] = np.diag([sigma**2] * 3).ravel()
-    pipeline, inputs = Pipeline(EstimatorSettings(place=PLACE)), topics(imu__data_raw=imu, imu__mag=mag)
-    pipeline.set_noise(inputs.noise)
+    pipeline = Pipeline(EstimatorSettings(place=PLACE))
     pipeline.push_mag(mag)
     output = pipeline.push_imu(imu)
     return pipeline, output.attitude[-1], [*output.surveys, *pipeline.finish().surveys][0]

@@ -77,6 +77,71 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts):
     assert len(surveys) == 1
 
 
+def _stating(imu, mag, *, every=1, mag_from=0):
+    """The same with covariances that state much noise; every: of the samples that are there; mag_from: its first."""
+    for samples, vector, sigma in ((imu, "linear_acceleration", 1.0), (mag, "magnetic_field", 2e-5)):
+        samples[f"{vector}_covariance"] = np.diag([sigma**2] * 3).ravel()
+    return imu[::every], mag[mag_from:][::every]
+
+
+@pytest.mark.slow(8)
+@settings(max_examples=8, deadline=None)
+@given(
+    cuts=st.lists(st.integers(0, 1600), max_size=8),
+    every=st.sampled_from([1, 10, 20]),
+    mag_from=st.sampled_from([0, 30, 700]),
+)
+@pytest.mark.parametrize("late_ns", [0, 20_000_000])
+def test_stated_noise_counts_from_a_stamp_and_not_from_the_block_in_which_it_became_known(
+    late_ns, cuts, every, mag_from
+):
+    imu, mag = _stating(*_samples(), every=every, mag_from=mag_from)
+
+    def run(cuts):
+        pipeline, outputs, given = Pipeline(EstimatorSettings(), REFERENCE), [], 0
+        for block in np.split(imu, sorted({cut // every for cut in cuts})):
+            # Magnetic samples are there within the delay of the tool, and never before they are taken.
+            newest = block["stamp_ns"][-1] - late_ns if len(block) else 0
+            until = max(given, int(np.searchsorted(mag["stamp_ns"], newest, side="right")))
+            pipeline.push_mag(mag[given:until])
+            outputs.append(pipeline.push_imu(block))
+            given = until
+        return pipeline, outputs
+
+    (pipeline, pieces), (one, whole) = run(cuts), run(())
+    for name in ("attitude", "gravity", "interference", "dynamics"):
+        assert _joined(pieces, name).tobytes() == _joined(whole, name).tobytes()
+    surveys = [[survey.uuid for output in outputs for survey in output.surveys] for outputs in (pieces, whole)]
+    assert surveys[0] == surveys[1]
+    assert len(pipeline.noise_notes) == 2
+    assert (pipeline.counters.imu, pipeline.counters.mag) == (one.counters.imu, one.counters.mag)
+    assert pipeline.counters.late_mag == pipeline.counters.rejected == 0
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_an_estimate_is_that_of_noise_known_from_the_first_sample_once_the_noise_is_known(every):
+    imu, mag = _stating(*_samples(), every=every)
+    learnt = Pipeline(EstimatorSettings(), REFERENCE)
+    rows = _joined(_run(imu, mag, learnt, range(1, len(imu), 7)), "attitude")
+    watch = input_covariance.NoiseWatch()
+    watch.take(imu, wire.IMU.type_name)
+    watch.take(mag, wire.MAG.type_name)
+    known = Pipeline(EstimatorSettings(), REFERENCE, noise=watch.noise)
+    assert known.noise_notes == learnt.noise_notes
+    later = slice(32, None)
+    assert rows[later].tobytes() == _joined(_run(imu, mag, known), "attitude")[later].tobytes()
+
+
+def test_a_survey_asked_for_before_the_noise_is_known_is_refused_with_the_reason_and_not_forgotten():
+    imu, mag = _stating(*_samples(seconds=6.0), every=10)
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    first = _run(imu[:5], mag[:5], pipeline)
+    pipeline.request_survey(2.0)
+    outputs = first + _run(imu[5:], mag[5:], pipeline)
+    (refusal,) = [refusal for output in outputs for refusal in output.refusals]
+    assert refusal.reason.code is ReasonCode.NOISE_STATED
+
+
 def test_one_sample_at_a_time_is_the_same_too():
     imu, mag = _samples(seconds=3.0, rate=5.0, still_after=3.0)
     whole = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))

@@ -17,6 +17,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -77,14 +78,22 @@ class NoiseWatch:
     Later covariances are ignored; otherwise the estimate would depend on when they arrive. `rest` compares the stated
     noise with the scatter of samples at rest.
 
+    Parameters
+    ----------
+    known : mapping of Noise, optional
+        Noise that is known already, by vector.
+
     Attributes
     ----------
     noise : dict of Noise
         Noise by vector, present once the first samples have arrived.
+    known_ns : dict of int
+        Stamp of the sample with which the noise of a vector became known, by vector.
     """
 
-    def __init__(self) -> None:
-        self.noise: dict[str, Noise] = {}
+    def __init__(self, known: Mapping[str, Noise] | None = None) -> None:
+        self.noise: dict[str, Noise] = dict(known or {})
+        self.known_ns: dict[str, int] = {}
         self._resting: dict[str, list[NDArray[np.float64]]] = {}
         self._least: dict[str, float] = {}
         self._stamps: dict[str, list[int]] = {}
@@ -106,6 +115,7 @@ class NoiseWatch:
             stamps += samples["stamp_ns"][: _RATED - len(stamps)].tolist()
             if len(stamps) == _RATED:
                 self.noise[vector] = Noise(self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0))
+                self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
         """Add samples; if the tool is at rest (`still`), keep the smallest scatter of each vector."""

@@ -169,7 +169,8 @@ class Bench:
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
-            raise CaseError(f"set-point {sequence} of the owner was refused")
+            needs = "; turns need a toolface: is the MWD alive?" if wanted.turn else ""
+            raise CaseError(f"set-point {sequence} of the owner did not come into force{needs}")
 
     def _in_force(self, lease: int, sequence: int) -> bool:
         view = self.interface.view()

@@ -63,8 +63,10 @@ def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iter
 def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
     """Return whether the owner's set-point with this number is still in force, and a text about it."""
     view = bench.view()
-    same = (view.lease, view.sequence) == (lease, sequence)
-    if taken or not same:
+    if not taken and view.lease != lease:
+        # Not a set-point that was obeyed: a late heartbeat of this program, or an MWD that fell silent.
+        return False, f"refused, but the owner lost its lease {lease} meanwhile (now {view.lease}); look at its reason"
+    if taken or view.sequence != sequence:
         return False, f"taken: lease {view.lease}, set-point {view.sequence} in force"
     return True, f"refused; set-point {sequence} stays in force"
 

@@ -131,7 +131,6 @@ class BagEstimate:
         self._stream = InputStream(bag, self.topics, given)
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
-        self._noise = input_covariance.NoiseWatch()
         self._rests = Rests(estimator.survey)
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
@@ -270,18 +269,14 @@ class BagEstimate:
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
 
     def _judge_covariances(self, samples: BlockSamples) -> None:
-        """Remove vectors that covariances declare absent, and account for larger noise, as the live estimator does."""
-        topics, known = self.topics, len(self._noise.noise)
+        """Remove vectors that covariances declare absent, as the live estimator does."""
+        topics = self.topics
         for topic, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG), (topics.precision, wire.IMU)):
             if topic is None or topic not in samples:
                 continue
-            if topic != topics.precision:
-                self._noise.take(samples[topic], layout.type_name)
             samples[topic], notes = input_covariance.judge(samples[topic], layout.type_name)
             said = [input_covariance.sentence(topic, vector, note) for vector, note in notes.items()]
             self._summary.warnings += [text for text in said if text not in self._summary.warnings]
-        if len(self._noise.noise) != known:
-            self._pipeline.set_noise(self._noise.noise)
 
     def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
         """Leave out sensors whose stamps come from another clock than the IMU's, judged by the log times."""

@@ -3,6 +3,7 @@
 
 import dataclasses
 import math
+import os
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from mwd_surface.processing import process
 from mwd_surface.processing.bag_input import InputSettings, find_topics, guesses, namespace_of
 from mwd_surface.surveys.recorded_settings import recorded_settings
 from mwd_surface.surveys.survey_record import Verdict
-from project import SCENARIOS
+from project import ROOT, SCENARIOS
 
 pytestmark = pytest.mark.slow(4)
 
@@ -59,30 +60,17 @@ def processed(path, out, **given):
         return process.process(bag, out, recorded.estimator, InputSettings(**given), recorded=recorded)
 
 
-def both(folder, made, actions=(), **options):
+def both(folder, made, actions=(), *, seconds=math.inf, **options):
     """Lists live and afterwards, and the summary of what was processed."""
     live = LiveGraph(folder / "bag", made, **options)
-    surveys = live.run(actions)
+    surveys = live.run(actions, seconds=seconds)
     return surveys, processed(folder / "bag", folder / "out"), live
-
-
-def in_force(surveys):
-    """Of each survey what a driller goes by."""
-    return [
-        (r.survey.uuid, r.survey.verdict, r.survey.withdrawn, r.survey.reasons, r.in_use, r.measured_depth)
-        for r in surveys.records
-    ]
 
 
 @pytest.mark.parametrize(("component", "word", "axis", "start_s"), FAULTS)
 def test_the_verdicts_of_a_faulty_tool_are_the_same_live_and_afterwards(component, word, axis, start_s, tmp_path):
     live, summary, _ = both(tmp_path, story([(component, word, axis, start_s)]))
     assert summary.other_input == []
-    if word == "slow":
-        # Covariances count live from the second in which they are known, afterwards from the first sample: the first
-        # survey of a unit as slow as this one begins later live.
-        assert [one[1:3] for one in in_force(summary.listed)] == [one[1:3] for one in in_force(live)]
-        return
     assert summary.listed == live
     # The table of surveys has the verdict of the list.
     listed = {r.survey.uuid: r.survey.verdict for r in summary.listed.records}
@@ -151,6 +139,30 @@ def test_the_list_of_people_s_requests_comes_out_again(name, mount, tmp_path):
     assert summary.live == f"{len(live.records)} of {len(live.records)} surveys equal those of the live list"
     assert not [text for text in summary.warnings if "not taken" in text]
     assert (name == "refused") == (len(graph.answers) == 5 and all(graph.answers))
+
+
+# Requests of people within a run of any scenario: some are refused, where nothing stands still or was surveyed.
+REQUESTS = [
+    (20.0, lambda g: g.ask(TAKE, 4.0)),
+    (45.0, lambda g: g.ask(ROTARY, 8.0)),
+    (80.0, lambda g: g.judge(REJECT, 1, "Ann")),
+    (90.0, lambda g: g.judge(ACCEPT, 1, "Bob", depth=1010.0)),
+    (95.0, lambda g: g.judge(REJECT, 2, "Ann")),
+]
+# A lossy link with jumps in time, a drifting clock, a dual unit, stick-slip; `make sweep` plays all, and for longer.
+SWEEP_S = float(os.environ.get("SWEEP_SECONDS", "0"))
+PLAYED = ["default", "faults", "telemetry_serial", "s1_lab", "stick_slip_hell"]
+ALL = sorted([*SCENARIOS.glob("*.yaml"), *(ROOT / "tests/graph/scenarios").glob("*.yaml")])
+# Times of the gate's runs, s: within `faults` time jumps and the link loses bursts.
+LASTS_S = {"faults": 215.0}
+
+
+@pytest.mark.slow(25)
+@pytest.mark.parametrize("path", [one for one in ALL if SWEEP_S or one.stem in PLAYED], ids=lambda path: path.stem)
+def test_a_scenario_with_requests_of_people_has_the_same_list_live_and_afterwards(path, tmp_path):
+    live, summary, _ = both(tmp_path, read(path), REQUESTS, seconds=SWEEP_S or LASTS_S.get(path.stem, 100.0))
+    assert summary.other_input == []
+    assert summary.listed == live
 
 
 def test_a_recorder_without_the_events_is_told_to_record_them_and_the_decisions_are_those_of_the_lists(tmp_path):

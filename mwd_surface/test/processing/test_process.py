@@ -586,9 +586,7 @@ def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processe
         for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
             bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
     run(tmp_path / "bag", tmp_path / "out")
-    pipeline, watch = Pipeline(S3), input_covariance.NoiseWatch()
-    watch.take(imu, wire.IMU.type_name)
-    pipeline.set_noise(watch.noise)
+    pipeline = Pipeline(S3)
     pipeline.push_mag(mag)
     output = pipeline.push_imu(input_covariance.judge(imu, wire.IMU.type_name).samples)
     text = bytes(attitude_csv.Lines()(output.attitude, output.gravity)).decode()
