@@ -237,9 +237,9 @@ def test_a_rate_that_was_set_is_the_usual_one_after_half_a_minute():
 @pytest.mark.parametrize(
     ("wrong", "code"),
     [
-        (lambda rates, rng: rng.uniform(-35.0, 35.0, rates.shape), FaultCode.NOISE),
-        (lambda rates, rng: rng.uniform(-0.5, 0.5, rates.shape), FaultCode.ADRIFT),
-        (lambda rates, rng: rates * np.array([0.3, 1.0, 1.0]), FaultCode.ADRIFT),
+        (lambda rates: np.random.default_rng(1).uniform(-35.0, 35.0, rates.shape), FaultCode.NOISE),
+        (lambda rates: np.random.default_rng(1).uniform(-0.5, 0.5, rates.shape), FaultCode.ADRIFT),
+        (lambda rates: rates * np.array([0.3, 1.0, 1.0]), FaultCode.ADRIFT),
     ],
 )
 def test_a_gyro_that_does_not_turn_as_the_tool_does_is_named_and_hardly_spoils_a_value(wrong, code):
@@ -247,7 +247,7 @@ def test_a_gyro_that_does_not_turn_as_the_tool_does_is_named_and_hardly_spoils_a
     streams = dict(sent()[0])
     imu = streams["imu/data_raw"] = streams["imu/data_raw"].copy()
     hit = (seconds(imu) >= BEGINS) & (seconds(imu) < ENDS)
-    imu["angular_velocity"][hit] = wrong(imu["angular_velocity"][hit], np.random.default_rng(1))
+    imu["angular_velocity"][hit] = wrong(imu["angular_velocity"][hit])
     output, _ = estimated(streams)
     found = [one for one in output.health if one.unit == Unit.CONVENTIONAL and not one.cleared_ns]
     assert code in {one.code for one in found}
