@@ -33,8 +33,8 @@ class FaultCode(enum.IntEnum):
     numbers), NEVER_CAME and SILENT (no samples), REPEATED (sent twice), UNIT (wrong unit of measurement), MISMATCH
     (matches no axis of the other unit), GRAVITY (the mean force is not gravity), REST_RATE (shows rotation at rest). On
     the stream: RATE, STAMPS, REPLAYED (old samples come again). Between sensors: AXES, SIGN, POINTS_UP (a wrong sign,
-    found without a reference), FRAME, ADRIFT (the gyro does not turn as gravity and field do). On the whole unit: MOUNT (the string rotates about another axis of the unit than
-    x).
+    found without a reference), FRAME, ADRIFT (the gyro does not turn as gravity and field do). On the whole unit: MOUNT
+    (the string rotates about another axis of the unit than x).
     """
 
     STUCK = 0

@@ -68,8 +68,8 @@ class WindowLimits(NamedTuple):
     fastest: float = 50.0  #: rate faster than any string, rad/s: the gyros are in deg/s
     no_gravity: float = 0.35  #: relative difference of the mean force that cannot be gravity; see `variances`
     variances: float = 6.0
-    #: `field_lost`, `gravity_lost`: share of the squared field, and of gravity, that is left of the mean in axes carried
-    #: by the gyros, under the best mapping, below which the gyros do not turn as the tool does.
+    #: `field_lost`, `gravity_lost`: share of the squared field, and of gravity, that is left of the mean in axes
+    #: carried by the gyros, under the best mapping, below which the gyros do not turn as the tool does.
     field_lost: float = 0.85
     gravity_lost: float = 0.9
     #: Force along an axis for half a second, m/s^2, that is probably aliased vibration and passes.

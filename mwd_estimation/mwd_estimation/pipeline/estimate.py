@@ -28,7 +28,7 @@ from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.sensor_fault import GYRO, MAG
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG
 from mwd_estimation.core.stamp_jitter import StampJitter
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
@@ -256,6 +256,8 @@ class Estimate:
             self._delay.begin_anew()
         self._gyro_usable = usable
         rate_x = np.where(track.status & _CLIPPED != 0, np.nan, rate_x)
+        # A sensor in doubt must not teach a delay: nothing takes a wrong one back until the speed changes again.
+        later = later & (stretch.suspect & (GYRO | ACCEL) == 0)
         self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
 
     def _correct_delay(self, span: int) -> None:

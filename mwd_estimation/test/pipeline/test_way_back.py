@@ -232,3 +232,45 @@ def test_a_rate_that_was_set_is_the_usual_one_after_half_a_minute():
     ]
     assert output.health[1].cleared_ns - output.health[0].since_ns < 40 * 10**9
     assert pipeline.sensor_faults == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code"),
+    [
+        (lambda rates: np.random.default_rng(1).uniform(-35.0, 35.0, rates.shape), FaultCode.NOISE),
+        (lambda rates: np.random.default_rng(1).uniform(-0.5, 0.5, rates.shape), FaultCode.ADRIFT),
+        (lambda rates: rates * np.array([0.3, 1.0, 1.0]), FaultCode.ADRIFT),
+    ],
+)
+def test_a_gyro_that_does_not_turn_as_the_tool_does_is_named_and_hardly_spoils_a_value(wrong, code):
+    healthy, _ = estimated(sent()[0])
+    streams = dict(sent()[0])
+    imu = streams["imu/data_raw"] = streams["imu/data_raw"].copy()
+    hit = (seconds(imu) >= BEGINS) & (seconds(imu) < ENDS)
+    imu["angular_velocity"][hit] = wrong(imu["angular_velocity"][hit])
+    output, _ = estimated(streams)
+    found = [one for one in output.health if one.unit == Unit.CONVENTIONAL and not one.cleared_ns]
+    assert code in {one.code for one in found}
+    assert {one.unusable for one in found} == {1}
+    ended = [one for one in output.health if one.code == code and one.cleared_ns]
+    assert ended
+    # From two seconds on, when it is in doubt at the latest.
+    late = (seconds(imu) >= BEGINS + 2.0) & (seconds(imu) < ENDS)
+    for field in ("inclination", "azimuth"):
+        sigma = output.attitude[f"sigma_{field}"]
+        error = np.abs(wrap_pi(output.attitude[field] - healthy.attitude[field]))
+        known = late & np.isfinite(sigma) & np.isfinite(error)
+        assert (error[known] > 4.0 * sigma[known] + 0.01).mean() < 0.06, field
+
+
+def test_random_rates_of_the_precision_unit_do_not_carry_the_azimuth():
+    healthy, _ = estimated(sent()[0])
+    streams = dict(sent()[0])
+    fine = streams["gyro/data_raw"] = streams["gyro/data_raw"].copy()
+    hit = (seconds(fine) >= BEGINS) & (seconds(fine) < ENDS)
+    fine["angular_velocity"][hit] = np.random.default_rng(1).uniform(-1.7, 1.7, (int(hit.sum()), 3))
+    output, _ = estimated(streams)
+    sigma = output.attitude["sigma_azimuth"]
+    error = np.abs(wrap_pi(output.attitude["azimuth"] - healthy.attitude["azimuth"]))
+    known = np.isfinite(sigma) & np.isfinite(error)
+    assert (error[known] <= 3.0 * sigma[known]).all()

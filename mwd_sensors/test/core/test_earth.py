@@ -149,6 +149,10 @@ def test_a_grid_of_another_part_of_the_earth_is_refused():
         (33.0, 80.0, 32637),
         (-1.0, 78.0, 32630),
         (365.3, 60.4, 32632),
+        # The polar grids, beyond every zone.
+        (109.0, 85.5, 32661),
+        (-40.0, 90.0, 32661),
+        (20.0, -90.0, 32761),
     ],
 )
 def test_utm_zones_go_round_the_earth(lon_deg, lat_deg, zone):
