@@ -132,8 +132,10 @@ WORDS: dict[Code, str] = {
     "in their mount as well; survey again at another toolface, check the tool at surface",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
     "played again; survey anew",
-    Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference does not show well enough at this attitude; "
-    "take stations at other toolfaces, or a gyro",
+    Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference does not show well enough at this attitude, "
+    "whatever the toolface; take a gyro, or stations of this run where the hole has another direction",
+    Code.UNCERTAIN_COLLAR: _UNCERTAIN + "a magnetised collar does not show well enough; take stations at other "
+    "toolfaces, or a gyro",
     Code.UNCERTAIN_EXTERNAL: _UNCERTAIN + "there may be steel near (casing, fish, another well); "
     "move the sensor away or use a gyro",
     Code.UNCERTAIN_REFERENCE: _UNCERTAIN + "the field does not fit the reference; "

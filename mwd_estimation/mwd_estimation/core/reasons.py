@@ -64,6 +64,7 @@ class ReasonCode(StrEnum):
     MOUNT_MAY_BE_TURNED = "mount_may_be_turned"
     READINGS_REPEATED = "readings_repeated"
     UNCERTAIN_STRING = "uncertain_string"
+    UNCERTAIN_COLLAR = "uncertain_collar"
     UNCERTAIN_EXTERNAL = "uncertain_external"
     UNCERTAIN_REFERENCE = "uncertain_reference"
     UNCERTAIN_SENSOR = "uncertain_sensor"

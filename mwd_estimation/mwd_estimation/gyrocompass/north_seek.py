@@ -132,8 +132,8 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     joined = gyro_errors.joined(now, _sought(p, state, right))
     parts = gyro_errors.parts(now, *joined)
     circle = azimuth_posterior.posterior(parts, p.horizontal)
-    # What misses the latitude by k sigmas shows errors k times as large as stated: north has them too.
-    larger = max(math.sqrt(circle.misfit), 1.0)
+    # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
+    larger = max(math.sqrt(circle.misfit) - 1.0, 1.0)
     sigma = min(larger * circle.sigma, math.pi)
     azimuth = float(wrap_tau(circle.mean + heading))
     blind = math.sin(inclination) * math.sin(azimuth)

@@ -28,9 +28,9 @@ LYING_VELOCITY, _STILL_RATE = 0.005, 0.05
 _SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
 # A string sways for many blocks to one side, so that its scatter does not average out like white noise. A sway with
 # variance v and period p over a time T of n blocks leaves as much drift of the axis as white noise with the variance
-# v 12 p^2 n / (2 pi T)^2, which is 20 v for 20 s in a minute; doubled, because the phase of the sway is not known. The
-# scatter of a tool that does not sway is so small that this costs nothing.
-_SWAYS = 40.0
+# v 12 p^2 n / (2 pi T)^2, which is 20 v for 20 s in a minute. Noise alone scatters by less than 0.001 deg: below the
+# second number, rad, nothing is taken as a sway.
+_SWAYS, _NO_SWAY = 20.0, math.radians(0.003)
 # Number of blocks at rest in a row after which the roll becomes a reference.
 _REST_BLOCKS = 2
 
@@ -95,7 +95,7 @@ def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
 def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
     """Update with an angle that should not change; its noise follows from the scatter. Return False beyond the gate."""
     innovation, spread = _look(s.P, work, y)
-    r2 = max(_LEAST_DIRECTION**2, _SWAYS * s.scatter[which])
+    r2 = max(_LEAST_DIRECTION**2, s.scatter[which], _SWAYS * (s.scatter[which] - _NO_SWAY**2))
     ok = innovation * innovation < _GATE * (spread + r2)
     # Excess over the prediction, at least zero, because a wide start would otherwise give a negative noise.
     seen = max(min(innovation * innovation, _GATE * (spread + r2)) - spread, 0.0)

@@ -257,6 +257,7 @@ def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
         return Reason(Code.GYRO_ONLY_UNCERTAIN, risk, far)
     first = max(odds, key=lambda name: odds[name])
     code = {
+        Hypothesis.CROSS_AXIAL: Code.UNCERTAIN_COLLAR,
         Hypothesis.EXTERNAL: Code.UNCERTAIN_EXTERNAL,
         Hypothesis.REFERENCE: Code.UNCERTAIN_REFERENCE,
         Hypothesis.PLACE: Code.UNCERTAIN_REFERENCE,
