@@ -125,7 +125,7 @@ def judged(surface, action, number):
     """Accept or reject a survey as a person does."""
     usual = {"operator_name": "Ann", "reason": "seen", "measured_depth": math.nan, "replace": False}
     answer = SimpleNamespace(success=None, message="")
-    getattr(surface.surveys, action)(SimpleNamespace(sequence=number, **usual), answer)
+    getattr(surface.surveys, action)(SimpleNamespace(sequence=number, value=0, **usual), answer)
     assert answer.success, answer.message
 
 

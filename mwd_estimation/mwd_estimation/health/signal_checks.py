@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mwd_estimation.core.sensor_fault import GYRO, MAG, FaultCode
-from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
+from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, observe
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
@@ -276,7 +276,10 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
         _judge_noise(p, checks, channels, 1, (force, force), began)
     if limits[0] < math.inf:
         rates = (p.axial_rate_noise, p.cross_rate_noise)
-        doubtful |= GYRO * int(_judge_noise(p, checks, channels, 0, rates, began))
+        noisy, check = _judge_noise(p, checks, channels, 0, rates, began), checks[FaultCode.NOISE.value, 0]
+        # One wrong sample makes one half second noisy; `core.rate_jumps` takes it out of the estimate.
+        if noisy and (check.votes_for > 0 or check.state == FAULT):
+            doubtful |= GYRO
     for s in range(3):
         # Motion as shown by the other sensors; a magnetometer does not react to vibration.
         moves = accel if s == 0 else gyro

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.attitude.block import BinEvent, MagneticModelInForce
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.sensor_fault import GYRO
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.observatory import Observatory
@@ -110,8 +111,11 @@ class BinStage:
         later, clipped : for each sample, whether its stamp is later than all before it, and its flags as from
         `clip_flags.of`.
         """
-        # Drifted gyros cannot show whether the tool is still; gravity and field can.
+        # Gyros that have drifted, or that are out of use and give nothing, cannot show whether the tool is still;
+        # gravity and field can.
         gyro = np.zeros_like(stretch.gyro) if stretch.drifted else stretch.gyro
+        if stretch.unusable & GYRO:
+            gyro = np.nan_to_num(gyro, nan=0.0)
         values = np.hstack([gyro, stretch.accel])
         doubted_sensors = stretch.suspect | np.uint8(stretch.unusable)
         if later.any():

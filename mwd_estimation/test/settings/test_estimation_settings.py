@@ -275,7 +275,7 @@ def test_an_assembly_gives_the_sag_correction_and_its_sigma(tmp_path):
     assert params.errors.sag_deg == pytest.approx(0.08)
     coded = changed(settings, {"survey.tool_code": "MWD+SRGM"})
     assert derivation.sensor_errors(coded).sag_deg == pytest.approx(0.08)
-    with pytest.raises(SettingsError, match="beside"):
+    with pytest.raises(SettingsError, match="together with"):
         derivation.station_params(changed(settings, {"tool.sag_correction_deg": 0.1}))
     with pytest.raises(SettingsError, match="assembly_file"):
         derivation.station_params(changed(settings, {"tool.assembly_file": str(tmp_path / "none.yaml")}))

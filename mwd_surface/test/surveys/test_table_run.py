@@ -66,7 +66,7 @@ def test_the_first_value_knows_the_rows_before_it_only_and_the_first_of_all_is_a
     assert whole[0].first.azimuth == single_stations(rows[:1], SETTINGS)[0].station.azimuth
     (only,) = run_stations(rows[:1], SETTINGS)
     assert only.station.azimuth == only.first.azimuth
-    assert not only.revised
+    assert only.first.verdict == only.station.verdict
 
 
 @pytest.mark.parametrize("share", [0.01, 0.025])
