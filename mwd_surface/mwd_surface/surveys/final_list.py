@@ -26,6 +26,7 @@ from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
 from mwd_surface.surveys.well_position import programme_of, uncertain_well
+from mwd_surface.trajectory.list_comparison import covariance_between
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.programme import Interval, Programme
@@ -180,7 +181,7 @@ def _path(whole: FinalList) -> tuple[Definitive, Array]:
 
 def _horizontal_sigma(path: Definitive, covariance: Array, md: float) -> float:
     """Return the largest horizontal 1 sigma at a depth, m."""
-    flat = np.array([np.interp(md, path.md, covariance[:, i, j]) for i in (0, 1) for j in (0, 1)]).reshape(2, 2)
+    flat = covariance_between(path.md, covariance, np.array([md]))[0, :2, :2]
     return math.sqrt(max(float(np.linalg.eigvalsh(flat)[-1]), 0.0))
 
 
@@ -195,20 +196,14 @@ def _apart(
     if not depths.size:
         return ()
     positions = [np.array([path.at(float(md))[2] for md in depths]) for path, _ in ways]
-    spread = [_at(path, covariance, depths) for path, covariance in ways]
+    spread = [covariance_between(path.md, covariance, depths) for path, covariance in ways]
     # Above the interval both paths have the same stations, and so the same errors.
-    common = np.broadcast_to(_at(*ways[0], np.array([upper])), spread[0].shape)
+    common = np.broadcast_to(covariance_between(ways[0][0].md, ways[0][1], np.array([upper])), spread[0].shape)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         fused = fuse_covariances(*spread, cross=common, pos_a=positions[0], pos_b=positions[1])
     flags = fused.innovation_flag
     return () if flags is None else tuple(float(md) for md in depths[flags])
-
-
-def _at(path: Definitive, covariance: Array, depths: Array) -> Array:
-    """Return covariances at depths between stations, shape (m, 3, 3)."""
-    flat = covariance.reshape(len(path.md), 9)
-    return np.column_stack([np.interp(depths, path.md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)
 
 
 def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ...]]:

@@ -89,13 +89,13 @@ def difference(
     turn = np.column_stack([inclination[:, 0] - inclination[:, 1], turned])
     covariance = np.full((md.size, 3, 3), np.nan)
     if covariances[0] is not None and covariances[1] is not None:
-        covariance = covariances[0][common] + _between(second.md, covariances[1], md)
+        covariance = covariances[0][common] + covariance_between(second.md, covariances[1], md)
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     return PathDifference(md, inclination, azimuth, turn, position, sigma, _sigmas(position, covariance))
 
 
-def _between(md: Array, covariance: Array, at: Array) -> Array:
-    """Interpolate covariances linearly at depths between stations; the result is a covariance again."""
+def covariance_between(md: Array, covariance: Array, at: Array) -> Array:
+    """Return covariances at depths between stations, linearly interpolated, shape (m, 3, 3): covariances again."""
     flat = covariance.reshape(len(md), 9)
     return np.column_stack([np.interp(at, md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)
 
