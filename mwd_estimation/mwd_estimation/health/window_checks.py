@@ -314,10 +314,10 @@ class WindowJudge:
 
     def _judge_adrift(self) -> None:
         """
-        Check whether the gyros turn as gravity and field do.
+        Check whether the gyros measure the same rotation as gravity and the magnetic field show.
 
-        If neither is held together by the gyros under any mapping, and the dip between the two is right, gravity and
-        field are two witnesses against the gyros.
+        The gyros are wrong if their rotation fits neither gravity nor the field under any mapping of the axes, while
+        the measured dip is right.
         """
         w, p = self._window, self._limits
         if self._samples[0] != WHOLE or self._samples[2] != WHOLE or min(w.fields, w.forces) < _FEW_FIELDS:

@@ -111,8 +111,8 @@ class BinStage:
         later, clipped : for each sample, whether its stamp is later than all before it, and its flags as from
         `clip_flags.of`.
         """
-        # Gyros that have drifted, or that are out of use and give nothing, cannot show whether the tool is still;
-        # gravity and field can.
+        # Gyros that have drifted, or that give no data, cannot show whether the tool is at rest; gravity and the
+        # magnetic field can.
         gyro = np.zeros_like(stretch.gyro) if stretch.drifted else stretch.gyro
         if stretch.unusable & GYRO:
             gyro = np.nan_to_num(gyro, nan=0.0)

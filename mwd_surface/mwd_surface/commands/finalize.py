@@ -31,7 +31,7 @@ def finalize(
     changes: WellChanges = None,
 ) -> None:
     """
-    Make the final list of a well: definitive values of all runs, overlaps decided, signed.
+    Write the final survey list of a well from all its runs and lists, with overlaps resolved.
 
     Well, legs and decisions of people are those of the first source; the stations of the others join its current leg.
     Where two sources cover an interval, the one with the smaller position uncertainty at its end is used, and depths at

@@ -83,7 +83,7 @@ def _by_the_run(record: SurveyRecord) -> list[tuple[str, ...]]:
     if now is None:
         return []
     word = Verdict(now.verdict).word + ("" if record.proposal is None else ", waits for a person")
-    return [("", "the whole run", word, "", now.action or "by the fields of the later surveys")]
+    return [("", "the whole run", word, "", now.action or "magnetic field at the later surveys")]
 
 
 def slides(table: SurveyTable) -> Section | None:

@@ -156,7 +156,7 @@ class SurveyBook:
             return
         # Later surveys may revise many stations at once: one alarm names them all.
         self._revised[record.survey.sequence] = text
-        remedy = "look at the plan ahead with the moved path; a person may accept another value in the survey list"
+        remedy = "check the plan ahead against the moved path; another value can be accepted in the survey list"
         causes = {"survey.revised": (int(Severity.INFO), "; ".join(self._revised.values()), remedy)}
         self._alarm_log.set_alarms("survey.revised", causes)
 
@@ -169,7 +169,10 @@ class SurveyBook:
 
     def _alarm_revisions(self) -> None:
         """Raise an alarm for each survey that is contradicted or withdrawn, until a person has decided."""
-        remedy = "steer by neither value: take a check shot, then accept one of the values or reject it in the list"
+        remedy = (
+            "do not steer by either value: take a check shot, then accept one of the two values in the survey list, or"
+            " reject the survey"
+        )
         doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
         causes = {
             f"survey.contradicted.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text

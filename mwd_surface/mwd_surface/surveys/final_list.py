@@ -3,8 +3,8 @@
 The final list of a well from several sources: runs of the surface unit, recordings, and lists such as a gyro survey.
 
 Where two sources cover the same interval, the one with the smaller position uncertainty at the end of the interval is
-used; the stations of the other one stay in the list and are named. Positions are not averaged, because a path through
-averaged positions is no list of stations that anybody measured.
+used. The stations of the other source stay in the list, marked as not used. Positions are not averaged, because an
+averaged path does not correspond to measured stations.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Overlap:
     """
     An interval that two sources cover.
 
-    from_m, to_m: measured depths, m. used, left_out: names of the sources. sigma_used, sigma_left_out: largest
-    horizontal 1 sigma of the path at to_m with the one and with the other, m. apart: depths, m, at which the two paths
-    differ by more than 99.9 % of their errors allow.
+    from_m, to_m: measured depths, m. used, left_out: names of the sources. sigma_used, sigma_left_out: semi-major axis
+    of the horizontal error ellipse at to_m, 1 sigma, m, of the path with each source. apart: depths, m, at which the
+    two paths differ by more than the 99.9 % limit of their uncertainties.
     """
 
     from_m: float
@@ -90,7 +90,7 @@ def final_list(sources: Sequence[Source]) -> FinalList:
     well = dataclasses.replace(first.surveys.well, error_model=first.code or first.surveys.well.error_model)
     programme = programme_of(well)
     if programme is None:
-        raise ValueError(f"{first.name}: it names no tool code: give it as {first.name}=CODE")
+        raise ValueError(f"{first.name} has no tool code; give one as {first.name}=CODE")
     surveys, remarks = _analysed(first.surveys.configured(well, first.surveys.rules), well.error_model)
     found = FinalList(surveys, programme, (), remarks)
     for source in sources[1:]:

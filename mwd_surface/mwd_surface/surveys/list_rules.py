@@ -46,7 +46,8 @@ class ListRules:
     )
     apply_revisions: str = setting(
         "at_once",
-        "a survey that later surveys of the run revise takes the revised value at once, or a person decides (ask)",
+        "when later surveys of the run revise a survey: use the revised value at once (at_once), or wait for a person's"
+        " decision (ask)",
         choices=("at_once", "ask"),
     )
     projection: str = setting(

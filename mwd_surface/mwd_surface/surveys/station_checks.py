@@ -137,10 +137,10 @@ def revision_flags(record: SurveyRecord, north: North) -> list[str]:
     """Return the flags of a value that later surveys have changed, and of a change that waits for a person."""
     flags = []
     if record.replaced is not None:
-        flags.append(f"revised by later surveys, was {_value(record.replaced, north)} at first")
+        flags.append(f"revised by later surveys; first value: {_value(record.replaced, north)}")
     if record.proposal is not None:
         why = f": {record.proposal.action}" if record.proposal.action else ""
-        flags.append(f"later surveys say {_value(record.proposal, north)}{why}; a person decides")
+        flags.append(f"revision not applied: {_value(record.proposal, north)}{why}; needs a decision")
     return flags
 
 
@@ -158,7 +158,7 @@ def revision_doubt(record: SurveyRecord, north: North) -> str:
         return ""
     why = f": {now.action}" if now.action else ""
     place = f"survey {used.sequence} at {record.measured_depth:.1f} m"
-    return f"{place} is in use with {_value(used, north)}, later surveys say {_value(now, north)}{why}"
+    return f"{place} is in use with {_value(used, north)}; its revised value is {_value(now, north)}{why}"
 
 
 def moved(before: Survey, now: Survey, north: North) -> bool:
@@ -172,12 +172,12 @@ def moved(before: Survey, now: Survey, north: North) -> bool:
 def revision_sentence(before: SurveyRecord, now: SurveyRecord, north: North) -> str:
     """Return what a revision did to a station: value before and now, its use, and the reason."""
     place = f" at {now.measured_depth:.1f} m" if math.isfinite(now.measured_depth) else ""
-    use = {(True, False): "; it leaves the path", (False, True): "; it joins the path"}.get(
+    use = {(True, False): "; the survey leaves the path", (False, True): "; the survey joins the path"}.get(
         (before.in_use, now.in_use), ""
     )
-    why = now.survey.action or "by the fields of the later surveys"
-    values = f"{_value(before.survey, north)}, is now {_value(now.survey, north)}"
-    return f"survey {now.survey.sequence}{place} was {values}{use}: {why}"
+    why = now.survey.action or "magnetic field at the later surveys"
+    values = f"from {_value(before.survey, north)} to {_value(now.survey, north)}"
+    return f"survey {now.survey.sequence}{place} revised {values}; reason: {why}{use}"
 
 
 def _value(survey: Survey, north: North) -> str:
@@ -185,8 +185,8 @@ def _value(survey: Survey, north: North) -> str:
     azimuth = survey.azimuth_from(north)
     word = Verdict(survey.verdict).word
     if azimuth is None:
-        return f"without azimuth, {word}"
-    return f"azimuth {math.degrees(azimuth):.2f} ±{math.degrees(survey.sigma_azimuth):.2f} deg, {word}"
+        return f"no azimuth ({word})"
+    return f"azimuth {math.degrees(azimuth):.2f} ±{math.degrees(survey.sigma_azimuth):.2f} deg ({word})"
 
 
 def withdrawal(record: SurveyRecord) -> str:

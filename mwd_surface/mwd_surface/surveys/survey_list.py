@@ -238,12 +238,13 @@ class SurveyList:
 
     def revise(self, survey: Survey) -> SurveyList:
         """
-        Take over the estimator's new result for a survey, which the later ones of the run have changed.
+        Apply the estimator's revised value of a survey.
 
-        The result becomes the definitive value, and the survey enters or leaves the path by its new verdict. It stays
-        a proposal if a person has accepted the survey, or if `rules.apply_revisions` leaves the decision to a person;
-        a survey that the estimator withdraws leaves the path even then, unless a person has accepted it. Return the
-        list unchanged if it has no such survey (uuid) or already has this revision or a newer one.
+        Normally it becomes the definitive value, and its verdict decides whether the survey is in the path. If a person
+        has accepted the survey, or if `rules.apply_revisions` requires a person's decision, the revised value is only
+        stored as a proposal. A survey that the estimator withdraws leaves the path without a decision, unless a person
+        has accepted it. Return the list unchanged if it has no such survey (uuid) or already has this revision or a
+        newer one.
 
         Raises
         ------

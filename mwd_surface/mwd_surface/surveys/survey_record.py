@@ -258,9 +258,9 @@ class SurveyRecord(_Comparable):
     """
     One line of the survey list: survey, depth, decisions, place on the path; as in SurveyRecord.msg.
 
-    A survey has up to three values. `survey` is the definitive one, which path, files and rig interfaces use. `first`
-    holds the survey as first decided, if another value has taken its place. `revised` holds what the whole run says
-    now, if that is not the definitive value: because a person decided, or because the rules leave it to a person.
+    A record holds up to three values of its survey. `survey` is the definitive one, which path, files and rig
+    interfaces use. `first` is the value as first decided, if it has been replaced. `revised` is the estimator's revised
+    value from the whole run, if it was not made definitive because a person has decided or must still decide.
 
     decisions: all decisions, oldest first; the last one is in force. They are kept in the file of the list only.
     decided_revision: revision that was present at the last decision; kept in the file only.
@@ -304,7 +304,7 @@ class SurveyRecord(_Comparable):
 
     @property
     def proposal(self) -> Survey | None:
-        """What the whole run says now, if that differs from the definitive value; otherwise None."""
+        """The revised value that was not made definitive, if it differs from the definitive one; otherwise None."""
         return self.revised[-1] if self.revised and differ(self.survey, self.revised[-1]) else None
 
     @property
@@ -315,7 +315,7 @@ class SurveyRecord(_Comparable):
     @property
     def revised_because(self) -> str:
         """Why the definitive value differs from the first one, in words; empty if it does not."""
-        return "" if self.replaced is None else self.survey.action or "the fields of the later surveys"
+        return "" if self.replaced is None else self.survey.action or "magnetic field at the later surveys"
 
     @property
     def newest_revision(self) -> int:

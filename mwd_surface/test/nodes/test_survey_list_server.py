@@ -115,14 +115,14 @@ def test_a_revision_is_applied_published_shown_logged_and_told_by_an_alarm_of_lo
     assert row["azimuth"] == pytest.approx(moved.azimuth_from(North.GRID))
     # Clients of the accepted surveys learn the new value, and the words say how far the path moves.
     assert len(server.published["survey/accepted"]) == accepted + 1
-    (told,) = [text for source, text, _ in server.events if "is now" in text]
+    (told,) = [text for source, text, _ in server.events if "revised from" in text]
     assert "the well path moves" in told
     assert server.log.standing == {"survey.revised": (Severity.INFO, told)}
     # One that makes it doubtful takes it out of the path.
     doubtful = dataclasses.replace(moved, verdict=int(Verdict.DOUBTFUL), headline="steel", revision=2)
     server.server.on_revision(doubtful)
     assert not server.published["surveys"][-1].records[0].in_use
-    assert "it leaves the path" in server.log.standing["survey.revised"][1]
+    assert "the survey leaves the path" in server.log.standing["survey.revised"][1]
     # The alarm stands until the next survey.
     server.server.on_survey(example.survey(2, 10.0, 40.0))
     assert "survey.revised" not in server.log.standing

@@ -120,7 +120,7 @@ def test_a_revision_becomes_the_definitive_value_and_the_first_stays_to_be_seen(
     assert (revised.find(2).survey, revised.find(2).as_first_decided) == (moved, first)
     assert revised.find(2).in_use
     assert abs(revised.definitive().positions[-1] - whole.definitive().positions[-1]).max() > 0.1
-    assert flags(revised, 2) == ("revised by later surveys, was azimuth 30.00 ±0.57 deg, accept at first",)
+    assert flags(revised, 2) == ("revised by later surveys; first value: azimuth 30.00 ±0.57 deg (accept)",)
     assert revised.revise(moved) is revised
     assert revised.revise(dataclasses.replace(moved, uuid="of another list", revision=2)) is revised
     # A station that a revision makes doubtful leaves the path until a person accepts it.

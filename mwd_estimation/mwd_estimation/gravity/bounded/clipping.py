@@ -21,8 +21,8 @@ SHOCK_POWER = 1e4  # (m/s^2)^2, largest contribution of a shock to the usual acc
 SHOCK_MEMORY = 10.0  # s, time over which shocks are counted
 QUIET = 0.05  # least usual square of an innovation, of which the gate is a multiple
 LEAST_EXPECTED = 1e-6  # expected shocks per update below which they set no gate
-# Square of an innovation, as a multiple of its usual variance, that no vibration reaches (12 sigma): a wrong sample, or
-# a shock between two samples, which may be no larger than the vibration around it.
+# Limit of a squared innovation over its usual variance (12 sigma). Vibration stays below it; above it, a sample is
+# wrong or a shock occurred between two samples.
 FARTHEST = 144.0
 ALONE = 1.0  # s without a shock before it: an attitude that is lost shows in many innovations in a row
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature

@@ -20,7 +20,7 @@ const otherValue = (value) =>
   `${or(value.azimuth, (v) => `${units.bearing(v, 2)}°`)} ± ${or(value.sigma_azimuth, (v) => `${units.size("angle", v)}°`)}, ${value.verdict}`;
 
 // Whether later surveys of the run have changed this one, or want to.
-const revised = (row) => row.revised ? pill(REVISED[row.revised.verdict] || "info", `run says: ${row.revised.verdict}`)
+const revised = (row) => row.revised ? pill(REVISED[row.revised.verdict] || "info", `revised value: ${row.revised.verdict}`)
   : row.first ? pill("info", "revised") : null;
 
 // Note on the assumptions behind depths and positions; null if there are none.
@@ -177,7 +177,7 @@ export class SurveyTable {
       ["Azimuth by", row.method || "–"],
       ["Automatic verdict", row.automatic],
       ...(row.first ? [["Azimuth as first decided", otherValue(row.first)]] : []),
-      ...(row.revised ? [["Azimuth by the whole run", otherValue(row.revised)]] : []),
+      ...(row.revised ? [["Azimuth revised, not applied", otherValue(row.revised)]] : []),
       ["Inclination, azimuth, toolface", row.verdicts.join(", ")],
       ...(row.headline ? [["What to do", row.headline]] : []),
       ...(row.alternatives.length ? [["Other azimuths that fit", row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
@@ -233,7 +233,7 @@ export class SurveyTable {
       el("label", { class: "short" }, `MD, ${units.unit("length")} `, depth),
       el("label", { class: "check" }, replace, " replace the one there"),
       el("button", { type: "button", "data-keep": "accept", onclick: () => send("accept_survey") }, "✓ Accept"),
-      row.revised ? el("button", { type: "button", "data-keep": "accept-revised", onclick: () => send("accept_survey", REVISED_VALUE) }, "✓ Accept the value of the run") : null,
+      row.revised ? el("button", { type: "button", "data-keep": "accept-revised", onclick: () => send("accept_survey", REVISED_VALUE) }, "✓ Accept the revised value") : null,
       row.first ? el("button", { type: "button", "data-keep": "accept-first", onclick: () => send("accept_survey", FIRST_VALUE) }, "✓ Accept the first value") : null,
       el("button", { type: "button", "data-keep": "reject", onclick: () => send("reject_survey") }, "✕ Reject"),
       answer,
