@@ -11,7 +11,7 @@ OF_THE_SESSION = ("since", "age")
 NOT_RECORDED = ("downlink.choices",)
 
 
-STRIPS = ("history", "depth_log")
+STRIPS = ("history", "trend", "depth_log")
 
 
 def differences(live, viewed, *, except_for=()):

@@ -60,7 +60,7 @@ def test_with_name_and_token_a_person_takes_judges_and_acknowledges(browser):
         assert "accepted" in text(browser, line)
         tab(browser, "alarms")
         click(browser, ".alarm button")
-        wait(browser, lambda: "seen by A. Berg" in text(browser, "#tab-alarms"))
+        wait(browser, lambda: "acknowledged by A. Berg" in text(browser, "#tab-alarms"))
         assert [name for name, _ in rig.calls] == ["take_survey", "accept_survey", "acknowledge_alarm"]
         assert rig.calls[1][1] == {"sequence": 4, "operator_name": "A. Berg", "reason": "gyro agrees"}
 

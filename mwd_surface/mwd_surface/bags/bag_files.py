@@ -82,7 +82,7 @@ class BagFiles:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path = recording_of(path)
         self.topics: dict[str, TopicInfo] = {}
         self.unreadable: dict[str, TopicInfo] = {}
         self.start_ns = self.end_ns = 0
@@ -363,6 +363,23 @@ def _plain_name(path: Path) -> str:
 def _same(file: Path, other: Path) -> bool:
     """Return whether two files have the same contents."""
     return file.stat().st_size == other.stat().st_size and filecmp.cmp(file, other, shallow=False)
+
+
+def recording_of(path: Path) -> Path:
+    """
+    Return the recording at a path: the path itself, or the only recording in the folder of a run or of a well.
+
+    Raises
+    ------
+    BagError
+        The folder of the run holds several recordings; the message names them.
+    """
+    if not path.is_dir() or files_of(path) or (path / bag_metadata.FILE_NAME).is_file():
+        return path
+    found = sorted({place for layout in ("bags/*", "*/bags/*") for place in path.glob(layout) if place.is_dir()})
+    if len(found) > 1:
+        raise BagError(f"{path} holds {len(found)} recordings", f"give one of {', '.join(map(str, found))}")
+    return found[0] if found else path
 
 
 def files_of(path: Path) -> list[Path]:

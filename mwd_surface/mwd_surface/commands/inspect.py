@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +19,9 @@ from mwd_surface.commands.reference_options import (
     placed_settings,
     recording_changes,
 )
+
+if TYPE_CHECKING:
+    from mwd_surface.bags.topic_info import TopicInfo
 
 
 @reads_recording
@@ -54,7 +57,8 @@ def inspect(
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
         recorded = recorded_settings(opened)
         estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded.estimator)
-        found = look_through(opened, input_settings(reading), estimator, output, progress)
+        own = recorded.estimator if recorded.source else None
+        found = look_through(opened, input_settings(reading), estimator, output, progress, own)
         others = [t for t in opened.topics.values() if t.name not in found.topics.all]
         notes, complete = list(opened.notes), opened.complete
     topics = found.topics
@@ -85,7 +89,7 @@ def inspect(
         ("settings", recorded.source or "none in the recording"),
     ]
     if others:
-        lines.append(("not used", ", ".join(f"{topic.name} ({topic.type_name})" for topic in others)))
+        lines.append(("not used", _not_used(others)))
     lines += [("missing", f"for {result}: {need}") for result, need in found.missing]
     terminal.facts(lines, 14)
     for remark in [*notes, *found.remarks]:
@@ -95,6 +99,13 @@ def inspect(
     if found.refusal:
         raise ValueError(f"`mwd process` cannot process {bag}: {found.refusal}")
     console.print(f"\n{found.command}", markup=False)
+
+
+def _not_used(topics: list[TopicInfo]) -> str:
+    """Return the topics that are no input: those of other programs by name, those of this program as a number."""
+    foreign = [f"{topic.name} ({topic.type_name})" for topic in topics if not topic.type_name.startswith("mwd_msgs/")]
+    own = len(topics) - len(foreign)
+    return ", ".join([*foreign, *([f"{own} of this program's own topics (see `mwd bag info`)"] if own else [])])
 
 
 def _verdicts(surveys: list[str]) -> str:

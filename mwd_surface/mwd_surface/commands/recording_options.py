@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 INPUT_PANEL = "Input"
 
-Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")]
+Recording = Annotated[
+    Path, typer.Argument(help="Folder of a rosbag2 recording or of a run, or an .mcap, .db3 or .bag file.")
+]
 #: Options of a command by the names of settings, as passed by `reads_recording`.
 Reading = Mapping[str, Any]
 

@@ -44,6 +44,9 @@ def run(
         Path | None,
         typer.Option("--output", "-o", help="Folder for recording, surveys and logs; by default out/TIME_WELL."),
     ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the survey list of an earlier run of this well in that folder.")
+    ] = False,
     seed: Annotated[int | None, typer.Option(help="Seed, instead of that of the scenario.")] = None,
     method: Annotated[str | None, typer.Option(help="Gravity extraction of the estimator.")] = None,
     no_record: Annotated[
@@ -88,7 +91,7 @@ def run(
         raise ValueError(f"--rate {rate:g}: must be from 0 to 1000")
     if story.telemetry is not None and rate == 0.0:
         raise ValueError("--rate 0: a scenario with telemetry needs a finite rate; try --rate 5")
-    folder = _new_folder(output, namespace)
+    folder = _new_folder(output, namespace, resume=resume)
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     console = terminal.output()
     if story.rig.time_lapse > 1.0:
@@ -206,8 +209,13 @@ def _now_text() -> str:
     return f"{datetime.datetime.now(tz=datetime.UTC):%Y%m%d_%H%M%S}"
 
 
-def _new_folder(output: Path | None, namespace: str) -> Path:
+def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
     if output is not None:
+        if not resume and (output / namespace.replace("/", "_")).exists():
+            raise ValueError(
+                f"{output} holds a run of {namespace} already, whose survey list would be continued; give a new folder "
+                "with -o, or --resume if that is meant"
+            )
         output.mkdir(parents=True, exist_ok=True)
         return output
     base = Path("out") / f"{_now_text()}_{namespace.replace('/', '_')}"

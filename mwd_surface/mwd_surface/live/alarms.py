@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Latched alarms and the log of events: an alarm stays until its cause has gone and a person has seen it.
+Alarms and the log of events.
+
+A critical alarm stays until its cause has gone and a person has acknowledged it; one of lower priority leaves with its
+cause, and the log keeps it (states of ISA-18.2).
 
 No clock here: every call takes the time, ns since the epoch, as it goes into messages and logs.
 """
@@ -70,7 +73,7 @@ class AlarmBook:
         self.logged = 0
 
     def alarms(self) -> tuple[Alarm, ...]:
-        """Those active or not yet acknowledged, newest first."""
+        """Return the alarms that are active, and the critical ones that nobody has acknowledged yet, newest first."""
         return tuple(sorted(self._alarms.values(), key=lambda a: (a.raised_ns, a.id), reverse=True))
 
     def events(self) -> tuple[Event, ...]:
@@ -123,12 +126,12 @@ class AlarmBook:
         return alarm, False
 
     def clear(self, alarm_id: str, stamp_ns: int) -> bool:
-        """Say that a cause has gone; True if it was there. An acknowledged alarm goes with it, any other stays."""
+        """Say that a cause has gone; True if it was there. A critical alarm that nobody has acknowledged stays."""
         old = self._alarms.get(alarm_id)
         if old is None or not old.active:
             return False
         self._store(dataclasses.replace(old, active=False, last_ns=stamp_ns), "cleared", old.text, stamp_ns)
-        if old.acknowledged:
+        if old.acknowledged or old.severity < Severity.CRITICAL:
             del self._alarms[alarm_id]
         return True
 

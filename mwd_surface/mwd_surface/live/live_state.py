@@ -240,7 +240,7 @@ class LiveState(LiveStreams):
 
     def at(self, now: float) -> WellState:
         """Return the state as of `now`."""
-        history, depth_log = self.charts(now)
+        history, trend, depth_log = self.charts(now)
         return WellState(
             now=now,
             attitude=self._attitude(now),
@@ -277,6 +277,7 @@ class LiveState(LiveStreams):
             over_link=self.over_link,
             well_given=self.well_given,
             history=history,
+            trend=trend,
             depth_log=depth_log,
             changes=dict(self._changes),
         )

@@ -51,6 +51,14 @@ class LiveSettings:
     reading_spacing: float = setting(1.0, "shortest time between two toolfaces of the dial", unit="s", low=0.0)
     history_seconds: float = setting(600.0, "length of the strip charts", unit="s", low=10.0, high=7200.0)
     history_rate: float = setting(1.0, "points of the strip charts per second", unit="Hz", low=0.1, high=5.0)
+    trend_hours: float = setting(24.0, "length of the long charts", unit="h", low=0.1, high=72.0)
+    trend_step: float = setting(
+        30.0,
+        "time interval of one point of the long charts; finer costs data volume to each browser",
+        unit="s",
+        low=1.0,
+        high=600.0,
+    )
     log_step: float = setting(
         0.5,
         "depth interval of one point of the depth tracks; finer costs data volume to each browser",

@@ -58,6 +58,14 @@ _HISTORY = {
     "axial_interference": "mean",
     "inclination": "mean",
     "azimuth": "angle",
+    "pressure": "mean",
+    "flow": "mean",
+    "top_drive_speed": "mean",
+    "top_drive_torque": "max",
+    "weight_on_bit": "mean",
+    "hookload": "mean",
+    "rate_of_penetration": "mean",
+    "bit_depth": "mean",
     "doubt": "max",
 }
 # Charts over the depth of the sensor while hole is drilled.
@@ -104,6 +112,7 @@ class LiveStreams:
         self._values = LatestValues(_QUANTITIES, periods)
         self._readings: deque[DialReading] = deque(maxlen=self.settings.readings)
         self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
+        self._trend = StripHistory(_HISTORY, self.settings.trend_hours * 3600.0, 1.0 / self.settings.trend_step)
         self._log = StripHistory(_LOGGED, self.settings.log_length, 1.0 / self.settings.log_step)
         self._log_depth: float | None = None
         self._sample: Samples | None = None
@@ -307,11 +316,12 @@ class LiveStreams:
         """Return the streams by name as of `now`."""
         return self._values.streams(now)
 
-    def charts(self, now: float) -> tuple[Chart, Chart]:
-        """Return the charts over time, up to `now`, and over depth."""
-        self._history.advance(now)
-        over_time, over_depth = (Chart(strip.columns, strip.rows()) for strip in (self._history, self._log))
-        return over_time, over_depth
+    def charts(self, now: float) -> tuple[Chart, Chart, Chart]:
+        """Return the charts of the last minutes and of the last hours, up to `now`, and the chart over depth."""
+        for strip in (self._history, self._trend):
+            strip.advance(now)
+        minutes, hours, depths = (Chart(s.columns, s.rows(), s.length) for s in (self._history, self._trend, self._log))
+        return minutes, hours, depths
 
     def _without_magnetometer(self, now: float) -> bool:
         """Whether the estimator, while it lives, says that the magnetometer cannot be used."""
@@ -356,6 +366,7 @@ class LiveStreams:
     def _chart(self, name: str, value: float, now: float) -> None:
         if name in _HISTORY:
             self._history.add(name, value, now)
+            self._trend.add(name, value, now)
         if name in _LOGGED and self._log_depth is not None:
             self._log.add(name, value, self._log_depth)
 

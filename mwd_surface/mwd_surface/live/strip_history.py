@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last minutes of a few channels for strip charts: one row per interval, in constant memory."""
+"""The last minutes or hours of a few channels for strip charts: one row per interval, in constant memory."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ class StripHistory:
             raise ValueError(f"seconds, rate: need room for one row, got {seconds} s at {rate} Hz")
         self.channels = dict(channels)
         self.interval = 1.0 / rate
+        self.length = seconds
         self._rows: deque[Row] = deque(maxlen=round(seconds * rate))
         self._bin: int | None = None
         self._sums: dict[str, tuple[float, int]] = {}

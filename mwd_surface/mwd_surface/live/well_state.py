@@ -225,10 +225,11 @@ class NodeDiagnostic:
 
 @dataclasses.dataclass(frozen=True)
 class Chart:
-    """Rows of a strip chart, oldest or shallowest first, and the names of their columns."""
+    """Rows of a strip chart, oldest or shallowest first, the names of their columns, and its length, s or m."""
 
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
+    length: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -283,8 +284,8 @@ class WellState:
         Whether a telemetry link stands between tool and surface; None: not known.
     clock_offset : float or None
         Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
-    history, depth_log : Chart
-        Over time and over the depth of the sensor.
+    history, trend, depth_log : Chart
+        Over the last minutes, over the last hours in larger steps, and over the depth of the sensor.
     changes : mapping of str to Change
         By the name of the part (a field of this class); a part that never changed is missing.
     """
@@ -316,6 +317,7 @@ class WellState:
     events: tuple[Event, ...]
     clock_offset: float | None
     history: Chart
+    trend: Chart
     depth_log: Chart
     changes: Mapping[str, Change]
     link: LinkStatus | None = None

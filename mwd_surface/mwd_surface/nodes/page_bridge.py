@@ -56,7 +56,11 @@ class PageBridge:
         alarm_log = self._context.alarm_log
         token = read_token(self._settings.page.token_file, os.environ)
         server = PageServer(
-            self._settings.page, self._context.requests.call, token=token, now=lambda: self._context.well_now
+            self._settings.page,
+            self._context.requests.call,
+            token=token,
+            now=lambda: self._context.well_now,
+            exports=self._context.folder / "exports",
         )
         try:
             server.start()

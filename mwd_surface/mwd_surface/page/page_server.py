@@ -28,6 +28,7 @@ from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import is_loopback
 from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
+from mwd_surface.page.export_route import add_export_routes
 from mwd_surface.page.files import PAGE, page_files, sender
 from mwd_surface.page.listener import listener, peer_of, port_error, request_logger
 from mwd_surface.page.replay_route import OnReplay, replay_handler
@@ -69,6 +70,8 @@ class PageServer:
         Called with the checked request of `replay_route`, for a page that plays a recording.
     now : callable, optional
         Clock of the snapshots' `now` if it is not `clock`, as for a recording.
+    exports : Path, optional
+        Folder of the exported files, which whoever has the token can download.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class PageServer:
         token: str = "",
         on_replay: OnReplay | None = None,
         now: Callable[[], float] | None = None,
+        exports: Path | None = None,
     ) -> None:
         self.settings = settings or PageSettings()
         if not self.settings.allow_network and not is_loopback(self.settings.host):
@@ -95,11 +99,12 @@ class PageServer:
         self.refused = 0
         self._access = Access(token, clock) if token else None
         self._on_command = on_command if token else None
-        self._page = page
+        self._page, self._exports = page, exports
         self._feed = StateFeed(1.0 / self.settings.max_rate, self.settings.send_timeout, clock, now or clock)
         self._on_replay = on_replay
         if self._on_command is not None:
             self._feed.own |= {"controls": True, "exports": [[kind, made.what] for kind, made in FORMATS.items()]}
+        self._feed.own["time_zone"] = self.settings.time_zone
         # Connections that have not sent a complete request yet, oldest first.
         self._silent: dict[Any, None] = {}
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
@@ -210,6 +215,8 @@ class PageServer:
         application.router.add_get("/state.json", self._state)
         application.router.add_get("/live", self._live)
         application.router.add_post("/command/{name}", self._command)
+        if self._exports is not None:
+            add_export_routes(application.router, self._exports, self._with_token)
         if self._on_replay is not None:
             application.router.add_post("/replay", replay_handler(self._on_replay, self.settings.request_timeout))
         runner = web.AppRunner(
@@ -369,13 +376,18 @@ class PageServer:
             await asyncio.gather(sender, return_exceptions=True)
         return talk
 
-    async def _command(self, request: web.Request) -> web.StreamResponse:
-        if self._on_command is None or self._access is None:
+    async def _with_token(self, request: web.Request, *, may_be_safe: bool = False) -> int:
+        """
+        Refuse a request without the right token; return how long its address is locked out, s.
+
+        may_be_safe: whether to answer a locked-out address that has the right token. An attacker may share the
+        operator's address, so commands that only give the rig back are not locked out.
+        """
+        if self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
-        name, peer = request.match_info["name"], peer_of(request.transport)
-        # An attacker may share the operator's address, so commands that only give the rig back are not locked out.
+        peer = peer_of(request.transport)
         wait_s = self._access.wait_s(peer)
-        if wait_s and not may_be_safe(name):
+        if wait_s and not may_be_safe:
             raise web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
         kind, _, given = request.headers.get("Authorization", "").partition(" ")
         if kind != "Bearer" or not self._access.allows(peer, given, forgive=not wait_s):
@@ -386,6 +398,13 @@ class PageServer:
                 if wait_s
                 else web.HTTPUnauthorized(text="the token is missing or wrong")
             )
+        return wait_s
+
+    async def _command(self, request: web.Request) -> web.StreamResponse:
+        if self._on_command is None:
+            raise web.HTTPForbidden(text="this page is read-only: no token is configured")
+        name = request.match_info["name"]
+        wait_s = await self._with_token(request, may_be_safe=may_be_safe(name))
         if name not in COMMANDS:
             raise web.HTTPNotFound(text=f"unknown command {name[:60]!r}; choose one of {', '.join(COMMANDS)}")
         arguments = checked_arguments(name, await read_body(request, self.settings.request_timeout))

@@ -28,6 +28,11 @@ class PageSettings:
         "if empty, the environment variable MWD_PAGE_TOKEN is used, and without it the page is read-only",
         fixed=True,
     )
+    time_zone: str = setting(
+        "",
+        "time zone of the rig, shown on the page beside UTC, for example Europe/Oslo; if empty, UTC alone",
+        fixed=True,
+    )
     max_rate: float = setting(
         15.0,
         "largest number of updates per second to one browser; raising it costs computing time per browser",

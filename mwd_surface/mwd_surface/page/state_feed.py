@@ -17,8 +17,8 @@ from typing import Any
 
 from aiohttp import web
 
-# Sections that grow row by row: a client is sent only the new rows.
-_STRIPS = ("history", "depth_log")
+from mwd_surface.page.state_json import STRIPS
+
 _HEARTBEAT = 1.0  # s
 _ON_THE_WAY = 4  # largest number of unanswered states; at 15 Hz a round trip of a quarter of a second costs no update
 
@@ -147,12 +147,12 @@ class StateFeed:
         for name, section in snapshot["sections"].items():
             if seen.revisions.get(name) == now_has[name]:
                 continue
-            if name in _STRIPS:
+            if name in STRIPS:
                 last = strips.get(name)
                 if last is not None and (not section["rows"] or section["rows"][-1][0] < last):
                     last = None  # a recording was wound back
                 rows = [row for row in section["rows"] if last is None or row[0] > last]
-                fresh = {"columns": section["columns"], "rows": rows, "whole": last is None}
+                fresh = {**section, "rows": rows, "whole": last is None}
                 parts.append(f"{json.dumps(name)}: {dumps(fresh)}")
                 if rows:
                     strips[name] = rows[-1][0]

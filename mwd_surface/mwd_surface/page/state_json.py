@@ -23,7 +23,7 @@ from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Alarm, Event, Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import ToolfaceState, WellState
+from mwd_surface.live.well_state import Chart, ToolfaceState, WellState
 from mwd_surface.page.control_table import advice_table, control_table
 from mwd_surface.page.downlink_table import downlink_table
 from mwd_surface.page.input_table import input_table
@@ -34,6 +34,8 @@ from mwd_surface.signals.table import page_fields
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 
+# Sections that grow row by row: a client is sent only the new rows.
+STRIPS = ("history", "trend", "depth_log")
 _RECORDER_WORDS = {
     RecorderState.STOPPED: "stopped",
     RecorderState.RECORDING: "recording",
@@ -77,13 +79,14 @@ class StateJson:
             table does, apart from the ages in it. Single values are {value, sigma, unit, at, measured_at, age,
             stale_after, state, reason}: value is None if there never was one; state is "live", "stale" or "no data"; at
             is the time of arrival, which decides when the value becomes stale; measured_at is the time of measurement;
-            both in s of the clock of `now`. Tables have since and age of their last change. Sections history and
-            depth_log are {columns, rows}, with the oldest or shallowest row first; the first column is s of that clock,
-            or the depth of the sensor, m.
+            both in s of the clock of `now`. Tables have since and age of their last change. Sections history,
+            trend and depth_log (STRIPS) are {columns, rows, length}, with the oldest or shallowest row first; the first
+            column is s of that clock, or the depth of the sensor, m.
         """
         sections = {**self._streams(state), **self._tables(state)}
-        for name, chart in (("history", state.history), ("depth_log", state.depth_log)):
-            sections[name] = {"columns": list(chart.columns), "rows": chart.rows}
+        for name in STRIPS:
+            chart: Chart = getattr(state, name)
+            sections[name] = {"columns": list(chart.columns), "rows": chart.rows, "length": chart.length}
             self._revise(name, chart.rows[-1][0] if chart.rows else None)
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
@@ -179,11 +182,16 @@ def plain_alarms(alarms: Iterable[Alarm]) -> list[Table]:
 
 
 def _alarms(state: WellState) -> Table:
-    """Return the alarms; raised_at: s of the steady clock, None if the clock of their stamps is unknown."""
+    """
+    Return the alarms.
+
+    raised_at: s of the steady clock, None if the clock of their stamps is unknown. epoch: the time since the epoch when
+    the steady clock was zero, s, or None.
+    """
     offset = state.clock_offset
     ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
     rows = [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]
-    return {"rows": rows, "not_evaluated": list(state.not_evaluated)}
+    return {"rows": rows, "not_evaluated": list(state.not_evaluated), "epoch": number(offset)}
 
 
 def plain_events(events: Iterable[Event]) -> list[Table]:

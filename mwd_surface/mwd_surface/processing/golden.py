@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_surface.bags.bag_files import recording_of
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing import compare, process, run_config, run_folder
 from mwd_surface.surveys.recorded_settings import recorded_settings
@@ -29,7 +30,8 @@ def is_golden(folder: Path) -> bool:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether the path is a recording rather than the results of one."""
+    """Return whether the path is a recording, or the folder of a run with one, rather than results of one."""
+    path = recording_of(path)
     if path.is_file():
         return path.suffix in (".mcap", ".db3")
     return (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))

@@ -25,6 +25,7 @@ from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core import input_covariance, settings, units, wire
 from mwd_sensors.core import mount as mounts
 from mwd_sensors.core.arrays import Array, Samples
@@ -141,6 +142,7 @@ def inspect(
     estimator: EstimatorSettings,
     output: Path,
     progress: Callable[[float], None] = lambda _share: None,
+    recorded: EstimatorSettings | None = None,
 ) -> Inspection:
     """
     Inspect a bag.
@@ -154,6 +156,8 @@ def inspect(
         Output folder to write into the command.
     progress : callable
         Called with the completed share of a pass, 0 to 1.
+    recorded : settings, optional
+        Settings in the recording, which `mwd process` uses without being told.
 
     Raises
     ------
@@ -187,6 +191,9 @@ def inspect(
     unsure = [(one, verdict.word) for one, verdict in zip(surveys, verdicts, strict=True) if one.action]
     doubts = list(dict.fromkeys(f"surveys: {word}: {one.action}" for one, word in unsure))
     reason = summary.no_survey if summary is not None else ""
+    own = recorded or EstimatorSettings()
+    if recorded is not None and (differences := _other_place(estimator.place, recorded.place)):
+        doubts.append(f"the given place is not that of the recording: {differences}")
     return Inspection(
         topics,
         reading.times,
@@ -201,7 +208,7 @@ def inspect(
         _missing(topics, reading, mount, reason),
         [verdict.word for verdict in verdicts],
         refusal,
-        "" if refusal else _command(bag, topics, reading, output),
+        "" if refusal else _command(bag, topics, reading, output, own),
     )
 
 
@@ -392,20 +399,31 @@ def _day(reading: _Reading, imu: str) -> str:
     return f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
 
 
-def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path) -> str:
-    """Return the command that processes the bag as it was read."""
+def _other_place(given: Place, recorded: Place) -> str:
+    """Return in words what differs between the given place and that of the recording, if it has one."""
+    if recorded.field == "none":
+        return ""
+    names = [field.name for field in dataclasses.fields(given)]
+    pairs = [(name, getattr(given, name), getattr(recorded, name)) for name in names]
+    return ", ".join(f"{name} {one} instead of {other}" for name, one, other in pairs if one != other)
+
+
+def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path, own: EstimatorSettings) -> str:
+    """Return the command that processes the bag as it was read; own: settings that it uses without being told."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
     for name, usual in vars(InputSettings()).items():
         if (value := getattr(reading.given, name)) != usual and name != "partial":
             words += [option_of(name), f"{value:g}" if isinstance(value, float) else str(value)]
-    mount, default = reading.estimator.tool.mount, mounts.MountSettings()
+    mount, default = reading.estimator.tool.mount, own.tool.mount
     for unit in ("imu", "mag", "precision"):
         if getattr(mount, unit) != getattr(default, unit):
             words += ["--mount", f"{unit}={getattr(mount, unit).replace(', ', ',')}"]
     if mount.accelerometer != default.accelerometer:
         words += ["--accelerometer", mount.accelerometer]
     place = reading.estimator.place
-    if place.model:
+    if place == own.place:
+        pass
+    elif place.model:
         words += ["--lat", f"{place.lat_deg:g}", "--lon", f"{place.lon_deg:g}"]
         day = _day(reading, topics.imu)
         words += ["--date", day] if day else []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Alarms stay until their cause is gone and somebody has seen them."""
+"""Critical alarms stay until their cause has gone and somebody has acknowledged them; others leave with their cause."""
 
 import pytest
 from hypothesis import given
@@ -12,14 +12,23 @@ def raised(book, alarm_id="link.stale", severity=Severity.WARNING, stamp=10, tex
     return book.raise_alarm(alarm_id, severity, text, "check the cable", stamp)
 
 
-def test_an_alarm_that_clears_by_itself_stays_until_it_is_acknowledged():
+def test_a_critical_alarm_that_clears_by_itself_stays_until_it_is_acknowledged():
     book = AlarmBook()
-    _, news = raised(book)
+    _, news = raised(book, severity=Severity.CRITICAL)
     assert news
     assert book.clear("link.stale", 20)
     assert [(a.active, a.acknowledged) for a in book.alarms()] == [(False, False)]
     assert book.acknowledge("link.stale", "A. Berg", 30)[0]
     assert book.alarms() == ()
+
+
+@pytest.mark.parametrize("severity", [Severity.INFO, Severity.WARNING])
+def test_an_alarm_of_lower_priority_leaves_with_its_cause_and_the_log_keeps_it(severity):
+    book = AlarmBook()
+    raised(book, severity=severity)
+    assert book.clear("link.stale", 20)
+    assert book.alarms() == ()
+    assert [(e.kind, e.source) for e in book.events()] == [("cleared", "link.stale"), ("raised", "link.stale")]
 
 
 def test_an_acknowledged_alarm_stays_while_its_cause_is_there_and_goes_with_it():
@@ -33,11 +42,11 @@ def test_an_acknowledged_alarm_stays_while_its_cause_is_there_and_goes_with_it()
 
 def test_seeing_a_cause_again_is_no_news_but_its_return_is_and_wants_a_new_acknowledgement():
     book = AlarmBook()
-    raised(book)
-    assert raised(book, stamp=11)[1] is False
+    raised(book, severity=Severity.CRITICAL)
+    assert raised(book, severity=Severity.CRITICAL, stamp=11)[1] is False
     assert book.alarms()[0].last_ns == 11
     book.clear("link.stale", 12)
-    alarm, news = raised(book, stamp=13)
+    alarm, news = raised(book, severity=Severity.CRITICAL, stamp=13)
     assert news
     assert (alarm.count, alarm.raised_ns, alarm.acknowledged) == (2, 13, False)
 
@@ -68,7 +77,7 @@ def test_nobody_can_acknowledge_without_a_name_or_what_is_not_there():
 def test_the_causes_of_one_part_are_raised_and_cleared_together_and_leave_others_alone():
     book = AlarmBook()
     raised(book, "recorder.disk")
-    book.sync("link.", {"link.sonde": (1, "no sonde", "check"), "link.rig": (1, "no rig data", "check")}, 20)
+    book.sync("link.", {"link.sonde": (2, "no sonde", "check"), "link.rig": (1, "no rig data", "check")}, 20)
     book.sync("link.", {"link.rig": (1, "no rig data", "check")}, 30)
     assert {a.id: a.active for a in book.alarms()} == {"recorder.disk": True, "link.sonde": False, "link.rig": True}
     with pytest.raises(ValueError, match="'disk' does not start with"):
@@ -106,11 +115,12 @@ def test_an_empty_id_or_an_unknown_severity_is_a_mistake_of_the_caller():
         raised(AlarmBook(), severity=7)
 
 
+SEVERITIES = {"a": Severity.CRITICAL, "b": Severity.WARNING}
 STEPS = st.lists(st.tuples(st.sampled_from(["raise", "clear", "seen"]), st.sampled_from(["a", "b"])), max_size=40)
 
 
 @given(STEPS)
-def test_an_alarm_is_shown_exactly_while_it_is_active_or_not_acknowledged(steps):
+def test_an_alarm_is_shown_exactly_while_it_is_active_or_critical_and_not_acknowledged(steps):
     book = AlarmBook()
     active, unseen = set(), set()
     for k, (what, alarm_id) in enumerate(steps):
@@ -118,14 +128,14 @@ def test_an_alarm_is_shown_exactly_while_it_is_active_or_not_acknowledged(steps)
             if alarm_id not in active:
                 unseen.add(alarm_id)
             active.add(alarm_id)
-            raised(book, alarm_id, stamp=k)
+            raised(book, alarm_id, SEVERITIES[alarm_id], stamp=k)
         elif what == "clear":
             active.discard(alarm_id)
             book.clear(alarm_id, k)
         else:
             unseen.discard(alarm_id)
             book.acknowledge(alarm_id, "me", k)
-        assert {a.id for a in book.alarms()} == active | unseen
+        assert {a.id for a in book.alarms()} == active | (unseen & {"a"})
 
 
 def test_every_change_that_people_see_changes_the_version():

@@ -24,7 +24,10 @@ from mwd_surface.surveys.depth import DepthRules
 S = 10**9
 BEGIN = 1_795_800_000 * S
 # Short histories are full after minutes; their budgets are these settings.
-SMALL = RecordedWell(live=LiveSettings(history_seconds=60.0, log_length=20.0), depth=DepthRules(history=100))
+SMALL = RecordedWell(
+    live=LiveSettings(history_seconds=60.0, trend_hours=0.1, trend_step=10.0, log_length=20.0),
+    depth=DepthRules(history=100),
+)
 LAYOUTS = {
     "rig/state": wire.RIG_STATE,
     "gravity": wire.GRAVITY,

@@ -115,7 +115,14 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
         full = json.loads(ask(server, "/state.json")[1])
         assert full["sections"]["attitude"]["inclination"]["value"] == 0.7
         assert full["sections"]["attitude"]["inclination"]["age"] == 0.5
-        assert full["server"] == {"controls": False, "exports": [], "clients": 0, "skipped": 0, "ready": True}
+        assert full["server"] == {
+            "controls": False,
+            "exports": [],
+            "clients": 0,
+            "skipped": 0,
+            "ready": True,
+            "time_zone": "",
+        }
 
 
 def test_a_state_that_cannot_be_sent_ends_the_connection_and_the_next_one_serves():

@@ -1,23 +1,35 @@
-// Alarms with their acknowledgement, the log of events, and a sound for a new critical alarm.
+// Alarms with their acknowledgement, the log of events, and a sound that repeats while an alarm waits.
 
-import { byId, el, mark, pill, setText } from "./dom.js";
-import { notEvaluated } from "./header.js";
+import { byId, el, pill, setText } from "./dom.js";
+import { alarmState, byUrgency, notEvaluated } from "./header.js";
 import { act, mayCommand, operatorName } from "./operator_tab.js";
 import * as units from "./units.js";
 
 const SEVERITIES = { info: "info", warning: "doubtful", critical: "reject" };
 
-let sound = null;
-let beeped = "";
+const REPEAT = 4000; // ms between two tones while an alarm waits
 
+let sound = null;
+let waiting = []; // active alarms that nobody has acknowledged
+let silenced = new Set(); // those that somebody has silenced at this screen
+
+const keyOf = (a) => `${a.id} ${a.raised_ns} ${a.severity}`;
+const sounding = () => waiting.some((key) => !silenced.has(key));
+
+// The button turns the sound on, silences what sounds now, or turns the sound off. It needs no token: it is this screen's.
 export function toggleSound() {
-  sound = sound ? null : new AudioContext();
-  setText(byId("sound"), sound ? "Sound on" : "Sound off");
-  mark(byId("sound"), "aria-pressed", String(sound !== null));
+  if (!sound) sound = new AudioContext();
+  else if (sounding()) silenced = new Set(waiting);
+  else {
+    sound.close();
+    sound = null;
+  }
+  beep();
 }
 
 function beep() {
-  if (!sound) return;
+  setText(byId("sound"), !sound ? "Turn sound on" : sounding() ? "Silence" : "Turn sound off");
+  if (!sound || !sounding()) return;
   const tone = sound.createOscillator();
   tone.frequency.value = 880;
   tone.connect(sound.destination);
@@ -25,19 +37,21 @@ function beep() {
   tone.stop(sound.currentTime + 0.4);
 }
 
+setInterval(beep, REPEAT);
+
 export function showAlarms({ sections, server }) {
   const { alarms, events } = sections;
   if (!alarms || !events) return;
   const may = mayCommand(server);
   const unknown = notEvaluated(alarms);
-  const rows = alarms.rows.map((a) => el("li", { class: "alarm", "data-severity": a.severity_word },
-    pill(SEVERITIES[a.severity_word], a.severity_word),
+  const rows = byUrgency(alarms.rows).map((a) => el("li", { class: "alarm", "data-severity": a.severity_word, "data-state": alarmState(a) },
+    pill(a.active ? SEVERITIES[a.severity_word] : "idle", a.severity_word),
     el("div", {},
       el("strong", {}, a.text),
       el("p", {}, a.remedy),
       el("p", { class: "quiet-text" }, [
-        `since ${units.clock(a.raised_ns)} UTC`, a.count > 1 ? `${a.count} times` : "", a.active ? "still there" : "gone",
-        a.acknowledged ? `seen by ${a.acknowledged_by}` : "not yet acknowledged",
+        `since ${units.clock(a.raised_ns)} UTC`, a.count > 1 ? `${a.count} times` : "", a.active ? "active" : `gone since ${units.clock(a.last_ns)} UTC`,
+        a.acknowledged ? `acknowledged by ${a.acknowledged_by}` : "not yet acknowledged",
       ].filter(Boolean).join(" · ")),
     ),
     may && !a.acknowledged ? el("button", { type: "button", onclick: () => act("acknowledge_alarm", { id: a.id, operator_name: operatorName() }) }, "Acknowledge") : null,
@@ -53,7 +67,7 @@ export function showAlarms({ sections, server }) {
         ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Time", "What", "Source", "Text"].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))
         : el("p", { class: "empty" }, "No events yet."))),
   );
-  const critical = alarms.rows.filter((a) => a.severity === 2 && !a.acknowledged).map((a) => `${a.id}${a.raised_ns}`).join();
-  if (critical && critical !== beeped) beep();
-  beeped = critical;
+  const before = waiting;
+  waiting = alarms.rows.filter((a) => a.active && !a.acknowledged && a.severity > 0).map(keyOf);
+  if (waiting.some((key) => !before.includes(key))) beep();
 }

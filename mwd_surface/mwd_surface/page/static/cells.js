@@ -16,8 +16,15 @@ export function stateOf(cell, now, silent) {
   return "live";
 }
 
+// Values of a wired tool and of the rig come once a second or more often; their age is not worth a word.
+const USUAL = 3; // s
+
 // Age of the measurement; over a telemetry link, the age of the word that brought it.
-export const ageOf = (cell, now) => units.age(Math.max(0, now - (cell.measured_at ?? cell.at)));
+export const ageOf = (cell, now) => units.age(secondsOf(cell, now));
+// The same, empty while a value is as new as usual.
+export const unusualAge = (cell, now) => (secondsOf(cell, now) < USUAL ? "" : ageOf(cell, now));
+
+const secondsOf = (cell, now) => Math.max(0, now - (cell.measured_at ?? cell.at));
 
 export function valueBox(where, label, kind, options = {}) {
   const parts = {
@@ -57,7 +64,6 @@ export function refresh(sections, now, silent) {
     setText(parts.unit, units.unit(kind));
     const sigma = options.big ? " 1σ" : "";
     setText(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
-    const old = ageOf(cell, now);
-    setText(parts.age, state === "stale" ? [`STALE ${old}`, reason].filter(Boolean).join(" · ") : old);
+    setText(parts.age, state === "stale" ? [`STALE ${ageOf(cell, now)}`, reason].filter(Boolean).join(" · ") : unusualAge(cell, now));
   }
 }

@@ -121,9 +121,10 @@ export class Connection {
   }
 
   // Growing sections are sent as their new rows only.
-  joined(name, { whole, columns, rows }) {
-    const old = whole ? [] : this.sections[name]?.rows || [];
-    return { columns, rows: old.concat(rows).slice(-7200) };
+  joined(name, { whole, columns, rows, length }) {
+    const all = (whole ? [] : this.sections[name]?.rows || []).concat(rows);
+    const last = all.length ? all[all.length - 1][0] : 0;
+    return { columns, length, rows: all.filter((row) => last - row[0] <= length) };
   }
 }
 
@@ -139,5 +140,31 @@ export async function command(name, token, given) {
     return { ok, message };
   } catch {
     return { ok: false, message: "no answer from the surface unit" };
+  }
+}
+
+// Files that were exported, newest first: name, bytes, changed (s since the epoch).
+export async function exportedFiles(token) {
+  try {
+    const answer = await fetch("exports", { headers: { Authorization: `Bearer ${token}` }, signal: AbortSignal.timeout(10000) });
+    return answer.ok ? (await answer.json()).files : [];
+  } catch {
+    return [];
+  }
+}
+
+// Give an exported file to the browser as a download; returns what went wrong, or an empty text.
+export async function download(name, token) {
+  try {
+    const answer = await fetch(`exports/${encodeURIComponent(name)}`, { headers: { Authorization: `Bearer ${token}` } });
+    if (!answer.ok) return (await answer.json()).message;
+    const address = URL.createObjectURL(await answer.blob());
+    const link = document.createElement("a");
+    [link.href, link.download] = [address, name];
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(address), 60000);
+    return "";
+  } catch {
+    return "no answer from the surface unit";
   }
 }

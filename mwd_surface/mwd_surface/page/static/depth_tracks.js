@@ -1,6 +1,6 @@
 // Tracks over depth, deepest at the bottom: the values measured while the hole was drilled, with slides and surveys.
 
-import { el, svg } from "./dom.js";
+import { el, scale, svg } from "./dom.js";
 import { shadesOf, unwrapped } from "./charts.js";
 import * as units from "./units.js";
 
@@ -48,8 +48,8 @@ export function depthTracks(log, steering, surveys, size) {
   if (!all.length) return el("p", { class: "empty" }, "No depth tracks yet: they grow while hole is made and the rig sends its depth.");
   // Show only the last drilled part of a long hole.
   const [bottom, top] = [Math.max(...all), Math.max(Math.min(...all), Math.max(...all) - 600)];
-  const { width, height } = size;
-  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "img", class: "plot", "aria-label": `Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
+  const [width, height] = [Math.max(330, size.width / scale()), Math.max(220, size.height / scale())];
+  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": `Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
   const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
   const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
   const step = nice(deep - shallow, Math.max(2, height / 60));

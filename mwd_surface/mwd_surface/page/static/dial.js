@@ -1,7 +1,7 @@
 // The toolface dial: high side or north up, clockwise looking downhole.
 
 import { el, mark, setText, svg } from "./dom.js";
-import { ageOf, stateOf } from "./cells.js";
+import { ageOf, stateOf, unusualAge } from "./cells.js";
 import * as units from "./units.js";
 
 const CENTRE = 200;
@@ -120,10 +120,9 @@ export class Dial {
       mark(this.needle, "transform", `rotate(${((cell.value * 180) / Math.PI).toFixed(1)} 200 200)`);
       setText(this.number, `${degrees}°`);
       setText(this.side, gravity ? sideOf(degrees) : "");
-      const old = ageOf(cell, now);
-      const inside = toolface.advisory?.inside;
-      const word = inside === undefined || inside === null ? "" : inside ? "INSIDE " : "OUTSIDE ";
-      const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : word + old;
+      const inside = toolface.advisory?.inside ?? null;
+      const word = inside === null ? unusualAge(cell, now) : inside ? "INSIDE" : "OUTSIDE";
+      const note = state === "stale" ? `STALE ${ageOf(cell, now)}` : toolface.rotating ? "ROTATING" : word;
       setText(this.note, note);
       mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
     }

@@ -20,6 +20,21 @@ export function showBanner(connection, silent) {
   if (gone !== Infinity) document.title = "DISCONNECTED · MWD";
 }
 
+// Clock of what is shown: UTC and, where the rig's time zone is set, the time there. epoch: s, null if not known.
+export function showClock(now, epoch, zone) {
+  if (epoch === null || epoch === undefined) return setText(byId("clock"), "");
+  const at = new Date((now + epoch) * 1000);
+  return setText(byId("clock"), [`${at.toISOString().slice(11, 19)} UTC`, zone && timeIn(zone, at)].filter(Boolean).join(" · "));
+}
+
+function timeIn(zone, at) {
+  try {
+    return `${at.toLocaleTimeString("en-GB", { timeZone: zone })} ${zone.split("/").pop().replace("_", " ")}`;
+  } catch {
+    return `unknown time zone ${zone}`;
+  }
+}
+
 export function showWell(well) {
   setText(byId("well-name"), well.wellbore || well.name);
   const angle = (v) => (v === null ? "not given" : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
@@ -130,22 +145,31 @@ export function notEvaluated(alarms) {
   return alarms.not_evaluated.length ? `not evaluated: ${alarms.not_evaluated.join(", ")}` : "";
 }
 
-// Line that is always shown: the worst alarm not yet acknowledged, else the worst one still active.
+// Alarms in the order of their urgency: active before gone, unacknowledged before acknowledged, then by severity and age.
+export function byUrgency(rows) {
+  return [...rows].sort((a, b) => b.active - a.active || a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
+}
+
+// State of an alarm as ISA-18.2 has it; each has a look of its own.
+export const alarmState = (a) => (!a.active ? "returned" : a.acknowledged ? "acknowledged" : "unacknowledged");
+
+// Line that is always shown: the most urgent active alarm; without one, the alarms that are gone and nobody acknowledged.
 export function showAlarmStrip({ alarms }, now) {
   if (!alarms) return;
-  const rows = alarms.rows.filter((a) => a.active || !a.acknowledged);
+  const rows = byUrgency(alarms.rows);
+  const [first] = rows;
   // A missing alarm proves nothing if the alarm is not evaluated.
   const unknown = notEvaluated(alarms);
-  const [worst] = [...rows].sort((a, b) => a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
   const strip = byId("alarm");
-  mark(strip, "data-severity", worst ? worst.severity_word : unknown ? "unknown" : "none");
-  mark(strip, "data-seen", worst?.acknowledged ? "yes" : "no");
+  mark(strip, "data-severity", first?.active ? first.severity_word : unknown ? "unknown" : "none");
+  mark(strip, "data-state", first ? alarmState(first) : "none");
   if (!strip.firstChild) strip.append(...["what", "remedy", "age"].map((name) => el("span", { class: `alarm-${name}` })));
   const [what, remedy, age] = strip.children;
-  setText(what, worst ? `${{ info: "●", warning: "▲", critical: "✕" }[worst.severity_word]} ${worst.severity_word.toUpperCase()}: ${worst.text}` : unknown ? `No alarm is known; ${unknown}` : "✓ No alarms");
-  setText(remedy, worst?.remedy || "");
-  setText(age, worst ? [
-    worst.raised_at === null ? `since ${units.clock(worst.raised_ns)} UTC` : `for ${units.age(Math.max(0, now - worst.raised_at))}`,
-    worst.active ? "" : "gone", worst.acknowledged ? "seen" : "", rows.length > 1 ? `+ ${rows.length - 1} more` : "",
+  const none = unknown ? `No alarm is known; ${unknown}` : first ? "✓ No alarm is active" : "✓ No alarms";
+  setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${first.severity_word.toUpperCase()}: ${first.text}` : none);
+  setText(remedy, first?.active ? first.remedy : first ? `gone, not yet acknowledged: ${rows.map((a) => a.text).join("; ")}` : "");
+  setText(age, first?.active ? [
+    first.raised_at === null ? `since ${units.clock(first.raised_ns)} UTC` : `for ${units.age(Math.max(0, now - first.raised_at))}`,
+    first.acknowledged ? "acknowledged" : "", rows.length > 1 ? `+ ${rows.length - 1} more` : "",
   ].filter(Boolean).join(" · ") : "");
 }

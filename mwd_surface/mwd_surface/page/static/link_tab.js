@@ -1,6 +1,6 @@
 // The telemetry link: a strip that is always shown, and a tab with spectrum, pressure, passes and words.
 
-import { byId, el, mark, pill, setText } from "./dom.js";
+import { byId, el, mark, pill, scale, setText } from "./dom.js";
 import * as units from "./units.js";
 
 const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "no flow": "idle", "no pressure": "reject" };
@@ -116,10 +116,10 @@ function prepared(canvas) {
   canvas.width = Math.max(1, Math.round(box.width * ratio));
   canvas.height = Math.max(1, Math.round(box.height * ratio));
   const context = canvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.setTransform(ratio * scale(), 0, 0, ratio * scale(), 0, 0);
   context.font = "12px system-ui, sans-serif";
   const css = getComputedStyle(document.documentElement);
-  return { context, width: box.width, height: box.height, colour: (name) => css.getPropertyValue(name).trim() };
+  return { context, width: box.width / scale(), height: box.height / scale(), colour: (name) => css.getPropertyValue(name).trim() };
 }
 
 // Columns are time, rows are frequency. Lightness grows with power, so that the picture is readable without colour.

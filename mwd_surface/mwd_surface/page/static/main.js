@@ -8,7 +8,7 @@ import { showControl } from "./control_panel.js";
 import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
 import { showDownlink } from "./downlink_panel.js";
-import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
+import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
 import { showPath } from "./path_tab.js";
@@ -19,6 +19,7 @@ import { SurveyTable } from "./survey_table.js";
 import { showFindings, showInputs, showStreams } from "./system_tab.js";
 import { select, startTabs } from "./tabs.js";
 import * as units from "./units.js";
+import { current, setView } from "./view.js";
 
 const memory = {
   get: (key) => { try { return localStorage.getItem(key); } catch { return null; } },
@@ -43,17 +44,31 @@ byId("big").append(
     label: (s) => `Azimuth, ${s.attitude?.north ? `${s.attitude.north} north` : "north unknown"}`,
   }),
 );
-byId("small").append(
+// A wired tool measures all the time. Over a telemetry link it sends little, and the rig's own values are of more use.
+const OF_TOOL = [
   valueBox("drilling.rotary_speed", "Rotary", "rotation"),
   valueBox("drilling.vibration", "Vibration", "vibration"),
   valueBox("drilling.temperature", "Temperature", "temperature"),
   valueBox("drilling.total_field", "Total field", "field"),
   valueBox("drilling.axial_interference", "Axial interf.", "field"),
   valueBox("rig.weight_on_bit", "WOB", "force"),
-);
+];
+const OF_RIG = [
+  valueBox("rig.flow_rate", "Flow in", "flow"),
+  valueBox("rig.pressure", "Standpipe", "pressure"),
+  valueBox("rig.torque", "Torque", "torque"),
+  valueBox("rig.rotary_speed", "Top drive", "rotation"),
+  valueBox("rig.weight_on_bit", "WOB", "force"),
+  valueBox("rig.hookload", "Hookload", "force"),
+];
+byId("small").append(...OF_TOOL, ...OF_RIG);
 
 const SHOW = {
-  well: ({ well }) => showWell(well),
+  well: ({ well }) => {
+    showWell(well);
+    for (const box of OF_TOOL) box.hidden = Boolean(well.over_link);
+    for (const box of OF_RIG) box.hidden = !well.over_link;
+  },
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
   offset: ({ offset, plan }) => offset && showOffset(offset, plan),
@@ -71,7 +86,7 @@ const SHOW = {
   inputs: ({ inputs }) => showInputs(inputs),
   link: ({ link, well }) => showLink(link, well?.over_link),
   downlink: ({ downlink }) => showDownlink(downlink, connection.server),
-  history: () => { if (!charts.byDepth) charts.show(); },
+  history: () => { if (!charts.byDepth) charts.showHistory(); },
 };
 
 // changed: names of the changed sections; null: all sections.
@@ -87,7 +102,7 @@ const connection = new Connection((names) => {
   if (names === null) showControls(connection.server, restart);
   tick();
 });
-const charts = new ChartsTab(byId("tab-charts"), connection);
+const charts = new ChartsTab(byId("tab-charts"), connection, memory);
 
 function showSections(names) {
   const { sections } = connection;
@@ -109,6 +124,7 @@ function tick() {
   showProgress(sections, now, silent);
   showPills(sections, now, silent, select, Boolean(connection.server.replay));
   showAlarmStrip(sections, now);
+  showClock(now, sections.alarms?.epoch, connection.server.time_zone);
   showLinkStrip(sections.link, linkSince);
   showStreams(connection, now, silent);
   showSince(now);
@@ -153,7 +169,7 @@ function redraw() {
 }
 
 function showSwitches() {
-  setText(byId("units"), units.isField() ? "US field" : "Metric");
+  setText(byId("units"), units.isField() ? "Metric units" : "US units");
   setText(byId("theme"), document.documentElement.dataset.theme === "day" ? "Night" : "Day");
 }
 
@@ -173,28 +189,17 @@ byId("theme").addEventListener("click", () => {
 });
 byId("sound").addEventListener("click", toggleSound);
 byId("alarm").addEventListener("click", () => {
-  setView("all");
+  if (current() === "toolface") setView("all");
   select("alarms", true);
 });
 
-// Show the dial alone, as large as the screen. The address keeps the choice, so that a screen can be set up with it.
-function setView(view) {
-  document.body.dataset.view = view;
-  setText(byId("view"), view === "toolface" ? "All" : "Dial");
-  const address = new URL(location.href);
-  if (view === "toolface") address.searchParams.set("view", view);
-  else address.searchParams.delete("view");
-  if (address.href !== location.href) history.replaceState(null, "", address);
-}
 byId("view").addEventListener("click", () => {
-  const wanted = document.body.dataset.view === "toolface" ? "all" : "toolface";
+  const wanted = current() === "toolface" ? "all" : "toolface";
   setView(wanted);
   // A browser may refuse full screen; the layout of the page does not depend on it.
   if (wanted === "toolface") document.documentElement.requestFullscreen?.().catch(() => {});
   else if (document.fullscreenElement) document.exitFullscreen();
-  tick();
 });
-setView(new URL(location.href).searchParams.get("view") === "toolface" ? "toolface" : "all");
 
 new ResizeObserver(showWellPath).observe(byId("tab-path"));
 
@@ -206,4 +211,4 @@ startTabs(() => {
   tick();
 });
 setInterval(tick, 250);
-setInterval(() => { if (!charts.byDepth) charts.show(); }, 5000);
+setInterval(() => { if (!charts.byDepth) charts.showHistory(); }, 5000);

@@ -1,6 +1,6 @@
 // Operator controls: a name for the log, a token for the server.
 
-import { command } from "./connection.js";
+import { command, download, exportedFiles } from "./connection.js";
 import { byId, el, setText } from "./dom.js";
 import * as units from "./units.js";
 
@@ -58,7 +58,19 @@ export function showControls(server, onToken) {
     button("split-recording", "Split recording", "split_recording"),
     button("snapshot-recording", "Snapshot", "snapshot_recording"),
   ];
-  const writing = button("export", "Export", "export", () => ({ format: format.value }));
+  const files = el("ul", { class: "exported", "aria-label": "Exported files" });
+  const writing = el("button", { type: "button", id: "export", disabled: true, onclick: async () => {
+    const { ok } = await act("export", { format: format.value });
+    if (!ok) return;
+    const made = await exportedFiles(operator.token);
+    if (made.length) fetched(made[0].name);
+    files.replaceChildren(...made.map((one) => el("li", {},
+      el("button", { type: "button", onclick: () => fetched(one.name) }, one.name), ` ${units.bytes(one.bytes)}, ${units.clock(one.changed * 1e9, true)}`)));
+  } }, "Export and download");
+  const fetched = async (name) => {
+    const problem = await download(name, operator.token);
+    if (problem) setText(answerBox, `${name}: ${problem}`);
+  };
   const all = [...buttons, setDepth, writing];
   place.replaceChildren(
     el("h2", {}, "Operator"),
@@ -69,5 +81,6 @@ export function showControls(server, onToken) {
       el("label", { for: "bit-depth" }, "Bit depth, ", el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
       el("label", { for: "export-format" }, "Survey list as"), format, writing),
     answerBox,
+    files,
   );
 }

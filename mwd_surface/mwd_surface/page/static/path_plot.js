@@ -99,9 +99,12 @@ function ellipses(plot, path, name, wellX, wellY, { x, y, perPixel }, firstIsUp)
 }
 
 const canvas = (title, { width, height }) =>
-  svg("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": title, class: "plot" });
+  svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", "aria-label": title, class: "plot" });
 
-const sizeOf = (plot) => ({ width: Number(plot.getAttribute("width")), height: Number(plot.getAttribute("height")) });
+const sizeOf = (plot) => {
+  const [, , width, height] = plot.getAttribute("viewBox").split(" ").map(Number);
+  return { width, height };
+};
 
 function describe(path, offset) {
   const k = path.measured_depth.length - 1;

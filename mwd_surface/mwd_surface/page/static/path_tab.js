@@ -1,6 +1,6 @@
 // The well path: plan and section side by side, or one 3D view that can be rotated.
 
-import { byId, el, pill } from "./dom.js";
+import { byId, el, pill, scale } from "./dom.js";
 import { legend, planView, sectionView, spaceView } from "./path_plot.js";
 import { assumedNote, remarksNote } from "./survey_table.js";
 import * as units from "./units.js";
@@ -20,11 +20,11 @@ export function showPath(sections) {
   const box = el("div", { class: "plots" });
   place.replaceChildren(el("div", { class: "path-head" }, el("div", {}, legend(plan, path), assumedNote(path), remarksNote(path, sections.surveys, sections.clearance)), ...near(sections.clearance), choice), box);
   // Draw at the displayed size, so that letters keep their size.
-  const [width, height] = [Math.max(260, box.clientWidth), Math.max(190, box.clientHeight)];
+  const [width, height] = [Math.max(260, box.clientWidth / scale()), Math.max(190, box.clientHeight / scale())];
   if (view.on) box.append(turnable(path, plan, { width, height }));
   else {
     const beside = width >= 560;
-    const size = { width: Math.floor(beside ? width / 2 - 4 : width), height: beside ? height : 280 };
+    const size = { width: Math.floor(beside ? width / 2 - 6 : width), height: beside ? height : 280 };
     box.append(planView(path, plan, offset, size), sectionView(path, plan, offset, size));
   }
 }

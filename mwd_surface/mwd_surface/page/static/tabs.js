@@ -1,10 +1,12 @@
-// Tabs, or all panels at once on a large screen.
+// Tabs below the dial, one of which can fill the page, or all panels at once on a large screen.
 
-import { byId, el, mark } from "./dom.js";
+import { byId, el, mark, setText } from "./dom.js";
+import { current, fills, setView, startView } from "./view.js";
 
 const TABS = [
   ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["link", "Link"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
 ];
+const NAMES = TABS.map(([key]) => key);
 
 const wide = window.matchMedia("(min-width: 1800px) and (min-height: 900px)");
 const ALWAYS = ["surveys", "path"];
@@ -12,22 +14,29 @@ const ALWAYS = ["surveys", "path"];
 let tab = "surveys";
 let onSelect = () => {};
 
+// Whether a panel is shown beside the tabs, whichever of them is selected.
+const always = (key) => wide.matches && !fills() && ALWAYS.includes(key);
+
 export function select(name, focus = false) {
-  if (wide.matches && ALWAYS.includes(name)) name = "charts";
-  tab = name;
-  const tabs = TABS.filter(([key]) => !wide.matches || !ALWAYS.includes(key));
-  byId("tabs").replaceChildren(...tabs.map(([key, text]) => el("button", {
+  if (fills() && name !== current()) setView(name, { replace: true });
+  tab = always(name) ? "charts" : name;
+  byId("tabs").replaceChildren(...TABS.filter(([key]) => !always(key)).map(([key, text]) => el("button", {
     type: "button", role: "tab", id: `select-${key}`, "aria-selected": String(key === tab), "aria-controls": `tab-${key}`,
     tabindex: key === tab ? "0" : "-1", onclick: () => select(key, true),
   }, text)));
-  for (const [key] of TABS) {
+  for (const key of NAMES) {
     const panel = byId(`tab-${key}`);
-    const always = wide.matches && ALWAYS.includes(key);
-    panel.hidden = !(always || key === tab);
-    mark(panel, "role", always ? "region" : "tabpanel");
+    panel.hidden = !(always(key) || key === tab);
+    mark(panel, "role", always(key) ? "region" : "tabpanel");
   }
+  setText(byId("fill"), fills() ? "Back" : "Full page");
+  setText(byId("view"), current() === "toolface" ? "All panels" : "Dial");
   if (focus) byId(`select-${tab}`).focus();
   onSelect();
+}
+
+function typing(event) {
+  return event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.("input, select, textarea");
 }
 
 // Shows the first tab; `shown` is called whenever other panels become visible.
@@ -41,6 +50,13 @@ export function startTabs(shown) {
     if (event.key === "Home") select(keys[0], true);
     if (event.key === "End") select(keys[keys.length - 1], true);
   });
+  byId("fill").addEventListener("click", () => setView(fills() ? "all" : tab));
+  document.addEventListener("keydown", (event) => {
+    if (typing(event)) return;
+    if (event.key === "f") setView(fills() ? "all" : tab);
+    if (event.key === "d") setView(current() === "toolface" ? "all" : "toolface");
+    if (event.key === "Escape" && current() !== "all") setView("all");
+  });
   wide.addEventListener("change", () => select(tab));
-  select(tab);
+  startView(["toolface", ...NAMES], () => select(fills() ? current() : tab));
 }
