@@ -36,7 +36,7 @@ from mwd_surface.processing.bag_input import (
     tool_frame,
 )
 from mwd_surface.processing.imu_queue import Imu, ImuQueue
-from mwd_surface.processing.input_stream import InputStream, asked_span, problems, refuse
+from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
@@ -284,8 +284,10 @@ class BagEstimate:
         if topics.imu not in samples or topics.imu in self._stream.without_time:
             return
 
+        checked: Block = {name: (block[name][0], samples[name]) for name in topics.all if name in samples}
+
         def offset_s(topic: str) -> float:
-            return float(np.median(samples[topic]["stamp_ns"] - block[topic][0])) * 1e-9
+            return -float(np.median(offsets_of_clock(checked, topic, topics.imu)))
 
         for topic in (topics.mag, topics.precision):
             if topic is None or topic not in samples or topic in self._stream.without_time:
