@@ -20,7 +20,7 @@ _NORTH = {code: name for name, code in NORTH_CODES.items()}
 
 
 class Reading(NamedTuple):
-    """Value and its 1 sigma, SI (-1: unknown), and the stamp of the measurement, ns."""
+    """Value and its 1 sigma, SI (NaN if unknown), and the stamp of the measurement, ns."""
 
     value: float
     sigma: float

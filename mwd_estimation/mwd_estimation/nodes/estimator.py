@@ -57,6 +57,7 @@ from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.unknown_numbers import unknown
 
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
 _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they are estimated together
@@ -240,7 +241,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
         """Publish a request that changes surveys, for recordings: with the last sample before it took effect."""
-        event = OperatorEvent(kind=kind, success=success, **fields)
+        event = unknown(OperatorEvent, kind=kind, success=success, **fields)
         event.header.stamp = stamp(self._used.newest_ns)
         self._operator_events.publish(event)
 

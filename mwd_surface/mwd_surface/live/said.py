@@ -189,7 +189,7 @@ def recorder_status_of(message: Any) -> RecorderStatus:
         queued_messages=0,
         queued_bytes=0,
         queue_limit=0,
-        free_bytes=int(message.free_bytes),
+        free_bytes=float(message.free_bytes),
         duration_s=float(message.duration),
         files=0,
         unsaved_s=0.0,

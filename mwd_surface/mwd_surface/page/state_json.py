@@ -263,7 +263,7 @@ def _recorder(state: WellState) -> Table:
             "messages": status.messages,
             "bytes": status.bytes,
             "dropped": status.dropped,
-            "free_bytes": max(status.free_bytes, 0),
+            "free_bytes": number(status.free_bytes),
             "duration": number(status.duration_s),
         }
     return {**_dated(table, state, "recorder"), "fresh": link.state, "stale_after": link.stale_after}

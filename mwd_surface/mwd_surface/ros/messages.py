@@ -87,7 +87,7 @@ def recorder_message(status: RecorderStatus, now: Time, streams: Mapping[str, in
         messages=status.messages,
         bytes=status.bytes,
         dropped=status.dropped,
-        free_bytes=max(status.free_bytes, 0),
+        free_bytes=float(status.free_bytes),
         duration=status.duration_s,
         reason=status.reason,
         streams=list(streams),
