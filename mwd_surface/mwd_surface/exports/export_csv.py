@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 
 _DEG = 180.0 / math.pi
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
@@ -13,7 +14,6 @@ from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, 
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.report_trajectory import high_density
 from mwd_surface.exports.survey_table import SurveyTable, plain
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 
 

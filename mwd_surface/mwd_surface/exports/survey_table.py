@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
@@ -25,7 +26,7 @@ from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.signal import PLAN, POSITION, SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_position import uncertain
 from mwd_surface.trajectory.plan import Plan, offset_from

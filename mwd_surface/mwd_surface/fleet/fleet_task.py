@@ -16,6 +16,7 @@ import yaml
 
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import settings as settings_of
 from mwd_surface import __version__
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -27,7 +28,7 @@ from mwd_surface.processing.bag_input import InputSettings, wells
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
-from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 
 @dataclasses.dataclass(frozen=True)

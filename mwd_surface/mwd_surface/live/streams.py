@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import RIG_VALID
@@ -34,7 +35,6 @@ from mwd_surface.live.well_state import (
     ToolfaceState,
 )
 from mwd_surface.signals.table import page_fields
-from mwd_surface.trajectory.north import North
 
 _SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface", "drilling", "rig")}
 _QUANTITIES = {

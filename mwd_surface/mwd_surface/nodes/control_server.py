@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.control.authority import ControlAuthority
@@ -25,7 +26,6 @@ from mwd_surface.live.latest_values import Freshness, LiveValue
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.seal import SealChecker, SealError
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.surveys.message_conversion import stamp_of
 
 _RESTART = "then restart the surface"
 _PERIOD = 0.1  # s between two commands to the rig

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import words
 from mwd_sensors.core import settings as settings_tables
 from mwd_surface.bags.recorder.status import RecorderState
@@ -31,7 +32,6 @@ from mwd_surface.page.link_table import link_table
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
 from mwd_surface.signals.table import page_fields
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 
 _RECORDER_WORDS = {

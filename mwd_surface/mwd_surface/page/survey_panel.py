@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import ROTARY, Survey, Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.signals.table import LISTED, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import QualityLimits, totals
-from mwd_surface.surveys.survey_record import ROTARY, Judgement, Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 

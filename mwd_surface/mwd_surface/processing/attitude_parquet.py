@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import words
-from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.signals.table import ATTITUDE
 
@@ -71,7 +71,7 @@ class Writer:
             ]
         columns += [_known(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
         columns.append(_named(attitude["status"], words))
-        names = {code: name for name, code in NORTH_CODES.items()}
+        names = {int(north): north.name.lower() for north in North}
         columns.append(_named(attitude["north"], lambda code: names.get(code, "")))
         self._waiting.append(pa.RecordBatch.from_arrays(columns, schema=SCHEMA))
         self._rows += len(attitude)

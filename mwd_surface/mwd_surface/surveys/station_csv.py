@@ -14,9 +14,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from mwd_estimation.core.north import North
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 
 
 class Column(NamedTuple):

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.exports.export_csv import definitive_csv, quoted, raw_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
 
 
 def parsed(text):

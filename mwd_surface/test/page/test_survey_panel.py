@@ -9,10 +9,10 @@ import pytest
 from example_stations import DIP, B, G, listed, survey
 from example_surveys import NO_AZIMUTH
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.page.survey_panel import QualityLimits, path_table, quality_lights, survey_row
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Verdict
-from mwd_surface.trajectory.north import North
 
 
 def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_is_out():

@@ -12,9 +12,9 @@ import pytest
 from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.station import station
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.list_files.six_axis_table import TableStation
 from mwd_surface.surveys import station_csv
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.surveys.table_run import table_surveys
 
 F_T, B_T = np.array([-8.0, 1.0, 5.5]), np.array([3.0e-5, 1.0e-5, -3.5e-5])
