@@ -173,7 +173,7 @@ def digits(text, unit, decimals):
 
 def row_of(text, wanted):
     rows = list(csv.DictReader(io.StringIO("".join(x for x in text.splitlines(True) if not x.startswith("#")))))
-    return next(row for row in rows if row["survey"] == str(wanted))
+    return next(row for row in rows if row["sequence"] == str(wanted))
 
 
 def definitive(text):

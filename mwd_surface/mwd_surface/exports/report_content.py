@@ -13,7 +13,8 @@ from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.report_trajectory import high_density
-from mwd_surface.exports.survey_table import SurveyTable, plain
+from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals.cells import plain
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 
 

@@ -228,8 +228,8 @@ class LiveStreams:
         axial, sigma = float(last["axial"]), float(last["sigma_axial"])
         across = np.asarray(last["cross_axial"], dtype=float)
         sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
-        self._put_known("axial_interference", axial, sigma, now)
-        self._put_known("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
+        self._put_observed("axial_interference", axial, sigma, now)
+        self._put_observed("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
         self._put("field_deviation", float(last["total_residual"]), None, now)
         self._put("dip_deviation", float(last["dip_residual"]), None, now)
 
@@ -339,7 +339,7 @@ class LiveStreams:
         else:
             self._put(name, value, sigma, now)
 
-    def _put_known(self, name: str, value: float, sigma: float, now: float) -> None:
+    def _put_observed(self, name: str, value: float, sigma: float, now: float) -> None:
         if math.isfinite(value + sigma):
             self._put(name, value, sigma, now)
         else:

@@ -66,10 +66,10 @@ class Writer:
         columns = [pa.array(np.ascontiguousarray(attitude["stamp_ns"]))]
         for prefix in ("", "sigma_"):
             columns += [
-                _known(attitude[prefix + signal.field] * _DEG, attitude[f"sigma_{signal.field}"])
+                _nullable(attitude[prefix + signal.field] * _DEG, attitude[f"sigma_{signal.field}"])
                 for signal, _ in ATTITUDE
             ]
-        columns += [_known(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
+        columns += [_nullable(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
         columns.append(_named(attitude["status"], words))
         names = {int(north): north.name.lower() for north in North}
         columns.append(_named(attitude["north"], lambda code: names.get(code, "")))
@@ -101,7 +101,7 @@ class Writer:
             self._file.close()
 
 
-def _known(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:
+def _nullable(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:
     unknown = np.isnan(sigma)
     return pa.array(np.ascontiguousarray(values), mask=unknown if unknown.any() else None)
 

@@ -9,11 +9,11 @@ Both sides hold the same SI numbers (`mwd_sensors.core.message_record`).
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterable
 from typing import Any
 
 from mwd_sensors.core.message_record import HEADER, Make, stamp_of, time_message
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
@@ -122,17 +122,13 @@ def list_message(surveys: SurveyList, frame_id: str, make: Make) -> Any:
 
 def advice_of(message: Any) -> Advice:
     """Return the Advice of a mwd_msgs/msg/SteeringAdvice."""
-
-    def known(value: float) -> float | None:
-        return None if math.isnan(value) else float(value)
-
     mode = AdviceMode(message.mode)
     return Advice(
         mode=mode,
         toolface=float(message.toolface) if mode == AdviceMode.SLIDE else None,
         magnetic=bool(message.toolface_mode),
         limit=float(message.limit),
-        **{name: known(getattr(message, name)) for name in _MAY_BE_UNKNOWN},
+        **{name: or_none(getattr(message, name)) for name in _MAY_BE_UNKNOWN},
         survey=int(message.survey),
         stamp_ns=stamp_of(message.header.stamp),
         source=str(message.source),
