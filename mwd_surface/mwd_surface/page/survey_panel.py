@@ -26,11 +26,14 @@ from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 _ON_PATH = {signal.name for signal, _ in LISTED}
 _ROW = page_fields("surveys")
-# Kind of a number on the page, by its unit in SI.
-_KINDS = {"m": "length", "rad": "angle", "rad/m": "dogleg", "m/s^2": "gravity", "T": "field"}
+# Kind of a number on the page (units.js), by its unit in files.
+_KINDS = {
+    **{"m": "length", "deg": "angle", "deg/30 m": "dogleg", "m/s^2": "gravity", "nT": "field", "deg/h": "slow_rate"},
+    **{"rpm": "rotation", "degC": "temperature", "s": "seconds", "1": "index"},
+}
 #: Columns of the survey table, in order: field of a row, title, kind of number, least width that shows it.
 COLUMNS = [
-    {"field": name, "title": signal.listed.title, "kind": _KINDS[signal.unit], "width": shown.width}
+    {"field": name, "title": signal.listed.title, "kind": _KINDS[signal.listed_scale.symbol], "width": shown.width}
     for shown, name, signal in sorted((one.shown, name, one) for name, one in _ROW.items() if one.shown is not None)
     if signal.listed is not None
 ]
