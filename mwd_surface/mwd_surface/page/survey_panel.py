@@ -28,8 +28,16 @@ _ON_PATH = {signal.name for signal, _ in LISTED}
 _ROW = page_fields("surveys")
 # Kind of a number on the page (units.js), by its unit in files.
 _KINDS = {
-    **{"m": "length", "deg": "angle", "deg/30 m": "dogleg", "m/s^2": "gravity", "nT": "field", "deg/h": "slow_rate"},
-    **{"rpm": "rotation", "degC": "temperature", "s": "seconds", "1": "index"},
+    "m": "length",
+    "deg": "angle",
+    "deg/30 m": "dogleg",
+    "m/s^2": "gravity",
+    "nT": "field",
+    "deg/h": "slow_rate",
+    "rpm": "rotation",
+    "degC": "temperature",
+    "s": "seconds",
+    "1": "index",
 }
 #: Columns of the survey table, in order: field of a row, title, kind of number, least width that shows it.
 COLUMNS = [
