@@ -72,17 +72,6 @@ def supervision() -> str:
     return "\n".join(lines) + "\n"
 
 
-def station_column(signal) -> str:
-    """Column of a signal in the tables of stations: there and in the survey list it has the same name."""
-    from mwd_surface.surveys.station_csv import OF_STATIONS
-
-    if signal.source != "survey":
-        return ""
-    ends = {"m": "m", "rad": "deg", "T": "nt", "m/s^2": "mps2"}
-    names = {signal.listed.key if signal.listed else "", f"{signal.field}_{ends.get(signal.unit, '')}"}
-    return next((one.name for one in OF_STATIONS if one.name in names), "")
-
-
 def signals() -> str:
     """Every signal, and where it appears."""
     from mwd_surface.signals.signal import SOURCES
@@ -91,14 +80,14 @@ def signals() -> str:
 
     heads = (
         *("signal", "meaning", "unit, type", "source", "1 sigma", "page", "OPC UA", "Modbus", "WITS", "D-WIS nouns"),
-        *("survey list: CSV", "LAS", "WITSML", "stations", "recording by seconds", "attitude files"),
+        *("tables of surveys", "LAS", "WITSML", "recording by seconds", "attitude files"),
     )
     lines = [
         "# Signals\n",
         "Every signal and its name on the page and in each protocol and file, from the one table in the code",
         "(`mwd_surface/signals/table.csv`). Page and OPC UA have SI units, Modbus and WITS (metric) those named,",
-        "a column of a file that at the end of its name. Stations: the tables of `mwd process` and `mwd survey`",
-        "({doc}`surveys_csv`). Conditions, ages and sigmas: {doc}`../rig/port`.\n",
+        "a column of a file that at the end of its name. Tables of surveys: {doc}`surveys_csv`. Conditions, ages and",
+        "sigmas: {doc}`../rig/port`.\n",
         f"| {' | '.join(heads)} |",
         "|---" * len(heads) + "|",
     ]
@@ -110,7 +99,7 @@ def signals() -> str:
         listed = (s.listed.key, s.listed.las, s.listed.witsml) if s.listed else ("", "", "")
         kind = s.unit if s.type == "Double" else s.type
         sigma = "yes" if s.sigma else ""
-        columns = [station_column(s), *(column.key if column else "" for column in (s.series, s.attitude))]
+        columns = [column.key if column else "" for column in (s.series, s.attitude)]
         cells = (s.name, s.meaning, kind, s.source, sigma, ", ".join(s.page), s.opcua, modbus, wits, ", ".join(s.dwis))
         lines.append(f"| {' | '.join((*cells, *listed, *columns))} |")
     lines += [
@@ -125,24 +114,26 @@ def signals() -> str:
 
 
 def survey_columns() -> str:
-    """Columns of surveys.csv, with units."""
-    from mwd_surface.surveys.station_csv import OF_STATIONS, OF_TABLES
+    """Columns of the tables of surveys, with units."""
+    from mwd_surface.signals.table import SURVEY_TABLE
+    from mwd_surface.surveys.survey_csv import OF_TABLES
 
     head = ["| column | unit | meaning |", "|---|---|---|"]
-    stations, tables = (
-        [f"| `{one.name}` | {one.unit or ('text' if one.text else '')} | {one.meaning} |" for one in columns]
-        for columns in (OF_STATIONS, OF_TABLES)
-    )
     lines = [
         "# Columns of surveys.csv\n",
-        "`mwd process`, `mwd batch` and `mwd survey` write these; what is unknown is an empty cell.",
+        "`mwd process`, `mwd batch`, `mwd survey` and `mwd export` (formats csv and raw_csv) write these columns in",
+        "this order; what is unknown is an empty cell. Text and yes or no are in quotes. The definitive survey (csv)",
+        "has a line for each station of a leg, with azimuths from the north of the well; the others have a line for",
+        "each survey, with azimuths from its own north. Each line names its north. Only a list with a path has",
+        "positions, and only one with a plan the place relative to it.",
         "`mwd decode` writes what the tool sent: {doc}`../tutorials/decode_pressure`.\n",
         *head,
-        *stations,
-        "\n`mwd survey` adds, of the rows of its table:\n",
-        *head,
-        *tables,
     ]
+    for signal, listed in SURVEY_TABLE:
+        unit = signal.listed_scale.symbol if signal.type == "Double" else {"Int64": "number"}.get(signal.type, "text")
+        lines.append(f"| `{listed.key}` | {'' if unit == '1' else unit} | {signal.meaning} |")
+    lines += ["\n`mwd survey` adds, of the rows of its table:\n", *head]
+    lines += [f"| `{name}` | text | {meaning} |" for name, meaning in OF_TABLES.items()]
     return "\n".join(lines) + "\n"
 
 

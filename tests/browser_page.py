@@ -13,6 +13,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys as Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
@@ -25,9 +27,7 @@ from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey, Verdict
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import plan_of
 from mwd_surface.trajectory.slide_sheet import SlideSheet, yields
 

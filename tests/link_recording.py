@@ -6,6 +6,7 @@ from rclpy.serialization import serialize_message
 
 from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import gauge_burst, wire
+from mwd_sensors.ros.messages import make
 from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
@@ -50,7 +51,7 @@ def receiver_messages(bag, namespace, tools, place):
             say(at, "link/quality", link_messages.quality_message(quality, name, feed.stamp_of(when)))
         for heard in out.surveys:
             for survey in surveys.take(heard, now_ns):
-                say(at, "link/survey", link_messages.survey_message(survey, wire.SONDE_FRAME))
+                say(at, "link/survey", survey.to_message(make))
         if at - attitude_at >= _ATTITUDE_NS:
             attitude_at = at
             rows = [

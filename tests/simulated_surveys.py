@@ -13,7 +13,8 @@ import numpy as np
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.survey import STATIC, Survey
+from mwd_estimation.survey.decided_survey import DecidedSurvey
+from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator.scenario import Scenario
@@ -27,7 +28,7 @@ _BLOCK_S = 10.0
 class Beside:
     """A survey, its errors of inclination and azimuth, rad, and 1 sigma of both as published; measured depth, m."""
 
-    survey: Survey
+    survey: DecidedSurvey
     inclination_error: float
     sigma_inclination: float
     azimuth_error: float
@@ -58,7 +59,7 @@ def revised_surveys(story: Scenario) -> tuple[list[Beside], list[Beside]]:
 def _played(story: Scenario, settings: Mapping[str, Any] | None) -> tuple[list[Beside], list[Beside]]:
     sonde = Sonde(story)
     pipeline = Pipeline(changed(EstimatorSettings(), {**estimator_parameters(story), **(settings or {})}))
-    found: list[Survey] = []
+    found: list[DecidedSurvey] = []
     truth = []
 
     def keep(output: Output) -> None:
@@ -78,7 +79,7 @@ def _played(story: Scenario, settings: Mapping[str, Any] | None) -> tuple[list[B
     return one, other
 
 
-def _beside(survey: Survey, truth: np.ndarray, convergence: float) -> Beside:
+def _beside(survey: DecidedSurvey, truth: np.ndarray, convergence: float) -> Beside:
     row, station = truth[np.argmin(np.abs(truth["stamp_ns"] - survey.stamp_ns))], survey.station
     from_true = convergence if station.north == "grid" else 0.0
     return Beside(

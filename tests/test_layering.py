@@ -52,6 +52,7 @@ RANKS = {
         "bags": 0,
         "control": 0,
         "list_files": 0,
+        "signals": 0,
         "trajectory": 1,
         "uncertainty": 2,
         "surveys": 3,

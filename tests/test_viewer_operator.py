@@ -17,6 +17,7 @@ from mwd_msgs import msg
 from rclpy.serialization import serialize_message
 
 from mwd_sensors.core import wire
+from mwd_sensors.ros.messages import make
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.live.alarm_log import AlarmLog
@@ -30,7 +31,6 @@ from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.nodes.well_outlet import NodeOutlet
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.ros.link_messages import survey_message
 from mwd_surface.ros.topics import type_name
 from mwd_surface.runs.player import Player
 from mwd_surface.surveys.leg_settings import LegSettings
@@ -184,7 +184,7 @@ def test_a_recording_shows_depths_by_hand_decisions_and_legs_as_the_page_did(tmp
                 if step == 2 and second % 25 == 20:
                     number = second // 25 + 1
                     found = example.survey(number, 30.0 + number, 40.0, stamp_ns=BEGIN + (second - 10) * S)
-                    message = survey_message(found, "sonde_link")
+                    message = found.to_message(make)
                     kind = type_name(msg.Survey)
                     surface.hear("survey", kind, serialize_message(message), at_ns + 1, message)
                 if step == 1 and second in DONE:

@@ -13,9 +13,7 @@ from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import StationSettings
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.frames import mat_nt
-from mwd_surface.surveys.message_conversion import survey_of_fields
 
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
 FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.05), math.cos(1.1) * math.sin(0.05), math.sin(1.1)])
@@ -31,4 +29,4 @@ def decided(*, magnetometer=True, gyro_sigma=None, reference=REFERENCE, inclinat
     gyro = None if gyro_sigma is None else Solution(None, "still", azimuth, gyro_sigma, inclination, 0.0, 60.0, 0.1)
     run = SurveyDecision(StationSettings(), FaultHistory())
     survey = run.complete(run.begin(still, 1, reference, gyro), NOT_PROPAGATED)
-    return survey_of_fields(survey_fields(survey), survey.stamp_ns)
+    return survey.record()

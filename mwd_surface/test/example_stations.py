@@ -3,11 +3,11 @@
 
 import dataclasses
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 
 G, B, DIP = 9.82, 50e-6, 1.2
 

@@ -4,12 +4,12 @@
 import dataclasses
 import math
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey, Verdict
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch
 
 S = 10**9

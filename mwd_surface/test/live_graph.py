@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimator and surface of a well without middleware, and the recording of what they send."""
 
-import dataclasses
 import itertools
 import math
 
 import numpy as np
-import plotted_bag
 
 from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.nodes.revisions import LiveRevisions
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import Refusal
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core import input_covariance, settings, wire
+from mwd_sensors.core.message_record import HEADER, time_message
 from mwd_sensors.core.mount import PRESETS
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.bags.bag_writer import BagWriter
@@ -57,7 +55,8 @@ class LiveGraph:
         self.bag.add_metadata(SURFACE, texts(surface))
         for name in (LIST, EVENT, USED):
             self.bag.definitions.load(name)
-        self.store, self.now_ns, self.newest_ns = self.bag.definitions.typestore, 0, 0
+        self.store, self.make = self.bag.definitions.typestore, self.bag.definitions.make
+        self.now_ns = self.newest_ns = 0
         self.depth = 1000.0
         self._repeated = {name: RepeatedSamples(hold=name == "imu/data_raw") for name in UNITS}
 
@@ -140,20 +139,14 @@ class LiveGraph:
     def write(self, name, type_name, message):
         self.now_ns += 1000
         if name not in self._skip:
-            data = bytes(self.store.serialize_cdr(plotted_bag.arrays(message), type_name))
+            data = bytes(self.store.serialize_cdr(message, type_name))
             self.bag.write(self.bag.topic(f"/w1/{name}", type_name), data, self.now_ns, self.now_ns)
 
-    def blank(self, name):
-        return plotted_bag.blank(self.store, f"mwd_msgs/msg/{name}")
-
     def _listed(self, survey):
-        made = message_conversion.survey_of_fields(survey_fields(survey), survey.stamp_ns)
-        return dataclasses.replace(made, frame_id="w1/sonde_link")
+        return survey.record("w1/sonde_link")
 
     def _survey(self, name, survey):
-        message = self.blank("Survey")
-        message_conversion.fill_survey(message, survey, lambda: self.blank("AzimuthEstimate"))
-        self.write(name, SURVEY, message)
+        self.write(name, SURVEY, survey.to_message(self.make))
 
     def replace(self, surveys):
         if surveys is not self.list:
@@ -161,10 +154,7 @@ class LiveGraph:
             self._say_list()
 
     def _say_list(self):
-        message = self.blank("SurveyList")
-        kinds = ("SurveyRecord", "AzimuthEstimate", "Leg", "Remark")
-        message_conversion.fill_list(message, self.list, *(lambda kind=kind: self.blank(kind) for kind in kinds))
-        self.write("surveys", LIST, message)
+        self.write("surveys", LIST, message_conversion.list_message(self.list, "wellhead", self.make))
 
     def _on_survey(self, survey):
         self.published.append(survey)
@@ -180,29 +170,25 @@ class LiveGraph:
         self.replace(self.list.revise(listed))
 
     def say_used(self):
-        message = self.blank("UsedSamples")
+        topics = []
         for name, (first, last, count) in self.used.items():
-            one = self.blank("SampleCount")
-            one.topic, one.samples = f"/w1/{name}", count
-            message_conversion.fill_stamp(one.first, first)
-            message_conversion.fill_stamp(one.last, last)
-            message.topics.append(one)
-        self.write("used_samples", USED, message)
+            times = {"first": time_message(first, self.make), "last": time_message(last, self.make)}
+            fields = {"topic": f"/w1/{name}", "samples": count, **times}
+            topics.append(self.make("mwd_msgs/msg/SampleCount", fields))
+        self.write("used_samples", USED, self.make(USED, {"topics": topics}))
 
     # Requests.
 
     def _tell(self, kind, stamp_ns, act, **fields):
-        message, reason = self.blank("OperatorEvent"), ""
+        reason = ""
         try:
             act()
         except ValueError as error:
             reason = str(error)
         self.answers.append(reason)
-        message.kind, message.success, message.message = kind, not reason, reason
-        message_conversion.fill_stamp(message.header.stamp, stamp_ns)
-        for name, value in fields.items():
-            setattr(message, name, value)
-        self.write("operator_events", EVENT, message)
+        header = self.make(HEADER, {"stamp": time_message(stamp_ns, self.make)})
+        said = {"header": header, "kind": kind, "success": not reason, "message": reason}
+        self.write("operator_events", EVENT, self.make(EVENT, {**said, **fields}))
 
     def ask(self, kind, duration=0.0):
         acts = {

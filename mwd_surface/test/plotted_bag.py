@@ -48,12 +48,8 @@ def blank(store, name):
 
 def survey_rows(definitions):
     """Serialised records of the example surveys."""
-    definitions.load(RECORD)
-    store = definitions.typestore
     for record in example.surveys().records:
-        message = blank(store, RECORD)
-        message_conversion.fill_record(message, record, lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"))
-        yield bytes(store.serialize_cdr(arrays(message), RECORD))
+        yield bytes(definitions.typestore.serialize_cdr(record.to_message(definitions.make), RECORD))
 
 
 def record(path, topics=tuple(wire.SONDE_TOPICS), estimate=True, surveys=True, namespace="/w1/", text=RUN):
@@ -101,24 +97,14 @@ def recorded(path, lists, trajectory=True, tables=()):
         for name, table in dict(tables).items():
             bag.add_metadata(name, table)
         definitions = bag.definitions
-        for kind in (LIST_TYPE, PATH_TYPE):
-            definitions.load(kind)
-        store = definitions.typestore
         channels = [bag.topic("/w1/surveys", LIST_TYPE), bag.topic("/w1/trajectory", PATH_TYPE)]
         for k, surveys in enumerate(lists):
-            table = blank(store, LIST_TYPE)
-            message_conversion.fill_list(
-                table,
-                surveys,
-                lambda: blank(store, "mwd_msgs/msg/SurveyRecord"),
-                lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"),
-                lambda: blank(store, "mwd_msgs/msg/Leg"),
-                lambda: blank(store, "mwd_msgs/msg/Remark"),
+            table = message_conversion.list_message(surveys, "wellhead", definitions.make)
+            way = message_conversion.trajectory_message(
+                surveys.definitive(), surveys.changed_ns, "wellhead", definitions.make
             )
-            way = blank(store, PATH_TYPE)
-            message_conversion.fill_trajectory(way, surveys.definitive(), surveys.changed_ns)
             for channel, kind, message in zip(channels, (LIST_TYPE, PATH_TYPE), (table, way), strict=True):
                 if kind == LIST_TYPE or trajectory:
-                    data = bytes(store.serialize_cdr(arrays(message), kind))
+                    data = bytes(definitions.typestore.serialize_cdr(message, kind))
                     bag.write(channel, data, example.START + k, example.START + k)
     return path

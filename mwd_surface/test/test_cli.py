@@ -12,10 +12,11 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_surface import cli
 from mwd_surface.commands.survey_table import show_surveys
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import SurveyRecord
 from project import REFERENCE_DATA
 
 VOLVE = REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv"

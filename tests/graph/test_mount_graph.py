@@ -10,6 +10,7 @@ import pytest
 import running_graph
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.mount import PRESETS
 from mwd_sensors.core.settings import changed
@@ -19,7 +20,6 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
 from mwd_surface.processing import process
 from mwd_surface.runs import simulate
-from mwd_surface.surveys.survey_record import Verdict
 from running_graph import PLACE, samples_of, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]

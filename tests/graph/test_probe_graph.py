@@ -13,15 +13,13 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.status import Status
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.survey_message import survey_fields
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.settings import changed
 from mwd_sensors.drivers.emulator import XSENS_FIELD_T
 from mwd_sensors.drivers.readings import FIELDS
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import simulate
-from mwd_surface.surveys.message_conversion import survey_of, survey_of_fields
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.surveys.survey_source import surveys_of
 from running_graph import PLACE, samples_of, until
 
@@ -115,9 +113,9 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
     assert live.tobytes() == offline.attitude.tobytes()
     # The gyrocompass, which is told what the precision unit clipped, finds the same north to the bit.
     (survey,) = offline.surveys
-    expected = survey_of_fields(survey_fields(survey), survey.stamp_ns)
+    expected = survey.record()
     with Bag(got) as bag:
-        (heard,) = (survey_of(bag.decode("/survey", data)) for _, _, _, data in bag.messages(["/survey"]))
+        (heard,) = (Survey.from_message(bag.decode("/survey", data)) for _, _, _, data in bag.messages(["/survey"]))
     assert any(one.method.startswith("gyro") for one in heard.azimuths)
     assert heard == dataclasses.replace(expected, frame_id=heard.frame_id, sequence=heard.sequence)
     assert np.array_equal(live["status"] & np.uint32(Status.CLIPPED) != 0, flags != 0)

@@ -17,7 +17,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_sensors.core import wire
 from mwd_surface.exports.export_csv import definitive_csv, raw_csv
 from mwd_surface.exports.export_las import las
@@ -40,9 +42,7 @@ from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.rig.wits.server import Wits0ServerSettings
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 
 pytestmark = pytest.mark.slow
 
@@ -173,7 +173,7 @@ def digits(text, unit, decimals):
 
 def row_of(text, wanted):
     rows = list(csv.DictReader(io.StringIO("".join(x for x in text.splitlines(True) if not x.startswith("#")))))
-    return next(row for row in rows if row["survey"] == str(wanted))
+    return next(row for row in rows if row["sequence"] == str(wanted))
 
 
 def definitive(text):
@@ -370,13 +370,8 @@ def test_the_html_of_the_report_prints_the_texts_of_its_content(given):
 
 
 def test_the_ros_message_carries_the_numbers_of_the_list(given):
-    import mwd_surface.surveys.message_conversion as between
-
-    msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
-    if not hasattr(msg, "SurveyRecord"):
-        pytest.skip("mwd_msgs is not built")
-    message = msg.SurveyRecord()
-    between.fill_record(message, given.whole.find(LAST), msg.AzimuthEstimate)
+    make = pytest.importorskip("mwd_sensors.ros.messages", reason="ROS is not installed").make
+    message = given.whole.find(LAST).to_message(make)
     fields = ("measured_depth", None, None, "vertical_depth", "north", "east", "dogleg_severity")
     for name, field in zip(NAMES, fields, strict=False):
         if field is not None:

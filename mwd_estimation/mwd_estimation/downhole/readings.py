@@ -9,18 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import NORTHS, Reference, north_correction
 from mwd_estimation.core.status import Status
-from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings
 
-_NORTH = {code: name for name, code in NORTH_CODES.items()}
+_NORTH = {int(north): north.name.lower() for north in North}
 
 
 class Reading(NamedTuple):
-    """Value and its 1 sigma, SI (-1: unknown), and the stamp of the measurement, ns."""
+    """Value and its 1 sigma, SI (NaN if unknown), and the stamp of the measurement, ns."""
 
     value: float
     sigma: float
@@ -78,7 +78,7 @@ def of_dynamics(row: Samples) -> Readings:
     return {quantity: Reading(float(row[field]), math.nan, stamp) for quantity, field in fields.items()}
 
 
-def of_survey(survey: Survey) -> Readings:
+def of_survey(survey: DecidedSurvey) -> Readings:
     """Return the readings of a survey taken at rest, without the azimuth if the survey withholds it."""
     station, stamp = survey.station, survey.stamp_ns
     variance = np.asarray(station.covariance, dtype=float)
@@ -102,5 +102,5 @@ def of_survey(survey: Survey) -> Readings:
     b_t = np.asarray(station.b_t, dtype=float) - np.array([axial, 0.0, 0.0])
     put(meanings.DIP, float(magnetic_geometry.dip(station.f_t, b_t)), math.nan)
     put(meanings.B_TOTAL, float(np.linalg.norm(b_t)), math.nan)
-    put(meanings.TEMPERATURE, survey.temperature, math.nan)
+    put(meanings.TEMPERATURE, survey.average.temperature, math.nan)
     return found

@@ -27,7 +27,7 @@ from mwd_estimation.downhole.commands import Commands
 from mwd_estimation.downhole.continuous_survey import ContinuousSurvey
 from mwd_estimation.downhole.readings import Reading, Readings
 from mwd_estimation.downhole.settings import Transmit
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings, on_air
 from mwd_sensors.telemetry.downlink import FLOW, ROTATION
@@ -128,7 +128,7 @@ class Transmitter:
         """Add samples of `wire.IMU` in tool axes, in order; they must come before the attitude of the same time."""
         self._commands.listen(ROTATION, samples["stamp_ns"], samples["angular_velocity"][:, 0])
 
-    def take_survey(self, survey: Survey) -> None:
+    def take_survey(self, survey: DecidedSurvey) -> None:
         """Keep a survey taken at rest, for the next transmission."""
         self._survey = readings.of_survey(survey)
         self._fresh = True

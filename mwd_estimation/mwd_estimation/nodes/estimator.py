@@ -36,7 +36,6 @@ from mwd_estimation.nodes.messages import (
     innovation_message,
     oriented_imu,
     published_rows,
-    survey_message,
     tool_transform,
 )
 from mwd_estimation.nodes.recording_gate import RecordingGate, SampleCounts
@@ -46,8 +45,8 @@ from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import Refusal
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.foreign_text import printable
@@ -55,6 +54,7 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
 
@@ -197,7 +197,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._revisions.judge_again(self._pipeline)
         for survey in output.surveys:
             verdict = self._publish_survey(survey, frame)[1]
-            if survey.requested:
+            if survey.average.requested:
                 self._respond(True, verdict, survey.sequence)
         for refusal in output.refusals:
             self._respond(False, f"no survey taken: {text(refusal.reason)}", 0)
@@ -240,12 +240,12 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
         """Publish a request that changes surveys, for recordings: with the last sample before it took effect."""
-        event = OperatorEvent(kind=kind, success=success, **fields)
+        event = unknown(OperatorEvent, kind=kind, success=success, **fields)
         event.header.stamp = stamp(self._used.newest_ns)
         self._operator_events.publish(event)
 
-    def _publish_survey(self, survey: Survey, frame: str) -> tuple[SurveyMessage, str]:
-        message = survey_message(survey, frame)
+    def _publish_survey(self, survey: DecidedSurvey, frame: str) -> tuple[SurveyMessage, str]:
+        message = survey.record(frame).to_message(make)
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
         self.get_logger().info(printable(f"{verdict}; {joined(survey.station.reasons)}"))
@@ -253,8 +253,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._revisions.take(survey, self._pipeline, frame)
         return message, verdict
 
-    def _publish_revision(self, survey: Survey, frame: str) -> None:
-        self._revised.publish(survey_message(survey, frame))
+    def _publish_revision(self, survey: DecidedSurvey, frame: str) -> None:
+        self._revised.publish(survey.record(frame).to_message(make))
         words = f"survey {survey.sequence}, revision {survey.revision}: {survey.station.verdict}"
         self.get_logger().info(printable(f"{words}; {joined(survey.station.reasons)}"))
 

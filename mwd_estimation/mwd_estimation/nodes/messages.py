@@ -8,29 +8,16 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from mwd_msgs.msg import AzimuthEstimate, InnovationList
 from mwd_msgs.msg import Innovation as InnovationMessage
-from mwd_msgs.msg import Survey as SurveyMessage
+from mwd_msgs.msg import InnovationList
 
 from mwd_estimation.core.innovations import Innovation
-from mwd_estimation.survey.survey import Survey
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.ros.time_stamps import stamp
 
 # Shortest time between two published estimates, ns: 0.8 ms. A unit faster than 1 kHz is estimated at its own rate.
 MIN_SPACING_NS = 800_000
-
-
-def survey_message(survey: Survey, frame_id: str) -> SurveyMessage:
-    """Survey as mwd_msgs/msg/Survey."""
-    fields = survey_fields(survey)
-    azimuths = [AzimuthEstimate(**one) for one in fields.pop("azimuths")]
-    message = SurveyMessage(azimuths=azimuths, **fields)
-    message.header.stamp = stamp(survey.stamp_ns)
-    message.header.frame_id = frame_id
-    return message
 
 
 def innovation_message(found: Sequence[Innovation], stamp_ns: int, frame_id: str) -> InnovationList:

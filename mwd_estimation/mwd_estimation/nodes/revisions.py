@@ -12,8 +12,9 @@ import dataclasses
 from collections.abc import Callable
 
 from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.revision import is_revised
-from mwd_estimation.survey.survey import STATIC, Survey
+from mwd_estimation.survey.survey import STATIC
 
 # Stations that are judged again after each survey: steel and a gyro that steps show within a few stations. Faults that
 # were there from the start reach back to all of the surveys that are kept.
@@ -29,13 +30,13 @@ class LiveRevisions:
     publish: called with each revised survey and the frame of its readings, in the thread of `update`.
     """
 
-    def __init__(self, publish: Callable[[Survey, str], None]) -> None:
+    def __init__(self, publish: Callable[[DecidedSurvey, str], None]) -> None:
         self._publish = publish
         self._executor = concurrent.futures.ThreadPoolExecutor(1, "revisions")
-        self._job: concurrent.futures.Future[dict[int, Survey]] | None = None
-        self._waiting: Callable[[], dict[int, Survey]] | None = None
+        self._job: concurrent.futures.Future[dict[int, DecidedSurvey]] | None = None
+        self._waiting: Callable[[], dict[int, DecidedSurvey]] | None = None
         # As it was published first, and as it was revised last.
-        self._surveys: dict[int, tuple[Survey, Survey]] = {}
+        self._surveys: dict[int, tuple[DecidedSurvey, DecidedSurvey]] = {}
         self._frame = ""
 
     def close(self) -> None:
@@ -43,7 +44,7 @@ class LiveRevisions:
         self._waiting = None
         self._executor.shutdown(wait=False, cancel_futures=True)
 
-    def take(self, survey: Survey, pipeline: Pipeline, frame: str) -> None:
+    def take(self, survey: DecidedSurvey, pipeline: Pipeline, frame: str) -> None:
         """Take a survey that was published; the ones before it are judged again."""
         self._surveys[survey.sequence], self._frame = (survey, survey), frame
         while len(self._surveys) > _KEPT:
@@ -78,7 +79,7 @@ class LiveRevisions:
             waiting, self._waiting = self._waiting, None
             self._job = self._executor.submit(waiting)
 
-    def _revise(self, number: int, now: Survey) -> None:
+    def _revise(self, number: int, now: DecidedSurvey) -> None:
         """Publish a revision that differs from what was said of the survey last."""
         if number not in self._surveys:
             return

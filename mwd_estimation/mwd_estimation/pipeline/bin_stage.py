@@ -25,11 +25,11 @@ from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.pipeline.sensor_watch import Stretch
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.decision import Provisional, SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
-from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.turning_string import TurningString
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -141,7 +141,7 @@ class BinStage:
         held = self.still.finish()
         return None if held is None else self._survey(held, self.precision.station.solution())
 
-    def rotary(self, average: StillAverage, rotary_speed: float) -> Survey:
+    def rotary(self, average: StillAverage, rotary_speed: float) -> DecidedSurvey:
         """Decide a survey averaged while the string turns; `rotary_speed` in rad/s."""
         return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 

@@ -42,10 +42,10 @@ from mwd_estimation.pipeline.sensor_watch import SensorWatch, Stretch
 from mwd_estimation.pipeline.status_history import StatusHistory
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.decision import Provisional
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
@@ -345,9 +345,9 @@ class Estimate:
             output.surveys.append(self._completed(held, self._attitude.propagated_now))
         return output
 
-    def _completed(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
+    def _completed(self, taken: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
         """Return a completed survey; `propagated` holds the azimuths carried to its time."""
         return self._with_status(self.bin_stage.decision.complete(taken, propagated))
 
-    def _with_status(self, survey: Survey) -> Survey:
+    def _with_status(self, survey: DecidedSurvey) -> DecidedSurvey:
         return dataclasses.replace(survey, status=self._statuses.at(survey.end_ns))

@@ -9,8 +9,8 @@ import numpy as np
 
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import Refusal
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 
@@ -25,13 +25,13 @@ class Output:
     #: `interference`, `dynamics`: dtype `wire.INTERFERENCE` and `wire.DYNAMICS`
     interference: Samples
     dynamics: Samples
-    surveys: list[Survey] = dataclasses.field(default_factory=list)
+    surveys: list[DecidedSurvey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a survey
     #: Faults of sensors that were found, narrowed down or cleared.
     health: list[SensorFault] = dataclasses.field(default_factory=list)
     north: list[Solution] = dataclasses.field(default_factory=list)  #: results of north seeks on request
     #: Surveys taken while the string turned, or the reason why there is none.
-    rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
+    rotary: list[DecidedSurvey | Refusal] = dataclasses.field(default_factory=list)
 
     @classmethod
     def empty(cls, n: int) -> Output:

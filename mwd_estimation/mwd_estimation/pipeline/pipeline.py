@@ -33,8 +33,8 @@ from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.stated_noise import with_noise
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import StillSurvey
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.input_covariance import Noise
 from mwd_sensors.core.mount import Mount, resolve
@@ -225,11 +225,11 @@ class Pipeline:
         """
         return self._estimate.finish()
 
-    def revisions(self) -> dict[int, Survey]:
+    def revisions(self) -> dict[int, DecidedSurvey]:
         """Surveys, by number, whose values changed through later surveys; the published values stay unchanged."""
         return self._estimate.bin_stage.decision.revisions()
 
-    def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
+    def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
         """Return a function that judges the newest surveys by the present state of the run, in any thread."""
         return self._estimate.bin_stage.decision.judging_again(newest)
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -25,6 +24,7 @@ from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.fault_history import Accusation, FaultHistory, withdrawn
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
@@ -33,14 +33,10 @@ from mwd_estimation.survey.run_model import RunModel, Taken, declination_sigma, 
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
+from mwd_estimation.survey.survey import ROTARY, STATIC
 from mwd_estimation.survey.turning_string import Turning
 from mwd_estimation.survey.verdict import judged, without_toolface
 from mwd_sensors.core.arrays import Array
-
-# Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
-_SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
-
 
 _NS_PER_HOUR = 3.6e12
 # A gyro with a smaller share in the azimuth does not correct that of the samples.
@@ -57,7 +53,7 @@ class _Published(NamedTuple):
     above : number of the survey that this came from; 0: none.
     """
 
-    survey: Survey
+    survey: DecidedSurvey
     known: tuple[float, float, float] | None = None
     above: int = 0
 
@@ -66,7 +62,7 @@ class _Published(NamedTuple):
 class Provisional:
     """A survey before its continuity is known, and what the estimate learns from it."""
 
-    survey: Survey
+    survey: DecidedSurvey
     measured: Measured
     finding: Finding | None = None  #: what the run says of its azimuth; None where nothing does
     #: (ndarray (22,), ndarray (22, 22)) or None; what the run shows of the errors that its stations share, as
@@ -161,7 +157,7 @@ class SurveyDecision:
         one = _measured(average, reference, self._settings)
         taken = Taken(one, average.end_ns / _NS_PER_HOUR, gyro, turning)
         finding = self._run.take(taken, learn=usable)
-        survey = _survey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
+        survey = DecidedSurvey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
         against = self._faults.against(survey)
         if usable and against is None:
             self._taken[sequence] = taken, finding
@@ -170,7 +166,7 @@ class SurveyDecision:
         judged_by_faults = survey if against is None else against.judge(survey)
         return Provisional(judged_by_faults, one, finding, self._run.shared(), against)
 
-    def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
+    def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
         """The survey, with what the azimuth propagated to it says of its own."""
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
@@ -180,7 +176,7 @@ class SurveyDecision:
             self._above = survey.sequence
         return survey
 
-    def revisions(self) -> dict[int, Survey]:
+    def revisions(self) -> dict[int, DecidedSurvey]:
         """
         Surveys of which the whole run says something else than was published.
 
@@ -195,7 +191,7 @@ class SurveyDecision:
         now = self.judging_again(len(self._taken))()
         return {number: survey for number, survey in now.items() if survey is not self._published[number].survey}
 
-    def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
+    def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
         """
         Return what judges the newest stations of the run as it is now; it may be called in a thread.
 
@@ -206,7 +202,7 @@ class SurveyDecision:
 
     def _continued(
         self, provisional: Provisional, propagated: PropagatedAzimuth, known: tuple[float, float, float] | None
-    ) -> Survey:
+    ) -> DecidedSurvey:
         survey, finding = provisional.survey, provisional.finding
         if known is None:
             return survey
@@ -219,14 +215,15 @@ class SurveyDecision:
         listed = dataclasses.replace(survey.station, azimuths=(*survey.station.azimuths, row))
         return dataclasses.replace(survey, station=listed, weights={**survey.weights, row.method: 0.0})
 
-    def rotary(self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float) -> Survey:
+    def rotary(
+        self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float
+    ) -> DecidedSurvey:
         """Decide a survey averaged in axes that do not turn (`rotary_survey`); rotary_speed, rad/s, for the record."""
         one = _measured(average, reference, self._settings)
         # Axes that do not turn with the string show its errors across the axis in no direction: a run of its own.
         finding = RunModel(self._settings).take(Taken(one))
         station = without_toolface(self._decided(one, finding, None), rotary_speed)
-        taken = _survey(average, sequence, station, _weights(finding, None))
-        survey = self._faults.judge(dataclasses.replace(taken, kind=ROTARY))
+        survey = self._faults.judge(DecidedSurvey(average, sequence, station, _weights(finding, None), ROTARY))
         self._keep(_Published(survey))
         return survey
 
@@ -249,7 +246,7 @@ def _judged_again(
     settings: StationSettings,
     newest: int,
     faults: Sequence[SensorFault],
-) -> dict[int, Survey]:
+) -> dict[int, DecidedSurvey]:
     """Return the newest surveys by number, as published or as the run judges them now, and all that are withdrawn."""
     judged_now = _by_the_run(taken, published, settings, newest)
     every = {number: judged_now.get(number, first.survey) for number, first in published.items()}
@@ -262,11 +259,11 @@ def _by_the_run(
     published: Mapping[int, _Published],
     settings: StationSettings,
     newest: int,
-) -> dict[int, Survey]:
+) -> dict[int, DecidedSurvey]:
     """Return the newest surveys by number: as published, or what the other stations of the run say of them now."""
     stations, before = with_last_readings([one for _, (one, _) in taken]), [found for _, (_, found) in taken]
     again = zip((number for number, _ in taken), stations, findings(stations, before, settings, newest), strict=True)
-    now, revised = dict[int, Survey](), set[int]()
+    now, revised = dict[int, DecidedSurvey](), set[int]()
     for number, one, finding in list(again)[-newest:]:
         if number not in published:
             continue
@@ -328,23 +325,3 @@ def _weights(finding: Finding | None, gyro: Solution | None) -> dict[str, float]
     if finding is not None and share < 1.0:
         weights[AzimuthMethod.FUSED] = 1.0 - share
     return weights
-
-
-def _survey(average: StillAverage, sequence: int, station: Station, weights: dict[str, float]) -> Survey:
-    """The survey of an average with its station."""
-    rates = average.precision if average.precision is not None else average.imu
-    stamp_ns = (average.start_ns + average.end_ns) // 2
-    return Survey(
-        stamp_ns=stamp_ns,
-        sequence=sequence,
-        uuid=str(uuid.uuid5(_SURVEYS, f"{stamp_ns} {[float(v) for v in average.imu.mean]}")),
-        requested=average.requested,
-        duration=(average.end_ns - average.start_ns) * 1e-9,
-        samples=average.imu.count,
-        station=station,
-        covariance_f=average.imu.covariance[3:, 3:],
-        covariance_b=average.mag.covariance if average.mag is not None else np.full((3, 3), np.nan),
-        rate_t=rates.mean[:3],
-        temperature=average.temperature,
-        weights=weights,
-    )

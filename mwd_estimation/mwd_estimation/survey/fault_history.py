@@ -20,8 +20,8 @@ from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, SENSORS, FaultCode, SensorFault, Unit
 from mwd_estimation.core.verdicts import DOUBTFUL, REJECT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import StillAverage
-from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.verdict import with_faults
 from mwd_sensors.core.arrays import Stamps
 
@@ -44,7 +44,7 @@ class Accusation(NamedTuple):
     reasons: tuple[Reason, ...]
     inclination: bool  #: whether it touches more than the azimuth
 
-    def judge(self, survey: Survey) -> Survey:
+    def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
         """The survey with that verdict or a graver one."""
         station = with_faults(survey.station, self.verdict, self.reasons, inclination=self.inclination)
         return dataclasses.replace(survey, station=station)
@@ -105,7 +105,7 @@ class FaultHistory:
     def _lately(self, begin: int) -> list[SensorFault]:
         return [one for one in self._known.values() if not one.cleared_ns or one.cleared_ns > begin]
 
-    def judge(self, survey: Survey) -> Survey:
+    def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
         """
         The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it.
 
@@ -114,13 +114,13 @@ class FaultHistory:
         against = self.against(survey, 0)
         return survey if against is None else against.judge(survey)
 
-    def against(self, survey: Survey, evidence_ns: int = _EVIDENCE_NS) -> Accusation | None:
+    def against(self, survey: DecidedSurvey, evidence_ns: int = _EVIDENCE_NS) -> Accusation | None:
         """
         What is known so far to speak against the sensors that a survey rests on; None: nothing.
 
         evidence_ns: time after its end in which a doubt that begins has a say.
         """
-        rests_on, (begin, end) = _rests_on(survey), _times(survey)
+        rests_on, begin, end = _rests_on(survey), survey.average.start_ns, survey.end_ns
         by_gyro = rests_on == ACCEL
         faults = [(one.unusable, _reason(one, begin)) for one in self._lately(begin) if one.unusable & rests_on]
         # A doubt begins some seconds after what raised it.
@@ -145,13 +145,13 @@ class FaultHistory:
         return tuple(one for one in self._known.values() if not one.cleared_ns)
 
 
-def withdrawn(survey: Survey, standing: Iterable[SensorFault]) -> Survey:
+def withdrawn(survey: DecidedSurvey, standing: Iterable[SensorFault]) -> DecidedSurvey:
     """
     Return a survey that was judged, rejected where a fault that stands now was there already when it was taken.
 
     A survey that was rejected for that fault when it was taken stays as it is.
     """
-    rests_on, (begin, end) = _rests_on(survey), _times(survey)
+    rests_on, begin, end = _rests_on(survey), survey.average.start_ns, survey.end_ns
     found = [
         (one.unusable, Reason(Code.SENSOR_FAULT, fault=one))
         for one in standing
@@ -171,17 +171,11 @@ def _accusation(verdict: str, found: Sequence[tuple[int, Reason]]) -> Accusation
     return Accusation(verdict, tuple(reason for _, reason in found), level) if found else None
 
 
-def _rests_on(survey: Survey) -> int:
+def _rests_on(survey: DecidedSurvey) -> int:
     """Return the bits of the sensors that a survey rests on: an azimuth of the gyro alone needs no magnetometer."""
     magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
     by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
     return ACCEL if by_gyro else AZIMUTH
-
-
-def _times(survey: Survey) -> tuple[int, int]:
-    """Return begin and end of the averaging of a survey, ns."""
-    half = round(0.5e9 * survey.duration)
-    return survey.stamp_ns - half, survey.stamp_ns + half
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:

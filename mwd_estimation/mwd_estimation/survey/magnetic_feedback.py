@@ -14,18 +14,18 @@ import numpy as np
 
 from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.time_alignment_state import FieldModel
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction
 from mwd_estimation.core.verdicts import ACCEPT, NOT_DETERMINED
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.posterior.field_model import UT, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
 # From this probability of a field from outside on the samples' field is not used until a station is accepted.
 _LIKELY, _LEADS = 0.2, 0.5
 
@@ -56,7 +56,7 @@ class MagneticFeedback:
         self.interference: tuple[float, float] | None = None
         self.in_force = self._model()
 
-    def take(self, taken: Survey, shared: tuple[Array, Array] | None) -> None:
+    def take(self, taken: DecidedSurvey, shared: tuple[Array, Array] | None) -> None:
         """
         Read the field from here on as this survey and those of its run show it.
 
@@ -112,7 +112,9 @@ class MagneticFeedback:
             sigma_north=math.hypot(math.sqrt(variance), self._left_open),
         )
         corrected = self.interference is not None
-        return MagneticModelInForce(model, NORTH_CODES[self.north], corrected, update, self._external, self._left_open)
+        return MagneticModelInForce(
+            model, int(North[self.north.upper()]), corrected, update, self._external, self._left_open
+        )
 
 
 def _outside(station: Station) -> float:

@@ -329,13 +329,12 @@ def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, 
 def without_toolface(station: Station, rotary_speed: float) -> Station:
     """The station of an average in axes that do not turn with the string; rotary_speed, rad/s, for the record."""
     covariance = station.covariance.copy()
-    covariance[2, :] = covariance[:, 2] = 0.0
-    covariance[2, 2] = math.pi**2
+    covariance[2, :] = covariance[:, 2] = math.nan
     return replace(
         station,
-        gravity_toolface=0.0,
-        magnetic_toolface=0.0,
-        sigma_toolface=math.pi,
+        gravity_toolface=math.nan,
+        magnetic_toolface=math.nan,
+        sigma_toolface=math.nan,
         covariance=covariance,
         quantities=replace(station.verdicts, toolface=NOT_DETERMINED),
         reasons=(*station.reasons, Reason(Code.STRING_ROTATED, abs(rotary_speed))),

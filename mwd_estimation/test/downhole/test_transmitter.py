@@ -10,10 +10,12 @@ import pytest
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.time_bins import Average
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Kind, Transmitter, TransmitterState
+from mwd_estimation.survey.decided_survey import DecidedSurvey
+from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import station
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_sensors.telemetry.carrier import BlockName, Carrier, block_bits, symbols
@@ -58,8 +60,9 @@ def survey(azimuth=120.0):
     mat_tn = mat_nt(math.radians(35.0), math.radians(azimuth), 0.7).T
     field = REFERENCE.total * np.array([math.cos(REFERENCE.dip), 0.0, math.sin(REFERENCE.dip)])
     found = station(mat_tn @ np.array([0.0, 0.0, -9.81]), mat_tn @ field, REFERENCE)
-    zero = np.zeros((3, 3))
-    return Survey(START, 1, "one", False, 8.0, 800, found, zero, zero, np.zeros(3), 60.0)
+    half, mean = 4 * SECOND, Average(np.zeros(6), np.zeros((6, 6)), 800)
+    still = StillAverage(START - half, START + half, mean, None, None, 60.0, requested=False)
+    return DecidedSurvey(still, 1, found)
 
 
 def run(tool, settings, rows, flows, surveys=(), block=200):

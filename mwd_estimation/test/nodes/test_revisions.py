@@ -8,9 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mwd_estimation.core.time_bins import Average
 from mwd_estimation.nodes.revisions import LiveRevisions
+from mwd_estimation.survey.decided_survey import DecidedSurvey
+from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import station
-from mwd_estimation.survey.survey import ROTARY, Survey
+from mwd_estimation.survey.survey import ROTARY
 
 STATION = dataclasses.replace(
     station(np.array([-9.0, 0.5, 3.8]), np.array([2.3e-5, -1.5e-5, 4.0e-5])), verdict="accept"
@@ -18,9 +21,9 @@ STATION = dataclasses.replace(
 
 
 def survey(number, **changes):
-    given = Survey(
-        number * 10**9, number, f"uuid {number}", False, 10.0, 100, STATION, np.eye(3), np.eye(3), np.zeros(3), 20.0
-    )
+    mean = Average(np.full(6, float(number)), np.eye(6), 100)
+    still = StillAverage((number - 5) * 10**9, (number + 5) * 10**9, mean, None, None, 20.0, requested=False)
+    given = DecidedSurvey(still, number, STATION)
     return dataclasses.replace(given, **changes)
 
 
@@ -62,7 +65,7 @@ def test_a_changed_verdict_is_published_once_and_counts_and_may_go_back_to_the_f
         (1, 2, "reject", "sonde_link"),
         (1, 3, "accept", "sonde_link"),
     ]
-    assert live.published[0][0].uuid == "uuid 1"
+    assert live.published[0][0].uuid == survey(1).uuid
 
 
 def test_a_rotary_survey_is_no_station_of_the_run(live):

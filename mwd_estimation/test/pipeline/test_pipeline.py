@@ -339,8 +339,8 @@ def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     assert not first[0].surveys
     assert second[0].refusals[0].reason.code == ReasonCode.TOOL_TURNS
     (survey,) = third[0].surveys
-    assert survey.requested
-    assert survey.duration == pytest.approx(4.0)
+    assert survey.average.requested
+    assert survey.record().duration == pytest.approx(4.0)
 
 
 def test_the_residual_of_a_bin_is_that_of_the_last_magnetic_sample_before_its_judgement():
@@ -440,7 +440,7 @@ def test_a_recording_that_ends_while_a_survey_waits_for_the_gyro_gives_that_surv
     assert not pipeline.push_imu(imu).surveys
     assert "needs 30 s" in text(pipeline.still.waits_for)
     (survey,) = pipeline.finish().surveys
-    assert survey.duration > 20.0
+    assert survey.record().duration > 20.0
     assert not pipeline.finish().surveys
 
 

@@ -23,7 +23,6 @@ from mwd_estimation.survey.fault_history import Accusation, FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.survey import ROTARY
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
@@ -73,30 +72,30 @@ def drawn_run(seed):
 @pytest.mark.slow
 def test_rewording_every_reason_changes_no_survey_verdict_azimuth_or_sigma(monkeypatch):
     plain = [drawn_run(seed) for seed in range(5)]
-    messages = [survey_fields(survey) for run in plain for _, survey in run]
+    records = [survey.record() for run in plain for _, survey in run]
     for code in ReasonCode:
         monkeypatch.setitem(reason_text.WORDS, code, "reworded")
     again = [drawn_run(seed) for seed in range(5)]
     assert repr(again) == repr(plain)
-    reworded = [survey_fields(survey) for run in again for _, survey in run]
-    assert {message["verdict"] for message in messages} == {0, 1, 2}
-    for one, other in zip(reworded, messages, strict=True):
-        assert set(one["reasons"]) == {"reworded"}
-        assert one["verdict"] == other["verdict"]
-        np.testing.assert_array_equal(one["covariance"], other["covariance"])
+    reworded = [survey.record() for run in again for _, survey in run]
+    assert {record.verdict for record in records} == {0, 1, 2}
+    for one, other in zip(reworded, records, strict=True):
+        assert set(one.reasons) == {"reworded"}
+        assert one.verdict == other.verdict
+        np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
-def test_only_the_message_of_a_survey_makes_words_of_reasons():
+def test_only_the_record_of_a_survey_makes_words_of_reasons():
     folder = Path(mwd_estimation.survey.__file__).parent
-    assert [path.name for path in sorted(folder.glob("*.py")) if "reason_text" in path.read_text()] == [
-        "survey_message.py"
-    ]
+    named = {path.name for path in folder.glob("*.py") if "reason_text" in path.read_text()}
+    assert named == {"decided_survey.py", "survey.py"}
 
 
 def test_a_survey_of_a_rotating_string_has_no_toolface():
     survey = decision().rotary(average(1, 0.8, 1.9), 3, REFERENCE, -2.0)
     assert survey.kind == ROTARY
-    assert survey.station.sigma_toolface == math.pi
+    assert math.isnan(survey.station.gravity_toolface)
+    assert math.isnan(survey.station.sigma_toolface)
     assert survey.station.verdicts.toolface == "not_determined"
     assert survey.station.reasons[-1] == Reason(ReasonCode.STRING_ROTATED, 2.0)
 

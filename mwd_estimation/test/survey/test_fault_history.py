@@ -80,7 +80,7 @@ def tilt_errors(output, streams):
 @pytest.mark.parametrize("cut", [50, 2000])
 @pytest.mark.parametrize(("doubted_s", "has_a_say"), [((16.5,), False), ((6.0, 16.5), True), ((1.0, 16.5), False)])
 def test_a_survey_in_a_turning_string_is_judged_by_the_doubts_up_to_its_end(doubted_s, has_a_say, cut):
-    survey = SimpleNamespace(stamp_ns=10 * 10**9, duration=10.0, weights={})
+    survey = SimpleNamespace(average=SimpleNamespace(start_ns=5 * 10**9), end_ns=15 * 10**9, weights={})
     stamps = np.arange(0, 20 * 10**9, 10**7)
     suspect = np.where(np.isin(stamps, np.array(doubted_s) * 1e9), np.uint8(ACCEL), np.uint8(0))
     faults = FaultHistory()
@@ -168,7 +168,8 @@ def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
     record = FaultHistory()
     stamps = np.arange(400) * 10_000_000
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
-    at = dataclasses.replace(survey, stamp_ns=10_000_000_000, duration=8.0)
+    average = dataclasses.replace(survey.average, start_ns=6_000_000_000, end_ns=14_000_000_000)
+    at = dataclasses.replace(survey, average=average)
     assert record.judge(at) is at
     suspect = np.where(stamps >= 3_000_000_000, ACCEL, 0).astype(np.uint8)
     # At 13 s: begun two seconds after its end, by evidence of its time. A survey at rest is judged late enough for it.
@@ -186,7 +187,7 @@ def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
 
 def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth():
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
-    half = round(0.5e9 * survey.duration)
+    half = survey.end_ns - survey.stamp_ns
     imu = Average(np.zeros(6), np.eye(6), 400)
     still = StillAverage(
         survey.stamp_ns - half,
@@ -214,7 +215,7 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
 
 def test_a_fault_that_ended_during_a_survey_is_reported_with_how_long_it_lasted():
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
-    begin = survey.stamp_ns - round(0.5e9 * survey.duration)
+    begin = survey.average.start_ns
     record = FaultHistory()
     record.note(
         SensorFault(

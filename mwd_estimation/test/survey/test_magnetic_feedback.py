@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
 from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
-from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, MagneticFeedback
+from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, StillSurvey
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.station_record import Verdicts
@@ -45,7 +46,7 @@ def test_without_a_reference_the_field_is_read_from_magnetic_north():
     feedback = MagneticFeedback(StationSettings(), None)
     assert (feedback.north, feedback.in_force.north, feedback.interference) == (
         "magnetic",
-        NORTH_CODES["magnetic"],
+        North.MAGNETIC,
         None,
     )
     assert not feedback.in_force.corrected

@@ -8,6 +8,7 @@ The node subscribes to `tool/transmission`. It publishes `tool/flow` and the sig
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from mwd_msgs.msg import PressureBurst, SerialBurst, StrokeBurst, ToolFlow, Transmission, VoltageBurst
@@ -105,7 +106,7 @@ class TelemetryTopics:
                 tuple(message.edges),
                 tuple(message.phases),
                 bytes(message.octets),
-                message.pulse_width or message.symbol_period,
+                message.symbol_period if math.isnan(message.pulse_width) else message.pulse_width,
                 message.carrier,
             )
         )

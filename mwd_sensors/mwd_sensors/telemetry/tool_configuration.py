@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -190,8 +191,8 @@ class ToolConfiguration:
 
     @property
     def symbol_s(self) -> float:
-        """Duration of a symbol of a carrier or of a bit on a line, s; 0 for pulses."""
-        return {"psk": 1.0 / self.carrier.symbol_rate_hz, "serial": 1.0 / self.serial.baud}.get(self.code, 0.0)
+        """Duration of a symbol of a carrier or of a bit on a line, s; NaN for pulses."""
+        return {"psk": 1.0 / self.carrier.symbol_rate_hz, "serial": 1.0 / self.serial.baud}.get(self.code, math.nan)
 
     @property
     def shortest_s(self) -> float:
@@ -239,7 +240,7 @@ class ToolConfiguration:
     def sent(self, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...]) -> tuple[int, ...]:
         """Return the transmitted codes, with parity bits where words have one; None means a missing measurement."""
         return tuple(
-            self._sent(item, max(self.table[item.name].missing(item.bits), 0) if code is None else code)
+            self._sent(item, self.table[item.name].missing(item.bits) or 0 if code is None else code)
             for item, code in zip(items, codes, strict=True)
         )
 

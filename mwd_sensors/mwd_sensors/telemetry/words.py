@@ -60,9 +60,9 @@ class Word:
         """Return whether the value wraps."""
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
-    def missing(self, bits: int = 0) -> int:
-        """Return the code that means "no measurement", or -1 if the word has none."""
-        return (1 << (bits or self.bits)) - 1 if self.reserved else -1
+    def missing(self, bits: int = 0) -> int | None:
+        """Return the code that means "no measurement"; None if the word has no such code."""
+        return (1 << (bits or self.bits)) - 1 if self.reserved else None
 
     def codes(self, bits: int = 0) -> int:
         """Return the number of codes that represent values."""

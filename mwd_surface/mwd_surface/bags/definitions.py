@@ -14,7 +14,9 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
@@ -130,6 +132,30 @@ class Definitions:
         """
         self.load(type_name)
         return 4 + int(self.typestore.get_msgdef(type_name).getsize_cdr(0, message, self.typestore))
+
+    def make(self, type_name: str, fields: dict[str, Any]) -> Any:
+        """
+        Return a message of a type with the given fields; all others are 0 or empty, as ROS fills them.
+
+        Raises
+        ------
+        DefinitionError
+            As `definition`.
+        """
+        self.load(type_name)
+        values: dict[str, Any] = {}
+        described: Any = self.typestore.fielddefs[type_name][1]
+        for name, (kind, inner) in described:
+            is_list = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+            if is_list and inner[0][0] == Nodetype.BASE and inner[0][1][0] != "string":
+                values[name] = np.array(fields.get(name, [0] * inner[1]), dtype=inner[0][1][0])
+            elif name in fields:
+                values[name] = fields[name]
+            elif kind == Nodetype.NAME:
+                values[name] = self.make(inner, {})
+            else:
+                values[name] = [] if is_list else "" if inner[0] == "string" else 0
+        return self.typestore.types[type_name](**values)
 
     def learn(self, type_name: str, text: str) -> None:
         """

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
@@ -25,7 +26,6 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_settings import OFFSET_WELL, ListSettings, asked
 from mwd_surface.list_files.map_coordinates import wellhead_of
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan, interpolated
 from mwd_surface.trajectory.plan_file import read_plan
 from mwd_surface.uncertainty.error_terms import ErrorReference

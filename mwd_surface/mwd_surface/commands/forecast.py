@@ -99,7 +99,7 @@ def _show(found: Forecast) -> None:
     import numpy as np
 
     from mwd_surface.commands import terminal
-    from mwd_surface.exports.survey_table import fixed
+    from mwd_surface.signals.cells import fixed
 
     names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "pass %")
     table = terminal.table(names)

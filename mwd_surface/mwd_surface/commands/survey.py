@@ -67,7 +67,7 @@ def survey(
     from mwd_surface.list_files.six_axis_columns import find_columns
     from mwd_surface.list_files.six_axis_table import single_stations, table_rows
     from mwd_surface.list_files.table import read_table
-    from mwd_surface.surveys import station_csv
+    from mwd_surface.surveys import survey_csv
     from mwd_surface.surveys.table_run import run_stations, table_surveys
 
     table = read_table(stations).columns()
@@ -95,8 +95,7 @@ def survey(
         console.print(sentence, markup=False)
     if output is not None:
         lines = [
-            station_csv.cells(row.record)
-            | {"time": row.time, "run": row.run, "outlier": "yes" if row.outlier else "no"}
+            survey_csv.cells(row.record) | {"time": row.time, "run": row.run, "outlier": "yes" if row.outlier else "no"}
             for row in worked
         ]
-        terminal.write(output.parent, {output.name: station_csv.text(station_csv.ROW_COLUMNS, lines)})
+        terminal.write(output.parent, {output.name: survey_csv.text(lines, tuple(survey_csv.OF_TABLES))})

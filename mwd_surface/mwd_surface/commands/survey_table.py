@@ -11,11 +11,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.surveys.station_checks import NO_DEPTH
 from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
-from mwd_surface.surveys.survey_record import Survey, Verdict
-from mwd_surface.trajectory.north import North
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings

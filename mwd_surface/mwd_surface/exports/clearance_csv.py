@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 from mwd_surface.clearance.clearance import Clearance
-from mwd_surface.exports.survey_table import fixed
+from mwd_surface.signals.cells import fixed
 
 COLUMNS = (
     "offset_well",

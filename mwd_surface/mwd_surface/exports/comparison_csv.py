@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_surface.surveys.station_csv import number, text
+from mwd_surface.signals.cells import fixed, table
 from mwd_surface.trajectory.list_comparison import PathDifference
 
 COLUMNS = (
@@ -37,5 +37,5 @@ def comparison_csv(found: PathDifference) -> str:
             for angle in (*both, turn)
         ]
         values = (found.md[k], *angles, *found.position[k], found.distance[k], *found.sigma[k], found.sigmas[k])
-        lines.append({name: number(float(value), 6) for name, value in zip(COLUMNS, values, strict=True)})
-    return text(COLUMNS, lines)
+        lines.append({name: fixed(float(value), 6) for name, value in zip(COLUMNS, values, strict=True)})
+    return table(COLUMNS, lines)

@@ -123,7 +123,7 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         word = "" if name.endswith(made.ending) or kind == first else made.word
         stem = safe_name(*filter(None, (name.removesuffix(made.ending), word)))
     else:
-        from mwd_surface.exports.survey_table import utc
+        from mwd_surface.signals.cells import utc
 
         moment = utc(table.made_ns)[:19].replace(":", "").replace("-", "") + "Z"
         # The time and the word must survive a long name.

@@ -13,12 +13,12 @@ import re
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.imported_list import provenance_of
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
 NULL = -999.25

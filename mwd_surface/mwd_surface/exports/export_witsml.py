@@ -17,11 +17,13 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
+from mwd_estimation.survey.survey import Survey, Verdict
+from mwd_surface.exports.survey_table import SurveyTable, degrees
+from mwd_surface.signals.cells import fixed, plain, utc
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.imported_list import provenance_of
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.well_path import ASSUMED
 
 NAMESPACE = "http://www.witsml.org/schemas/1series"

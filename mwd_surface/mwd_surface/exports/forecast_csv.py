@@ -8,7 +8,7 @@ import io
 import math
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_surface.exports.survey_table import fixed
+from mwd_surface.signals.cells import fixed
 from mwd_surface.uncertainty.forecast import Forecast
 
 COLUMNS = (

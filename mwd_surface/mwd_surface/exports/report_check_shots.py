@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Section, sheet_of
-from mwd_surface.exports.survey_table import SurveyTable, fixed
+from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals.cells import fixed
 from mwd_surface.surveys import check_shots
 from mwd_surface.surveys.repeated_surveys import bias_text, shots_of, tools_text
 

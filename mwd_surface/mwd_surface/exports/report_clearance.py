@@ -10,9 +10,9 @@ import numpy as np
 from mwd_surface.clearance.clearance import Clearance, Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
-from mwd_surface.exports.survey_table import fixed
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
+from mwd_surface.signals.cells import fixed
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError

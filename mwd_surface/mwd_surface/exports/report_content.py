@@ -6,14 +6,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.report_trajectory import high_density
-from mwd_surface.exports.survey_table import SurveyTable, plain
-from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals.cells import plain
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 
 

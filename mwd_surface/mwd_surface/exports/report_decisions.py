@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import math
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
 from mwd_surface.exports.report_section import Section, Sheet, sheet_of
-from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
-from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
+from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals.cells import fixed, plain, utc
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch, yields
 
 _DEG = 180.0 / math.pi

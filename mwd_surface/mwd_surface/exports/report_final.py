@@ -11,8 +11,9 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Drawing, Section, sheet_of
-from mwd_surface.exports.survey_table import SurveyTable, fixed
+from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.plots.path_comparison import end_ellipses, figure_of
+from mwd_surface.signals.cells import fixed
 from mwd_surface.surveys.final_list import FinalList, Overlap
 from mwd_surface.trajectory.list_comparison import PathDifference
 

@@ -6,15 +6,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reason_text import HYPOTHESES, METHODS
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.report_plots import quality_view
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, TINTS, Drawing, Section, Sheet, sheet_of
-from mwd_surface.exports.survey_table import SurveyTable, fixed, utc
+from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals.cells import fixed, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import Total, totals
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 _DEG = 180.0 / math.pi
 # Total gravity, total field and dip: title, display unit, factor from SI, decimals.

@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from mwd_surface.exports.report_section import Section, sheet_of
-from mwd_surface.exports.survey_table import SurveyTable, fixed
+from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.exports.trajectory_files import summary
+from mwd_surface.signals.cells import fixed
 from mwd_surface.trajectory.dense_trajectory import STATION, dense_trajectory
 
 _COLUMNS = (

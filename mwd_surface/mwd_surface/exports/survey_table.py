@@ -9,7 +9,6 @@ that is not finite is omitted, and the table reports it.
 from __future__ import annotations
 
 import dataclasses
-import datetime as dt
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -17,18 +16,21 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.exports.report_section import Section
 from mwd_surface.list_files.remark import RemarkKind, sentences
-from mwd_surface.signals.signal import PLAN, POSITION, SURVEY, Listed, Signal
+from mwd_surface.signals.cells import fixed, plain, utc
+from mwd_surface.signals.signal import SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
+from mwd_surface.surveys.survey_csv import beside_path
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_position import uncertain
-from mwd_surface.trajectory.plan import Plan, offset_from
+from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
@@ -178,44 +180,13 @@ def table_of(
     )
 
 
-def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
-    """
-    Return a number with the given number of decimals; empty for None or if not finite.
-
-    Never "-0.00"; a number that rounds to `wrap` (360.00 for an azimuth) becomes zero.
-    """
-    if value is None or not math.isfinite(value):
-        return ""
-    text = f"{value:.{decimals}f}"
-    if wrap and float(text) >= wrap:
-        text = f"{0.0:.{decimals}f}"
-    return text[1:] if text.startswith("-") and float(text) == 0.0 else text
-
-
-def utc(stamp_ns: int) -> str:
-    """Return a stamp as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0."""
-    if stamp_ns <= 0:
-        return ""
-    seconds, rest = divmod(stamp_ns, 10**9)
-    moment = dt.datetime.fromtimestamp(seconds, tz=dt.UTC)
-    return f"{moment:%Y-%m-%dT%H:%M:%S}.{rest // 10**6:03d}Z"
-
-
-def plain(text: str) -> str:
-    """Return text on one line without control characters, for a cell, a header or an attribute."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
-
-
 def _columns(path: Definitive, covariance: Array | None, plan: Plan | None) -> tuple[Column, ...]:
     """Return the columns of the signal table whose source is available."""
     stations = range(len(path.md))
     sources: dict[str, Sequence[Any]] = {
         SURVEY: [{s.field: getattr(path, s.field)[k] for s, _ in LISTED if s.source == SURVEY} for k in stations],
-        POSITION: [{} for _ in stations] if covariance is None else [_sigmas(c) for c in covariance],
+        **beside_path(path, covariance, plan),
     }
-    if plan is not None:
-        angles = zip(path.positions, path.inclination, path.azimuth, strict=True)
-        sources[PLAN] = [vars(offset_from(plan, p, float(i), float(a))) for p, i, a in angles]
     return tuple(
         Column(signal, listed, tuple(_people(signal, one.get(signal.field)) for one in sources[signal.source]))
         for signal, listed in LISTED
@@ -256,13 +227,6 @@ def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:
     kept = [k for k in range(good.size) if good[k]]
     kind, sequence = tuple(path.kind[k] for k in kept), tuple(path.sequence[k] for k in kept)
     return dataclasses.replace(path, **arrays, kind=kind, sequence=sequence), why
-
-
-def _sigmas(covariance: Array) -> dict[str, float]:
-    if not np.all(np.isfinite(covariance)):
-        return {}
-    names = ("sigma_north", "sigma_east", "sigma_vertical")
-    return dict(zip(names, np.sqrt(np.maximum(np.diagonal(covariance), 0.0)), strict=True))
 
 
 def _header(

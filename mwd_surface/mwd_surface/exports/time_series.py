@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
-from mwd_surface.exports.survey_table import fixed, utc
 from mwd_surface.processing.bag_input import InputSettings, named_topic
 from mwd_surface.processing.input_stream import SampleStream
 from mwd_surface.signals import signal
+from mwd_surface.signals.cells import fixed, utc
 from mwd_surface.signals.table import SERIES
 from mwd_surface.signals.units import Scale
 

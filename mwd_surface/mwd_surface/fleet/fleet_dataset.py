@@ -23,11 +23,12 @@ import pyarrow.parquet as parquet
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.input_files import open_regular
 from mwd_surface.fleet.attitude_statistics import FLAGS
-from mwd_surface.surveys import station_csv
+from mwd_surface.signals.table import SURVEY_TABLE
 
 TABLES = ("attitude", "surveys", "bags")
 DONE, FAILED = "done", "failed"
 _CHUNK = 1 << 20
+_TYPES = {"Double": pa.float64(), "Int64": pa.int64(), "Boolean": pa.bool_(), "String": pa.string()}
 _WHERE = [("key", pa.string()), ("bag", pa.string()), ("well", pa.string())]
 
 
@@ -70,13 +71,7 @@ SCHEMAS = {
     "surveys": pa.schema(
         [
             *_WHERE,
-            ("sequence", pa.int32()),
-            ("stamp_ns", pa.int64()),
-            ("duration_s", pa.float64()),
-            ("samples", pa.int64()),
-            ("requested", pa.bool_()),
-            *((name, pa.string() if name in station_csv.TEXTS else pa.float64()) for name in station_csv.COLUMNS),
-            ("uuid", pa.string()),
+            *((listed.key, _TYPES[signal.type]) for signal, listed in SURVEY_TABLE),
         ]
     ),
     "attitude": pa.schema(

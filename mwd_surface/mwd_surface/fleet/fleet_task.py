@@ -8,7 +8,7 @@ import math
 import os
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import yaml
 
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import settings as settings_of
 from mwd_surface import __version__
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -25,9 +26,9 @@ from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.processing import bag_input, process
 from mwd_surface.processing.bag_input import InputSettings, wells
 from mwd_surface.processing.run_summary import Summary
-from mwd_surface.surveys import station_csv
+from mwd_surface.signals.table import SURVEY_TABLE
 from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
-from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
+from mwd_surface.surveys.survey_csv import list_cells
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +128,7 @@ def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[di
                 summary.warnings.insert(0, process.REVERSED)
             where = {"key": key, "bag": work.bag, "well": summary.topics.imu.removesuffix(bag_input.IMU).strip("/")}
             tables["attitude"] += [{**where, **row} for row in statistics.rows()]
-            tables["surveys"] += [{**where, **_survey_row(record)} for record in summary.listed.records]
+            tables["surveys"] += [{**where, **_survey_row(line)} for line in list_cells(summary.listed)]
             found.append(summary)
         found[0].warnings += [remark] if remark else []
     tables["bags"] = [_bag_row(work, key, found, estimator, began)]
@@ -152,19 +153,12 @@ def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
     return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))
 
 
-def _survey_row(record: SurveyRecord) -> dict[str, Any]:
-    schema, survey = fleet_dataset.SCHEMAS["surveys"], record.survey
-    cells: dict[str, Any] = {
-        name: text if schema.field(name).type == "string" else float(text) if text else None
-        for name, text in station_csv.cells(record).items()
-    }
-    return cells | {
-        "sequence": survey.sequence,
-        "stamp_ns": survey.stamp_ns,
-        "duration_s": survey.duration,
-        "samples": survey.samples,
-        "requested": survey.requested,
-        "uuid": survey.uuid,
+def _survey_row(cells: Mapping[str, str]) -> dict[str, Any]:
+    """Return a line of a table of surveys as numbers and texts; an unknown number is None."""
+    read: dict[str, Callable[[str], Any]] = {"Double": float, "Int64": int, "Boolean": "yes".__eq__, "String": str}
+    return {
+        listed.key: read[signal.type](text) if (text := cells[listed.key]) or signal.type == "String" else None
+        for signal, listed in SURVEY_TABLE
     }
 
 

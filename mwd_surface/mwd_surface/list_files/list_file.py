@@ -583,7 +583,8 @@ class _Reader:
 
         The log has them in the order in which they were taken.
         """
-        if self.provenance is None or "in_use" not in self.columns:
+        definitive = any(one.texts.get("station") in _START_ROWS for one in found)
+        if self.provenance is None or "in_use" not in self.columns or definitive:
             return found
         legs = sorted({one.texts.get("leg", "") for one in found})
         if len(legs) > 1:

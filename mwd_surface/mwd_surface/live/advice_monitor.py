@@ -33,7 +33,7 @@ class AdviceMonitor:
         reading = self._live.toolface_reading
         magnetic = reading is not None and reading.mode == MAGNETIC
         advice = advise(
-            settings, plan, path, yields(stretches, surveys.definitive()), _known(surveys, magnetic=magnetic)
+            settings, plan, path, yields(stretches, surveys.definitive()), _last_survey(surveys, magnetic=magnetic)
         )
         if advice == self._advice:
             return
@@ -42,7 +42,7 @@ class AdviceMonitor:
         self._outlet.on_advice(advice)
 
 
-def _known(surveys: SurveyList, *, magnetic: bool) -> Known:
+def _last_survey(surveys: SurveyList, *, magnetic: bool) -> Known:
     last = max((r for r in surveys.records if r.in_use), key=lambda r: r.survey.stamp_ns, default=None)
     if last is None:
         return Known(magnetic=magnetic)

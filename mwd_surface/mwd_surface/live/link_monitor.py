@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mwd_sensors.core import gauge_burst
+from mwd_sensors.core.message_record import stamp_of
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.link_state import (
     DOUBTFUL,
@@ -21,7 +22,6 @@ from mwd_surface.live.link_state import (
 )
 from mwd_surface.live.pressure_picture import PressureHistory, PressurePicture
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.surveys.message_conversion import stamp_of
 
 _STROKES = 30  # over which the rate of a pump is taken
 _SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands

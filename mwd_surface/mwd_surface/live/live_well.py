@@ -19,6 +19,7 @@ import operator
 from collections.abc import Callable, Collection, Iterable
 from typing import Any, Protocol
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.advice_monitor import AdviceMonitor
@@ -41,7 +42,6 @@ from mwd_surface.live.well_state import WellState
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import AdvisorySettings
@@ -281,7 +281,7 @@ class LiveWell:
     def _on_survey(self, message: Any) -> None:
         # The depth of a survey comes from the rig data received before it.
         self.decoder.decode(RIG, self.clock.now)
-        survey = survey_of(message)
+        survey = Survey.from_message(message)
         if self._said.lists:
             self._said.on_survey(survey)
         else:
@@ -289,7 +289,7 @@ class LiveWell:
 
     def _on_revision(self, message: Any) -> None:
         if not self._said.lists:
-            self.book.on_revision(survey_of(message))
+            self.book.on_revision(Survey.from_message(message))
 
     # Time.
 

@@ -8,6 +8,8 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.unknown import or_none
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
@@ -18,8 +20,7 @@ from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import HAND, Clock, InputState, InputTable, Role
 from mwd_surface.live.survey_book import SurveyBook, outcome
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.surveys.message_conversion import advice_of, list_of, stamp_of
-from mwd_surface.surveys.survey_record import Survey
+from mwd_surface.surveys.message_conversion import advice_of, list_of
 
 # Topics of the surface node itself that tell what the page shows.
 SAID = frozenset(
@@ -189,7 +190,7 @@ def recorder_status_of(message: Any) -> RecorderStatus:
         queued_messages=0,
         queued_bytes=0,
         queue_limit=0,
-        free_bytes=int(message.free_bytes),
+        free_bytes=float(message.free_bytes),
         duration_s=float(message.duration),
         files=0,
         unsaved_s=0.0,

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import RIG_VALID
@@ -34,7 +35,6 @@ from mwd_surface.live.well_state import (
     ToolfaceState,
 )
 from mwd_surface.signals.table import page_fields
-from mwd_surface.trajectory.north import North
 
 _SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface", "drilling", "rig")}
 _QUANTITIES = {
@@ -237,8 +237,8 @@ class LiveStreams:
         axial, sigma = float(last["axial"]), float(last["sigma_axial"])
         across = np.asarray(last["cross_axial"], dtype=float)
         sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
-        self._put_known("axial_interference", axial, sigma, now)
-        self._put_known("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
+        self._put_observed("axial_interference", axial, sigma, now)
+        self._put_observed("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
         self._put("field_deviation", float(last["total_residual"]), None, now)
         self._put("dip_deviation", float(last["dip_residual"]), None, now)
 
@@ -349,7 +349,7 @@ class LiveStreams:
         else:
             self._put(name, value, sigma, now)
 
-    def _put_known(self, name: str, value: float, sigma: float, now: float) -> None:
+    def _put_observed(self, name: str, value: float, sigma: float, now: float) -> None:
         if math.isfinite(value + sigma):
             self._put(name, value, sigma, now)
         else:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.exports.survey_table import table_of
@@ -18,7 +19,7 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import Definitive
 
 _BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again

@@ -12,7 +12,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.bags.recorder.status import RecorderStatus
@@ -26,10 +28,9 @@ from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Offset, Plan
 from mwd_surface.trajectory.slide_sheet import Stretch, Yield
 from mwd_surface.trajectory.well_path import Definitive

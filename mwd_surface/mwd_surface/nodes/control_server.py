@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from typing import Any
 
@@ -13,6 +12,8 @@ from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import stamp_of
+from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.control.authority import ControlAuthority
@@ -25,7 +26,6 @@ from mwd_surface.live.latest_values import Freshness, LiveValue
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.seal import SealChecker, SealError
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.surveys.message_conversion import stamp_of
 
 _RESTART = "then restart the surface"
 _PERIOD = 0.1  # s between two commands to the rig
@@ -160,7 +160,7 @@ class ControlServer:
         self._updated_at = now
         well_now = self._context.well_now
         rig, authority = self._live.rig(well_now), self.authority
-        achieved = Achieved(_known(rig.rotary_speed), _known(rig.torque), _known(rig.flow_rate))
+        achieved = Achieved(_if_live(rig.rotary_speed), _if_live(rig.torque), _if_live(rig.flow_rate))
         authority.on_rig(achieved, now)
         authority.on_mwd(self._live.streams(well_now)["estimator"].state == Freshness.LIVE)
         for point in authority.update(now):
@@ -231,12 +231,8 @@ class ControlServer:
         return [Diagnostic("control", OK, words, values=values)]
 
 
-def _known(value: LiveValue) -> float | None:
+def _if_live(value: LiveValue) -> float | None:
     return value.value if value.state == Freshness.LIVE else None
-
-
-def _or_nan(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def state_message(status: ControlStatus) -> Any:
@@ -249,8 +245,8 @@ def state_message(status: ControlStatus) -> Any:
         owner=status.owner,
         role=status.role,
         priority=status.priority,
-        heartbeat_age=_or_nan(status.heartbeat_age),
-        remaining=_or_nan(status.remaining),
+        heartbeat_age=or_nan(status.heartbeat_age),
+        remaining=or_nan(status.remaining),
         pending=status.pending,
         pending_controller=status.pending_controller,
         pending_reason=status.pending_reason,
@@ -259,13 +255,13 @@ def state_message(status: ControlStatus) -> Any:
         mode=int(status.mode),
         rotary_speed=status.rotary_speed,
         turn=status.turn,
-        flow_rate=_or_nan(status.flow_rate),
+        flow_rate=or_nan(status.flow_rate),
         sequence=status.sequence,
         acknowledged=status.acknowledged,
         refusal=status.refusal,
-        achieved_speed=_or_nan(achieved.speed),
-        achieved_torque=_or_nan(achieved.torque),
-        achieved_flow=_or_nan(achieved.flow),
+        achieved_speed=or_nan(achieved.speed),
+        achieved_torque=or_nan(achieved.torque),
+        achieved_flow=or_nan(achieved.flow),
         mwd_alive=status.mwd_alive,
         **{name: int(reaction) for name, reaction in status.reactions.items()},
     )

@@ -18,13 +18,16 @@ from sensor_msgs.msg import JointState
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes.diagnostics import reference_diagnostic
 from mwd_estimation.settings.place import reference_of
+from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.tool_code import reference_for, sensor_errors
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import MessageBuffer, ReceivedMessage
+from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.telemetry import tool_commands, tool_configuration
 from mwd_sensors.telemetry.downlink import COMMANDS, Frame
@@ -38,8 +41,6 @@ from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
-from mwd_surface.surveys.message_conversion import stamp_of
-from mwd_surface.surveys.survey_record import Survey
 
 _PERIOD_S = 0.05
 _SILENT_S = 5.0
@@ -266,7 +267,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def _publish_surveys(self, surveys: Sequence[Survey]) -> None:
         for survey in surveys:
-            self._survey.publish(link_messages.survey_message(survey, self.frame(wire.SONDE_FRAME)))
+            self._survey.publish(dataclasses.replace(survey, frame_id=self.frame(wire.SONDE_FRAME)).to_message(make))
             self.get_logger().info(printable(f"survey {survey.sequence} received: {'; '.join(survey.reasons)}"))
 
     def _publish_state(self) -> None:

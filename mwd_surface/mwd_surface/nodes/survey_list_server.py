@@ -20,6 +20,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
+from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.qos import EVENT, LATCHED, STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.exports.export import FORMATS, ExportError, export
@@ -33,6 +34,7 @@ from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.message_conversion import list_message, trajectory_message
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord, Value
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
@@ -152,7 +154,7 @@ class SurveyListServer(SurveyBook):
 
     def _tell(self, kind: int, request: Any, response: Any, **fields: Any) -> None:
         """Publish a person's request with its outcome, for recordings."""
-        event = msg.OperatorEvent(kind=kind, success=response.success, message=response.message, **fields)
+        event = unknown(msg.OperatorEvent, kind=kind, success=response.success, message=response.message, **fields)
         event.operator_name = request.operator_name
         event.header.stamp = stamp(self._decided_ns)
         self._event_publisher.publish(event)
@@ -256,13 +258,13 @@ class SurveyListServer(SurveyBook):
     def publish(self, surveys: SurveyList, path: Definitive) -> None:
         """Publish list and path."""
         wellhead, local = (self._node.frame(name) for name in (wire.WELLHEAD_FRAME, wire.LOCAL_FRAME))
-        self._list_publisher.publish(messages.list_message(surveys, wellhead))
-        self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns, wellhead))
+        self._list_publisher.publish(list_message(surveys, wellhead, make))
+        self._trajectory_publisher.publish(trajectory_message(path, surveys.changed_ns, wellhead, make))
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
 
     def publish_accepted(self, record: SurveyRecord) -> None:
         """Publish a survey that is now in use."""
-        self._accepted_publisher.publish(messages.record_message(record))
+        self._accepted_publisher.publish(record.to_message(make))
 
     def _table(self) -> Callable[[], SurveyTable]:
         """Return a function that computes the printed table of the current list, in any thread."""

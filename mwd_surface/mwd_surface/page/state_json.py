@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import words
 from mwd_sensors.core import settings as settings_tables
 from mwd_surface.bags.recorder.status import RecorderState
@@ -29,9 +30,8 @@ from mwd_surface.page.downlink_table import downlink_table
 from mwd_surface.page.input_table import input_table
 from mwd_surface.page.link_table import link_table
 from mwd_surface.page.plain import number, numbers
-from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
+from mwd_surface.page.survey_panel import COLUMNS, path_table, quality_lights, survey_row
 from mwd_surface.signals.table import page_fields
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 
 # Sections that grow row by row: a client is sent only the new rows.
@@ -97,7 +97,7 @@ class StateJson:
             self._links_at = state.now
             self._links_count += 1
         attitude, toolface = state.attitude, state.toolface
-        north = NORTH_WORDS[attitude.north]
+        north = "" if attitude.north == North.UNKNOWN else North(attitude.north).name.lower()
         tables = {
             "attitude": {
                 **_values("attitude", attitude),
@@ -165,7 +165,8 @@ class StateJson:
     def _surveys(self, state: WellState, most: int) -> Table:
         north, kept = North[state.well.north_reference.upper()], state.records[-most:]
         rows = [survey_row(record, north, self._settings.limits) for record in kept]
-        return {"rows": rows, "left_out": len(state.records) - len(kept), "remarks": list(sentences(state.remarks))}
+        remarks, left_out = list(sentences(state.remarks)), len(state.records) - len(kept)
+        return {"columns": COLUMNS, "rows": rows, "left_out": left_out, "remarks": remarks}
 
     def _revise(self, name: str, signature: Any) -> bool:
         """Increase the revision of a table if its signature has changed; return whether it has."""
@@ -271,7 +272,7 @@ def _recorder(state: WellState) -> Table:
             "messages": status.messages,
             "bytes": status.bytes,
             "dropped": status.dropped,
-            "free_bytes": max(status.free_bytes, 0),
+            "free_bytes": number(status.free_bytes),
             "duration": number(status.duration_s),
         }
     return {**_dated(table, state, "recorder"), "fresh": link.state, "stale_after": link.stale_after}

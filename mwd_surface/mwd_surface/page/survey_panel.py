@@ -11,25 +11,40 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import ROTARY, Survey, Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.signals.table import LISTED, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import QualityLimits, totals
-from mwd_surface.surveys.survey_record import ROTARY, Judgement, Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_csv import Line
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
-NORTH_WORDS = ("", "magnetic", "true", "grid")
 _ON_PATH = {signal.name for signal, _ in LISTED}
-# Path values in a record, other than the depth and angles of the survey itself.
-_PLACED = tuple(
-    name
-    for name, signal in page_fields("surveys").items()
-    if signal.name in _ON_PATH and name not in ("measured_depth", "inclination", "azimuth")
-)
+_ROW = page_fields("surveys")
+# Kind of a number on the page (units.js), by its unit in files.
+_KINDS = {
+    "m": "length",
+    "deg": "angle",
+    "deg/30 m": "dogleg",
+    "m/s^2": "gravity",
+    "nT": "field",
+    "deg/h": "slow_rate",
+    "rpm": "rotation",
+    "degC": "temperature",
+    "s": "seconds",
+    "1": "index",
+}
+#: Columns of the survey table, in order: field of a row, title, kind of number, least width that shows it.
+COLUMNS = [
+    {"field": name, "title": signal.listed.title, "kind": _KINDS[signal.listed_scale.symbol], "width": shown.width}
+    for shown, name, signal in sorted((one.shown, name, one) for name, one in _ROW.items() if one.shown is not None)
+    if signal.listed is not None
+]
 
 
 def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None = None) -> dict[str, Any]:
@@ -38,31 +53,21 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
 
     limits: limits of the totals, used if the survey has none.
     """
-    s = record.survey
-    azimuth, azimuth_north = _azimuth(s, north)
-    placed = {name: number(getattr(record, name)) for name in _PLACED}
+    s, line = record.survey, Line(record, north)
     word, by = _verdict(record)
     return {
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
         "kind": "rotary" if s.kind == ROTARY else "static",
-        "measured_depth": number(record.measured_depth),
-        "inclination": number(s.inclination),
-        "sigma_inclination": number(s.sigma_inclination),
-        "azimuth": number(azimuth),
-        "sigma_azimuth": number(s.sigma_azimuth),
-        "azimuth_north": NORTH_WORDS[azimuth_north],
+        **{name: number(line.value(signal.record)) for name, signal in _ROW.items()},
+        "azimuth_north": line.north_word,
         "method": azimuth_source(s).words or s.azimuth_method,
-        **placed,
-        "g_total": number(s.g_total),
-        "b_total": number(s.b_total),
-        "dip": number(s.dip),
         "automatic": Verdict(s.verdict).word,
         "verdicts": list(s.verdicts),
         "headline": s.action,
-        "first": _other_value(record.replaced, azimuth_north),
-        "revised": _other_value(record.proposal, azimuth_north),
-        "alternatives": _alternatives(s, azimuth_north),
+        "first": _other_value(record.replaced, line.north),
+        "revised": _other_value(record.proposal, line.north),
+        "alternatives": _alternatives(s, line.north),
         "totals": _lights(s, limits),
         "disturbances": [[words, number(odds)] for words, odds in s.disturbances],
         "verdict": word,
@@ -87,14 +92,6 @@ def _other_value(survey: Survey | None, north: North) -> dict[str, Any] | None:
         "sigma_azimuth": number(survey.sigma_azimuth),
         "verdict": Verdict(survey.verdict).word,
     }
-
-
-def _azimuth(s: Survey, north: North) -> tuple[float | None, North]:
-    """Return the azimuth from `north` if possible, else from the survey's own north, and the north that was used."""
-    azimuth = s.azimuth_from(north)
-    if azimuth is not None:
-        return azimuth, north
-    return (s.azimuth, North(s.north)) if s.has_azimuth else (None, North.UNKNOWN)
 
 
 def _alternatives(s: Survey, north: North) -> list[list[float | None]]:
@@ -138,15 +135,15 @@ def quality_lights(record: SurveyRecord | None, limits: QualityLimits, north: No
     if record is None:
         return {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
     s = record.survey
-    azimuth, azimuth_north = _azimuth(s, north)
+    line = Line(record, north)
     return {
         "known": True,
         "lights": _lights(s, limits),
         "verdict": Verdict(s.verdict).name.lower(),
         "verdicts": list(s.verdicts),
         "headline": s.action,
-        "azimuth": number(azimuth),
-        "alternatives": _alternatives(s, azimuth_north),
+        "azimuth": number(line.azimuth),
+        "alternatives": _alternatives(s, line.north),
         "reasons": [text for text in dict.fromkeys((*s.reasons, *record.flags)) if text],
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.calibration.allan import AllanCurve
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
@@ -22,8 +23,8 @@ from mwd_surface.plots.spectrum import Spectrum
 from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.input_stream import RecordingStream, asked_span
-from mwd_surface.surveys.message_conversion import record_of, survey_of
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+from mwd_surface.surveys.message_conversion import record_of
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
 # A stamp further than this from the time of recording is from another clock; the time of recording is used instead.
@@ -263,7 +264,7 @@ class _SurveyPen(_Pen):
                 record: SurveyRecord = record_of(decoded)
                 self.found[record.survey.uuid] = (record.survey, record.measured_depth)
             else:
-                survey = survey_of(decoded)
+                survey = Survey.from_message(decoded)
                 self.found[survey.uuid] = (survey, math.nan)
 
     def end(self) -> None:

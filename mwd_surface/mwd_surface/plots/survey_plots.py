@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey
 from mwd_surface.plots.drawing import DEGREES, TRUTH_COLOUR, drawer, finish_axes, time_unit
 from mwd_surface.plots.plot_data import PlotData
 from mwd_surface.plots.traces import NORTHS
-from mwd_surface.surveys.survey_record import Survey
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import words
-from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.signals.table import ATTITUDE
 
@@ -66,12 +66,12 @@ class Writer:
         columns = [pa.array(np.ascontiguousarray(attitude["stamp_ns"]))]
         for prefix in ("", "sigma_"):
             columns += [
-                _known(attitude[prefix + signal.field] * _DEG, attitude[f"sigma_{signal.field}"])
+                _nullable(attitude[prefix + signal.field] * _DEG, attitude[f"sigma_{signal.field}"])
                 for signal, _ in ATTITUDE
             ]
-        columns += [_known(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
+        columns += [_nullable(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
         columns.append(_named(attitude["status"], words))
-        names = {code: name for name, code in NORTH_CODES.items()}
+        names = {int(north): north.name.lower() for north in North}
         columns.append(_named(attitude["north"], lambda code: names.get(code, "")))
         self._waiting.append(pa.RecordBatch.from_arrays(columns, schema=SCHEMA))
         self._rows += len(attitude)
@@ -101,7 +101,7 @@ class Writer:
             self._file.close()
 
 
-def _known(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:
+def _nullable(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:
     unknown = np.isnan(sigma)
     return pa.array(np.ascontiguousarray(values), mask=unknown if unknown.any() else None)
 

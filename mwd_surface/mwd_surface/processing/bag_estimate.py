@@ -19,7 +19,7 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.arrays import Samples
@@ -36,7 +36,7 @@ from mwd_surface.processing.bag_input import (
     tool_frame,
 )
 from mwd_surface.processing.imu_queue import Imu, ImuQueue
-from mwd_surface.processing.input_stream import InputStream, asked_span, problems, refuse
+from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
@@ -153,7 +153,7 @@ class BagEstimate:
         with behind(write) as give:
             for result in self._results(progress):
                 if result.output is not None:
-                    taken = [one for one in result.output.rotary if isinstance(one, Survey)]
+                    taken = [one for one in result.output.rotary if isinstance(one, DecidedSurvey)]
                     log_ns = None if result.log_ns is None else int(result.log_ns[-1])
                     self._summary.surveys += [
                         (survey, self._list.add(survey, log_ns)) for survey in [*result.output.surveys, *taken]
@@ -284,8 +284,10 @@ class BagEstimate:
         if topics.imu not in samples or topics.imu in self._stream.without_time:
             return
 
+        checked: Block = {name: (block[name][0], samples[name]) for name in topics.all if name in samples}
+
         def offset_s(topic: str) -> float:
-            return float(np.median(samples[topic]["stamp_ns"] - block[topic][0])) * 1e-9
+            return -float(np.median(offsets_of_clock(checked, topic, topics.imu)))
 
         for topic in (topics.mag, topics.precision):
             if topic is None or topic not in samples or topic in self._stream.without_time:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.processing.bag_input import (
     FIELDS,
@@ -348,14 +348,42 @@ def _units(topics: Topics) -> list[str]:
     return [name for name in dict.fromkeys(units) if name is not None]
 
 
+def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
+    """
+    Return the recorder's clock minus that of a topic's stamps for each message of a block, shape (n,), s.
+
+    What the recorder's clock gains on that of the IMU in the course of the block is left out: a run at twice its pace
+    gains a second a second. So offsets of different topics are comparable although their messages come at different
+    times, as where one of them has a gap.
+    """
+    log_ns, samples = block[name]
+    seconds = 1e-9 * (log_ns - block[imu][0][0])
+    return 1e-9 * (log_ns - samples["stamp_ns"]) - _gain(block, imu) * seconds
+
+
+def _gain(block: Block, imu: str) -> float:
+    """
+    Return what the recorder's clock gains on that of the IMU in a block, s per s.
+
+    The median over pairs of messages a tenth of the block apart: neither messages in bursts nor a clock that is set
+    once within the block change it.
+    """
+    log_ns, samples = block[imu]
+    apart = max(1, len(log_ns) // 10)
+    logged = (log_ns[apart:] - log_ns[:-apart]).astype(float)
+    stamped = (samples["stamp_ns"][apart:] - samples["stamp_ns"][:-apart]).astype(float)
+    passed = logged > 0.0
+    return float(np.median(1.0 - stamped[passed] / logged[passed])) if passed.any() else 0.0
+
+
 def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Problem]:
     """Return a problem if the clocks of the units differ in some time bin of a block."""
     offsets: dict[str, dict[int, float]] = {}
     for name in _units(topics):
-        if name not in block:
+        if name not in block or topics.imu not in block:
             continue
-        log_ns, samples = block[name]
-        offset = np.zeros(len(log_ns)) if name in without else 1e-9 * (log_ns - samples["stamp_ns"])
+        log_ns = block[name][0]
+        offset = np.zeros(len(log_ns)) if name in without else offsets_of_clock(block, name, topics.imu)
         numbers = log_ns // _BIN_NS
         starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
         counts = np.diff(starts, append=len(numbers))

@@ -26,6 +26,7 @@ from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import input_covariance, settings, units, wire
 from mwd_sensors.core import mount as mounts
 from mwd_sensors.core.arrays import Array, Samples
@@ -53,7 +54,6 @@ from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.processing.stream_times import StreamTimes
 from mwd_surface.surveys.recorded_settings import with_a_model
-from mwd_surface.surveys.survey_record import Verdict
 
 _UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
 _PASSES = 6

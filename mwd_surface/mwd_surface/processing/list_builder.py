@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.wire import RIG_VALID
@@ -24,11 +25,9 @@ from mwd_surface.processing.bag_input import InputSettings, Topics, namespace_of
 from mwd_surface.surveys.depth import DepthReading, DepthTrack
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.leg_settings import arranged
-from mwd_surface.surveys.message_conversion import survey_of_estimate
 from mwd_surface.surveys.recorded_list import Decided, DepthByHand, RecordedList, Revised, recorded_list
 from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey as ListedSurvey
 from mwd_surface.surveys.well import Well
 
 Arrived = tuple[Stamps, Samples]
@@ -128,7 +127,7 @@ class ListBuilder:
             known = bool(row["valid"] & RIG_VALID["bit_depth"])
             self.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), known)
 
-    def add(self, survey: Survey, log_ns: int | None = None) -> float:
+    def add(self, survey: DecidedSurvey, log_ns: int | None = None) -> float:
         """
         Add a survey of the estimator to the list; return the measured depth of the sensor, m, nan if unknown.
 
@@ -150,8 +149,8 @@ class ListBuilder:
             self.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
         return md
 
-    def _listed(self, survey: Survey) -> ListedSurvey:
-        return dataclasses.replace(survey_of_estimate(survey), frame_id=self._frame)
+    def _listed(self, survey: DecidedSurvey) -> Survey:
+        return survey.record(self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
         """Apply the changes that people and the estimator made up to a log time, ns."""
@@ -173,7 +172,7 @@ class ListBuilder:
         except ValueError as error:
             self.warnings.append(f"the decision of {decided.operator_name} is not applied: {error}")
 
-    def _revise(self, survey: Survey) -> None:
+    def _revise(self, survey: DecidedSurvey) -> None:
         """Revise a survey as the whole run says, unless the recorded revisions say it already."""
         old = next((r for r in self.surveys.records if r.survey.uuid == survey.uuid), None)
         if old is None:
@@ -184,7 +183,7 @@ class ListBuilder:
         survey = dataclasses.replace(survey, revision=old.newest_revision + 1)
         self.surveys = self.surveys.revise(self._listed(survey))
 
-    def finish(self, revisions: Sequence[Survey] = ()) -> tuple[SurveyList, str]:
+    def finish(self, revisions: Sequence[DecidedSurvey] = ()) -> tuple[SurveyList, str]:
         """
         Return the list with the decisions of people, and a text that compares it with the live list.
 
@@ -208,7 +207,7 @@ class ListBuilder:
         text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
         return self.surveys, text + (f", {missing} of them are not found again" if missing else "")
 
-    def _begin(self, first: Survey) -> None:
+    def _begin(self, first: DecidedSurvey) -> None:
         """Begin the list where the live list began."""
         self._begun = True
         well = self._well
@@ -249,10 +248,10 @@ class ListBuilder:
             self.warnings.append(f"the leg of the recording is not used: {error}")
             return bare
 
-    def _clock_is_the_recorder_s(self, first: Survey) -> bool:
+    def _clock_is_the_recorder_s(self, first: DecidedSurvey) -> bool:
         return self._bag.start_ns <= first.stamp_ns <= self._bag.end_ns
 
-    def _depth_of(self, survey: Survey) -> DepthReading:
+    def _depth_of(self, survey: DecidedSurvey) -> DepthReading:
         if self._table is not None:
             return self._table.sensor_depth(survey.sequence, survey.stamp_ns, self.sensor_to_bit or 0.0)
         live = self._live.first.get(survey.uuid)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.pipeline.output import Output
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.survey import Survey
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, Originals
@@ -25,7 +25,7 @@ _TOPICS = {
     "interference": wire.INTERFERENCE,
     "dynamics": wire.DYNAMICS,
 }
-_SURVEY, _SURVEY_TYPE, _AZIMUTH_TYPE = "survey", "mwd_msgs/msg/Survey", "mwd_msgs/msg/AzimuthEstimate"
+_SURVEY, _SURVEY_TYPE = "survey", Survey.MESSAGE
 _IMU = "imu/data_raw"
 
 
@@ -65,7 +65,7 @@ class Merger:
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
         self._channels = {}
         self._last_ns = 0
-        self._store = self._merged.definitions.typestore
+        self._definitions = self._merged.definitions
         types = {relative: layout.type_name for relative, layout in _TOPICS.items()} | {_SURVEY: _SURVEY_TYPE}
         for relative, type_name in types.items():
             self._channels[relative], name = self._merged.topic(namespace + relative, type_name)
@@ -112,18 +112,13 @@ class Merger:
         if len(samples):
             self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self.frame), log_ns)
 
-    def _write_survey(self, survey: Survey, log_ns: int) -> None:
+    def _write_survey(self, survey: DecidedSurvey, log_ns: int) -> None:
         data = np.frombuffer(self._serialised(survey), dtype=np.uint8)
         self._merged.add_rows(self._channels[_SURVEY], data[None, :], np.array([log_ns]))
 
-    def _serialised(self, survey: Survey) -> bytes:
-        types = self._store.types
-        seconds, nanoseconds = divmod(survey.stamp_ns, wire.NANOSECONDS)
-        stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
-        fields = survey_fields(survey)
-        azimuths = [types[_AZIMUTH_TYPE](**one) for one in fields.pop("azimuths")]
-        header = types["std_msgs/msg/Header"](stamp, self.frame)
-        return bytes(self._store.serialize_cdr(types[_SURVEY_TYPE](header, azimuths=azimuths, **fields), _SURVEY_TYPE))
+    def _serialised(self, survey: DecidedSurvey) -> bytes:
+        message = survey.record(self.frame).to_message(self._definitions.make)
+        return bytes(self._definitions.typestore.serialize_cdr(message, _SURVEY_TYPE))
 
     def __enter__(self) -> Merger:
         return self

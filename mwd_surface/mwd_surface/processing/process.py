@@ -27,9 +27,9 @@ from mwd_surface.processing.run_output import (
     destination,
     drafts,
     fault_text,
-    survey_text,
 )
 from mwd_surface.processing.run_summary import Summary
+from mwd_surface.surveys import survey_csv
 from mwd_surface.surveys.recorded_settings import Recorded
 from mwd_surface.surveys.survey_store import encoded
 
@@ -114,7 +114,7 @@ def _processed(
         with destination(draft, bag, wanted, given) as (sink, merger):
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
             summary = _finished(run, bag, given, sink, progress)
-        (draft / "surveys.csv").write_text(survey_text(summary.listed.records), encoding="utf-8")
+        (draft / "surveys.csv").write_text(survey_csv.text(survey_csv.list_cells(summary.listed)), encoding="utf-8")
         (draft / "surveys.json").write_bytes(encoded(summary.listed))
         (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.surveys.message_conversion import stamp_of
 from mwd_surface.surveys.recorded_list import EVENT_TYPE, EVENTS
 
 # Longest time from a sample to the message of a request that took effect after it, ns. It separates the passes of a

@@ -8,7 +8,7 @@ import dataclasses
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from mwd_estimation.core.fault_messages import describe
@@ -20,15 +20,13 @@ from mwd_surface.processing import attitude_csv
 from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.thinner import Thinner
-from mwd_surface.surveys import station_csv
-from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.signals import cells
 
 FORMATS = ("csv", "parquet", "mcap")
 MERGED = "merged"
 _SURVEYS = ("surveys.csv", "surveys.json")
 CONFIG, INPUT = "config.yaml", "input.yaml"
 _RESULTS = ("attitude.csv", "attitude.parquet", MERGED, *_SURVEYS, "faults.csv", CONFIG, INPUT)
-SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind", "confidence", "message", "remedy")
 
 
@@ -117,33 +115,14 @@ def destination(
         yield write_lines, None
 
 
-def survey_text(records: Iterable[SurveyRecord]) -> str:
-    """Return surveys.csv: every survey of the list, by number."""
-    return station_csv.text(
-        SURVEY_COLUMNS,
-        (
-            {
-                "sequence": record.survey.sequence,
-                "stamp_ns": record.survey.stamp_ns,
-                "duration_s": station_csv.number(record.survey.duration, 1),
-                "samples": record.survey.samples,
-                "requested": "yes" if record.survey.requested else "no",
-                **station_csv.cells(record),
-                "uuid": record.survey.uuid,
-            }
-            for record in sorted(records, key=lambda one: one.survey.sequence)
-        ),
-    )
-
-
 def fault_text(faults: list[SensorFault]) -> str:
     """Return faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
-    return station_csv.text(
+    return cells.table(
         FAULT_COLUMNS,
         (
             dataclasses.asdict(text)
             | {"since_ns": fault.since_ns, "cleared_ns": fault.cleared_ns or ""}
-            | {"confidence": station_csv.number(text.confidence, 2)}
+            | {"confidence": cells.fixed(text.confidence, 2)}
             for fault, text in ((fault, describe(fault)) for fault in faults)
         ),
     )

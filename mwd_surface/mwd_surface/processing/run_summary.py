@@ -16,7 +16,7 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_surface.processing.bag_input import Topics
 from mwd_surface.surveys.survey_list import SurveyList
 
@@ -46,7 +46,7 @@ class Summary:
         Range of the inclination, rad; nan if there is none.
     north, reference : str
         North of the azimuth, and source of the reference field.
-    surveys : list of (Survey, measured depth in m or nan)
+    surveys : list of (DecidedSurvey, measured depth in m or nan)
         As first decided.
     listed : SurveyList
         The same surveys as the surface node keeps them, with their definitive values.
@@ -84,7 +84,7 @@ class Summary:
     highest: float = math.nan
     north: str = "magnetic"
     reference: str = "none"
-    surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
+    surveys: list[tuple[DecidedSurvey, float]] = dataclasses.field(default_factory=list)
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
     depths: str = ""
     live: str = ""

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 from mwd_sensors.core import burst
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.message_record import stamp_of
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing.bag_input import Topics
-from mwd_surface.surveys.message_conversion import stamp_of
 
 TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
 

@@ -178,7 +178,7 @@ class SerialReceiver:
                 code = word.missing(item.bits) if value == "nan" else word.code(float(value), item.bits)
             except ValueError:
                 return None
-            if code < 0 or serial_frames.written(item, word, code) != f"{item.name}={value}":
+            if code is None or code < 0 or serial_frames.written(item, word, code) != f"{item.name}={value}":
                 return None
             codes.append(code)
         return tuple(codes)

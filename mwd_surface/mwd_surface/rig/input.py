@@ -110,6 +110,8 @@ class RigInput:
             return None
         sample = wire.RIG_STATE.empty(1)
         sample["stamp_ns"] = stamp_ns
+        for name in wire.RIG_VALID.keys() - {"in_slips"}:
+            sample[name] = math.nan
         valid = 0
         for name, value in good.items():
             sample[name] = value

@@ -11,15 +11,16 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.survey import Survey, Three, Verdict
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Three, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 LAST = 32

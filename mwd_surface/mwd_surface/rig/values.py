@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from mwd_estimation.core.status import Status
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState
 from mwd_surface.control.status import ControlStatus
@@ -26,7 +27,6 @@ from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.value import Condition, RigValue
 from mwd_surface.signals.signal import Signal
 from mwd_surface.signals.table import FROM_TOOL, OF_SURVEY, TO_RIG, page_fields
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.advice import Advice
 
 # Reasons for the doubts named in the signal table.

@@ -13,8 +13,6 @@ from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link.link import Quality
 from mwd_surface.receiver.words import BELIEVED, FrameReport, ReceivedWord, item_of, pulse_edges
-from mwd_surface.surveys.message_conversion import fill_survey
-from mwd_surface.surveys.survey_record import Survey
 
 StampOf = Callable[[float], int]
 _KINDS = {"survey": msg.LinkWord.SURVEY, "toolface": msg.LinkWord.TOOLFACE}
@@ -91,12 +89,4 @@ def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuali
         mode=quality.mode,
     )
     message.header.stamp = stamp(stamp_ns)
-    return message
-
-
-def survey_message(survey: Survey, frame_id: str) -> msg.Survey:
-    """Return a survey of a link as mwd_msgs/Survey."""
-    message = msg.Survey()
-    fill_survey(message, survey, msg.AzimuthEstimate)
-    message.header.frame_id = frame_id
     return message

@@ -18,34 +18,8 @@ from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
-from mwd_surface.surveys.message_conversion import fill_list, fill_record, fill_trajectory
-from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.advice import Advice
 from mwd_surface.trajectory.well_path import Definitive
-
-
-def record_message(record: SurveyRecord) -> msg.SurveyRecord:
-    """Return the message of a line of the survey list."""
-    message = msg.SurveyRecord()
-    fill_record(message, record, msg.AzimuthEstimate)
-    return message
-
-
-def list_message(surveys: SurveyList, frame_id: str) -> msg.SurveyList:
-    """Return the message of the whole list."""
-    message = msg.SurveyList()
-    message.header.frame_id = frame_id
-    fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg, msg.Remark)
-    return message
-
-
-def trajectory_message(path: Definitive, changed_ns: int, frame_id: str) -> msg.Trajectory:
-    """Return the message of the well path."""
-    message = msg.Trajectory()
-    message.header.frame_id = frame_id
-    fill_trajectory(message, path, changed_ns)
-    return message
 
 
 def path_message(path: Definitive, changed_ns: int, frame_id: str) -> Path:
@@ -87,7 +61,7 @@ def recorder_message(status: RecorderStatus, now: Time, streams: Mapping[str, in
         messages=status.messages,
         bytes=status.bytes,
         dropped=status.dropped,
-        free_bytes=max(status.free_bytes, 0),
+        free_bytes=float(status.free_bytes),
         duration=status.duration_s,
         reason=status.reason,
         streams=list(streams),

@@ -15,6 +15,7 @@ from mwd_sensors.core.settings import from_mapping
 from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 from mwd_surface.runs.launch_plan import estimator_parameters
 
 # Delay of the channel behind the samples, s: by then every word that the tool begins to send is known.
@@ -100,7 +101,7 @@ class SimulatedTool:
     def _on_air(self, sent: Sent) -> OnAir:
         tool = sent.tool
         start = self._sonde.seconds(sent.start_ns)
-        width = tool.symbol_s or tool.pulse_width_s
+        width = tool.pulse_width_s if tool.code in PULSE_CODES else tool.symbol_s
         frequency = tool.carrier.frequency_hz
         return OnAir(tool.link, start, sent.edges_s, sent.phases, sent.octets, width, frequency)
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
-from mwd_surface.signals.units import UNITS, Scale
+from mwd_surface.signals.units import DEG_PER_H, UNITS, Scale
 
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
 CONTROL, ADVICE, INPUT, SURFACE = "control", "advice", "input", "surface"
-TYPES = ("Double", "UInt32", "Boolean", "String")
+TYPES = ("Double", "UInt32", "Int64", "Boolean", "String")
 _ON_PAPER = 2  # decimals in printed reports
 
 
@@ -69,13 +69,20 @@ class Column(NamedTuple):
     decimals: int
 
 
+class Shown(NamedTuple):
+    """Column of the page's survey table: its place, and the least width that shows it (0 always, 1 tablet, 2 wide)."""
+
+    place: int
+    width: int
+
+
 class Listed(NamedTuple):
-    """Column of the definitive survey: CSV name and decimals, title, LAS mnemonic, WITSML tag, decimals on paper."""
+    """Column of a table of surveys: CSV name, decimals; if printed, title, LAS mnemonic, WITSML tag, paper decimals."""
 
     key: str
     decimals: int
-    title: str
-    las: str
+    title: str = ""
+    las: str = ""
     witsml: str = ""
     shown: int = _ON_PAPER
 
@@ -107,6 +114,8 @@ class Signal:
         Attribute of the source's record that holds the value.
     page : tuple of str
         Places in the state of the page, `section.field`.
+    shown : Shown, optional
+        Column in the survey table of the page, with the title of `listed`.
     opcua : str
         OPC UA variable; empty if the signal is not sent to a rig by any protocol.
     dwis : tuple of str
@@ -117,8 +126,11 @@ class Signal:
         WITS item sent, in the survey, tool or rig record.
     reads : int, optional
         Item of WITS record 1 that brings the signal.
+    record : str
+        Attribute of `survey_csv.Line` that holds the value of a survey of the list, as a dotted path; empty if the
+        value follows from the whole path.
     listed : Listed, optional
-        Column in the definitive survey.
+        Column in the tables of surveys; those with a LAS mnemonic are in every export of the definitive survey.
     series, attitude : Column, optional
         Columns in the rows of a recording, one per second, and in attitude.csv and attitude.parquet.
     """
@@ -133,11 +145,13 @@ class Signal:
     doubts: tuple[str, ...] = ()
     field: str = ""
     page: tuple[str, ...] = ()
+    shown: Shown | None = None
     opcua: str = ""
     dwis: tuple[str, ...] = ()
     modbus: int | None = None
     wits: Wits | None = None
     reads: int | None = None
+    record: str = ""
     listed: Listed | None = None
     series: Column | None = None
     attitude: Column | None = None
@@ -158,6 +172,11 @@ class Signal:
     def people(self) -> Scale:
         """Unit for people, in files and on paper."""
         return UNITS[self.unit].people
+
+    @property
+    def listed_scale(self) -> Scale:
+        """Unit in the tables of surveys: that for people, and deg/h for the rate of a gyro at rest."""
+        return DEG_PER_H if self.listed and self.listed.key.endswith("_degph") else self.people
 
     @property
     def wrap(self) -> float:

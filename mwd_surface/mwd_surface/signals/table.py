@@ -2,9 +2,9 @@
 """
 The signal table, `table.csv`: every quantity once, with its name on the page and in each protocol and file.
 
-These are made from it: WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of the definitive
-survey in CSV, LAS, WITSML and on paper, columns of attitude and recordings in CSV and Parquet, live quantities of the
-page, and the documentation page of signals. The D-WIS nouns are those of the DDHub vocabulary (definition sets
+These are made from it: WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of surveys in CSV,
+Parquet, LAS, WITSML and on paper, columns of attitude and recordings in CSV and Parquet, live quantities of the page,
+and the documentation page of signals. The D-WIS nouns are those of the DDHub vocabulary (definition sets
 DrillingDataSemantics, PhysicalLocation and Uncertainty). It has no noun for a toolface, gravity or a magnetic field;
 those rows name only the kind of data.
 """
@@ -15,7 +15,19 @@ import csv
 from collections.abc import Mapping
 from pathlib import Path
 
-from mwd_surface.signals.signal import ADVICE, CONTROL, PLAN, SOURCES, SURFACE, SURVEY, Column, Listed, Signal, Wits
+from mwd_surface.signals.signal import (
+    ADVICE,
+    CONTROL,
+    PLAN,
+    SOURCES,
+    SURFACE,
+    SURVEY,
+    Column,
+    Listed,
+    Shown,
+    Signal,
+    Wits,
+)
 
 FILE = Path(__file__).with_name("table.csv")
 
@@ -55,11 +67,13 @@ def _signal(row: Mapping[str, str]) -> Signal:
             doubts=tuple(row["doubts"].split()),
             field=row["field"] or (page[0].rpartition(".")[2] if page else ""),
             page=page,
+            shown=Shown(*map(int, row["shown"].split())) if row["shown"] else None,
             opcua=row["opcua"],
             dwis=tuple(row["dwis"].split()),
             modbus=int(row["modbus"]) if row["modbus"] else None,
             wits=Wits(int(code), name.replace("-", ""), int(decimals)) if code else None,
             reads=int(row["reads"]) if row["reads"] else None,
+            record=row["record"],
             listed=Listed(*_column(row["list"]), row["title"], row["las"], row["witsml"]) if row["list"] else None,
             series=_column(row["series"]) if row["series"] else None,
             attitude=_column(row["attitude"]) if row["attitude"] else None,
@@ -70,7 +84,7 @@ def _signal(row: Mapping[str, str]) -> Signal:
 
 def _column(text: str) -> Column:
     key, _, decimals = text.partition(" ")
-    return Column(key, int(decimals))
+    return Column(key, int(decimals or 0))
 
 
 def _flag(text: str) -> bool:
@@ -89,7 +103,9 @@ FROM_TOOL = tuple(signal for signal in TO_RIG if SOURCES[signal.source].tool)
 FROM_PLAN = tuple(signal for signal in TO_RIG if signal.source == PLAN)
 FROM_CONTROL = tuple(signal for signal in TO_RIG if signal.source == CONTROL)
 FROM_ADVICE = tuple(signal for signal in TO_RIG if signal.source == ADVICE)
-# Columns of the definitive survey, of a recording and of attitude files, in order.
-LISTED = tuple((signal, signal.listed) for signal in SIGNALS if signal.listed is not None)
+# Columns of every table of surveys, those printed in each export of the definitive survey, and the columns of a
+# recording and of attitude files, in order.
+SURVEY_TABLE = tuple((signal, signal.listed) for signal in SIGNALS if signal.listed is not None)
+LISTED = tuple((signal, listed) for signal, listed in SURVEY_TABLE if listed.las)
 SERIES = tuple((signal, signal.series) for signal in SIGNALS if signal.series is not None)
 ATTITUDE = tuple((signal, signal.attitude) for signal in SIGNALS if signal.attitude is not None)

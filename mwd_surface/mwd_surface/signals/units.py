@@ -38,6 +38,9 @@ class Scale(NamedTuple):
         return (number - self.offset) / self.factor
 
 
+DEG_PER_H = Scale("deg/h", 3600.0 * _DEG)
+
+
 @dataclasses.dataclass(frozen=True)
 class Unit:
     """

@@ -12,7 +12,7 @@ import dataclasses
 import math
 
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_surface.surveys.survey_record import Survey
+from mwd_estimation.survey.survey import Survey
 
 # Least share of a sensor in the azimuth for it to be named; the estimator ignores a gyro with a smaller share too.
 _NAMED = 0.01

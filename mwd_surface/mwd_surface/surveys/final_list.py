@@ -16,18 +16,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_estimation.survey.tool_code import sensor_errors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_position import programme_of, uncertain_well
 from mwd_surface.trajectory.list_comparison import covariance_between
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.programme import Interval, Programme
 

@@ -13,7 +13,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.survey import Nine, Survey, Verdict
 from mwd_sensors.core import settings, utc
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.provenance import Provenance
@@ -21,9 +23,8 @@ from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import Start, StationList, start_of
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Nine, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 
 # Words of WITSML 1.4.1.1 for types of stations and survey tools, with the tool code of each.
 TOOL_CODES: Mapping[str, str] = {

@@ -13,10 +13,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.message_record import stamp_of
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.surveys.message_conversion import list_of, record_of, stamp_of, survey_of
+from mwd_surface.surveys.message_conversion import list_of, record_of
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Value
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Value
 from mwd_surface.surveys.well import Well
 
 EVENTS, EVENT_TYPE = "operator_events", "mwd_msgs/msg/OperatorEvent"
@@ -138,7 +140,7 @@ def recorded_list(bag: Bag, namespace: str, well: Well) -> RecordedList:
         if name == "survey":
             arrived.setdefault(str(decoded.uuid), log_ns)
         elif name == "survey/revised":
-            changes.append(Revised(log_ns, survey_of(decoded)))
+            changes.append(Revised(log_ns, Survey.from_message(decoded)))
         elif name == EVENTS:
             changes += _change_of(log_ns, decoded)
         else:

@@ -8,9 +8,10 @@ from collections.abc import Iterable
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.survey import tool_code
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.surveys.check_shots import Bias, CheckShot, check_shots
-from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 # Unit, factor from SI and number of decimals of a bias.
 _UNITS = {"accelerometer": ("mG", 1e3 / STANDARD_GRAVITY, 2), "magnetometer": ("nT", 1e9, 0)}

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core import budgets, wire
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags.bag_reader import Bag, BagError
-from mwd_surface.surveys.message_conversion import survey_of
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
-from mwd_surface.trajectory.north import North
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
 _NEAREST = 0.6  # s; largest time between a survey and the truth it is compared with
@@ -110,7 +109,7 @@ def _surveys(bag: Bag, topic: str) -> list[Survey]:
     # A latched topic can be delivered and recorded more than once.
     found: dict[str, Survey] = {}
     for _, name, _, data in bag.messages([topic]):
-        survey = survey_of(bag.decode(name, data))
+        survey = Survey.from_message(bag.decode(name, data))
         found[survey.uuid] = survey
     return sorted(found.values(), key=lambda one: one.stamp_ns)
 

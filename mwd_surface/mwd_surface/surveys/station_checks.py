@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, PLACE, Judgement, Survey, SurveyRecord, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, PLACE, Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import ASSUMED, SURVEY, TIE_ON, Definitive, path_of, projected
 
 if TYPE_CHECKING:

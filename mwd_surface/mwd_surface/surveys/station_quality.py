@@ -14,9 +14,9 @@ import math
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.survey.survey import STATIC, Survey, Verdict
 from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.azimuth_source import azimuth_source
-from mwd_surface.surveys.survey_record import STATIC, Survey, Verdict
 
 GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
 NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"

@@ -15,6 +15,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.foreign_text import unprintable
@@ -30,17 +32,8 @@ from mwd_surface.surveys.station_checks import (
     obstacles,
     placed,
 )
-from mwd_surface.surveys.survey_record import (
-    Decision,
-    Judgement,
-    Survey,
-    SurveyRecord,
-    Value,
-    Verdict,
-    checked_survey,
-)
+from mwd_surface.surveys.survey_record import Decision, Judgement, SurveyRecord, Value, checked_survey
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.well_path import Definitive
 

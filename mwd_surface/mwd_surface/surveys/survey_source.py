@@ -11,6 +11,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -25,7 +26,6 @@ from mwd_surface.surveys.recorded_settings import recorded_settings
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import decoded
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.slide_file import NAME, read_stretches
 from mwd_surface.trajectory.slide_sheet import Stretch
 

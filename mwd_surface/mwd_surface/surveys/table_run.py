@@ -16,18 +16,18 @@ import numpy as np
 
 from mwd_estimation.core.reference_field import to_north
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.decided_survey import record_of
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import findings, is_outlier
 from mwd_estimation.survey.run_model import RunModel, Taken, declination_sigma
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.survey import Survey as EstimatedSurvey
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core import utc
 from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 from mwd_surface.surveys import multi_station_analysis
-from mwd_surface.surveys.message_conversion import survey_of_estimate
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 # Assumed time between two rows without a time, h: one stand. It scales the drift of an external field.
 _STAND = 0.5
@@ -62,9 +62,9 @@ def _survey(number: int, row: TableStation, station: Station) -> Survey:
         stamp_ns = round(utc.moment(row.time).timestamp() * 1e9)
     except ValueError:
         stamp_ns = 0
-    unknown, nowhere = np.full((3, 3), math.nan), np.full(3, math.nan)
-    whole = EstimatedSurvey(stamp_ns, number, "", True, math.nan, 0, station, unknown, unknown, nowhere, math.nan)
-    return survey_of_estimate(whole)
+    return record_of(
+        station, {}, stamp_ns=stamp_ns, sequence=number, uuid="", requested=True, duration=math.nan, samples=0
+    )
 
 
 def run_stations(rows: Sequence[TableRow], settings: StationSettings) -> list[TableStation]:

@@ -15,17 +15,18 @@ from pathlib import Path
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.survey import ROTARY as SURVEY_ROTARY
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import ROTARY as SURVEY_ROTARY
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan, interpolated, nearest
 from mwd_surface.trajectory.well_path import Definitive, path_of
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference

@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import Remark
-from mwd_surface.trajectory.north import North
 
 TIE_ON, ASSUMED, SURVEY, PROJECTED = "tie-on", "assumed", "survey", "projected"  # kinds of stations
 

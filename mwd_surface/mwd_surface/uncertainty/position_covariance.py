@@ -22,10 +22,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
 
 # Inclination above which the azimuth of a station counts in full, rad: 1 sigma of the difference between the direction

@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import Remark
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.position_covariance import StationErrors, position_covariance
 

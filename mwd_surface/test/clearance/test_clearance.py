@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance.clearance import ClearanceRule, Level, clearance, nearest_first
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference, Tool, error_terms
 from mwd_surface.uncertainty.position_covariance import StationErrors, covariance_of
 from mwd_surface.uncertainty.uncertain_well import UncertainWell

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance import clearance as clearance_module
 from mwd_surface.clearance.clearance import ClearanceRule, Level, check_plausible, clearance, nearest_first
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference, Tool
 from mwd_surface.uncertainty.position_covariance import StationErrors
 from mwd_surface.uncertainty.uncertain_well import UncertainWell

@@ -10,11 +10,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from test_clearance_invariances import REFERENCE, RULE, TEN, depths, least
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance.clearance import clearance
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.surveys.imported_list import survey_list
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import Tool
 from mwd_surface.uncertainty.position_covariance import StationErrors
 from mwd_surface.uncertainty.uncertain_well import UncertainWell

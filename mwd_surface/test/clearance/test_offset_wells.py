@@ -10,6 +10,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.offset_wells import OffsetWell, OffsetWellError, clearances, offset_well, read_offset_wells
@@ -17,7 +18,6 @@ from mwd_surface.list_files.list_file import read_list
 from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.well_position import uncertain_well
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
 
 REFERENCE = ErrorReference(math.radians(60), 50e-6, math.radians(72), math.radians(2.0), math.radians(-1.0))

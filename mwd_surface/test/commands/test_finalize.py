@@ -50,7 +50,7 @@ def test_the_files_of_a_final_list_agree_and_its_certificate_is_of_them(tmp_path
     assert [r.survey.uuid for r in surveys.records] == [r.survey.uuid for r in example.surveys().records]
     text = (out / "definitive.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(io.StringIO("".join(line + "\n" for line in text.splitlines() if line[:1] != "#"))))
-    assert {row["survey"] for row in rows if row["survey"]} == {
+    assert {row["sequence"] for row in rows if row["sequence"]} == {
         str(r.survey.sequence) for r in surveys.records if r.in_use
     }
     report = (out / "report.html").read_text(encoding="utf-8")

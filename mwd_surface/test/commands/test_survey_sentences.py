@@ -8,8 +8,9 @@ import math
 
 from example_stations import survey
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.commands.survey_table import list_warnings, revision_sentences
-from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 
 def value(number, azimuth_deg, sigma_deg, verdict=Verdict.ACCEPT):

@@ -94,8 +94,8 @@ def test_every_number_of_the_path_agrees_in_all_exports_and_on_the_page(files):
             assert float(row[key]) == las[mnemonic][k], (key, k)
             assert row[key] == station.findtext(W + tag), (key, k)
             exact = []
-            if row["survey"]:
-                exact.append(page[int(row["survey"])][name])
+            if row["sequence"]:
+                exact.append(page[int(row["sequence"])][name])
             if name in drawn:
                 exact.append(drawn[name][k])
             for value in exact:
@@ -116,7 +116,7 @@ def test_every_number_of_the_path_agrees_in_all_exports_and_on_the_page(files):
 @pytest.mark.slow
 def test_verdicts_and_quality_agree_in_all_exports_and_on_the_page(files):
     table, paths = files
-    raw = {row["survey"]: row for row in read_csv(paths["raw_csv"])}
+    raw = {row["sequence"]: row for row in read_csv(paths["raw_csv"])}
     las = lasio.read(paths["las"], encoding="utf-8")
     quality = [dict(cells) for cells in read_html(paths["html"], "Quality control of every survey taken")]
     judged = [dict(cells) for cells in read_html(paths["html"], "Totals as read, as judged, and their references")]
@@ -165,11 +165,11 @@ def test_html_and_pdf_print_the_same_cells(files):
 @pytest.mark.slow
 def test_raw_and_definitive_agree_on_what_was_measured(files):
     _, paths = files
-    raw = {row["survey"]: row for row in read_csv(paths["raw_csv"])}
+    raw = {row["sequence"]: row for row in read_csv(paths["raw_csv"])}
     for row in read_csv(paths["csv"]):
-        if row["survey"]:
+        if row["sequence"]:
             for name in ("md_m", "inclination_deg", "time_utc", "verdict_azimuth", "headline"):
-                assert row[name] == raw[row["survey"]][name]
+                assert row[name] == raw[row["sequence"]][name]
 
 
 @pytest.mark.slow

@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.exports.export_csv import definitive_csv, quoted, raw_csv
+from mwd_surface.exports.export_csv import definitive_csv, raw_csv
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.signals.cells import quoted
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
 
 
 def parsed(text):
@@ -46,16 +47,16 @@ def test_the_definitive_survey_marks_tie_on_bit_and_hand():
     head, rows = parsed(definitive_csv(example.table()))
     assert head[0] == "# Well: Åsgard Ω-1"
     assert [rows[0]["station"], rows[-1]["station"]] == ["tie-on", "projected"]
-    by_hand = next(r for r in rows if r["survey"] == "9")
-    assert (by_hand["automatic"], by_hand["person"], by_hand["operator"]) == ("doubtful", "accepted", "Aslaug")
-    assert "6" not in [r["survey"] for r in rows]
+    by_hand = next(r for r in rows if r["sequence"] == "9")
+    assert (by_hand["verdict"], by_hand["person"], by_hand["operator"]) == ("doubtful", "accepted", "Aslaug")
+    assert "6" not in [r["sequence"] for r in rows]
 
 
 def test_the_raw_log_has_every_survey_with_six_axes_and_both_judgements():
     _, rows = parsed(raw_csv(example.surveys()))
-    assert [r["survey"] for r in rows] == [str(k) for k in range(1, 13)]
+    assert [r["sequence"] for r in rows] == [str(k) for k in range(1, 13)]
     row = rows[5]
-    assert (row["in_use"], row["automatic"], row["person"]) == ("no", "reject", "")
+    assert (row["in_use"], row["verdict"], row["person"]) == ("no", "reject", "")
     assert row["reasons"] == "dip 78.5 deg is 6.4 over 72.1 +- 0.45"
     assert row["time_utc"] == "2026-05-14T16:57:00.123Z"
     assert (row["magnetic_field_x_nt"], row["specific_force_y_mps2"]) == ("31000.0", "0.250000")

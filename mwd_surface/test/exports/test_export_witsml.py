@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from mwd_estimation.survey.survey import ROTARY
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.survey_table import survey_table, table_of
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import ROTARY
 from project import REFERENCE_DATA
 
 XSD = REFERENCE_DATA / "witsml" / "xsd" / "obj_trajectory.xsd"

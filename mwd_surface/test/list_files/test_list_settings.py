@@ -8,6 +8,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from mwd_estimation.core.north import North
 from mwd_surface.clearance.offset_wells import OffsetWellError, offset_well, read_offset_wells
 from mwd_surface.cli import app
 from mwd_surface.commands.list_options import NAMES
@@ -15,7 +16,6 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_settings import NODE, ListSettings, asked
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.settings import PlanSettings
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
 
 REFERENCE = ErrorReference(1.0, 5e-5, 1.25, 0.02, 0.01, 9.81)

@@ -10,6 +10,8 @@ from types import SimpleNamespace
 import example_surveys as example
 import pytest
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_clock import WellClock
@@ -23,8 +25,7 @@ from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Value, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import Value
 from mwd_surface.trajectory.plan import plan_of
 
 

@@ -3,16 +3,20 @@
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from example_stations import DIP, B, G, listed, survey
 from example_surveys import NO_AZIMUTH
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Verdict
+from mwd_surface.page import survey_panel
 from mwd_surface.page.survey_panel import QualityLimits, path_table, quality_lights, survey_row
+from mwd_surface.signals.table import SURVEY_TABLE
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Verdict
-from mwd_surface.trajectory.north import North
 
 
 def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_is_out():
@@ -124,3 +128,12 @@ def test_a_limit_that_is_not_known_leaves_the_usual_one():
     assert gravity["limit"] == QualityLimits().gravity
     assert field["limit"] == 520e-9
     assert dip["limit"] == pytest.approx(math.radians(QualityLimits().dip_deg))
+
+
+def test_every_unit_of_a_survey_has_a_kind_that_the_page_knows():
+    text = (Path(survey_panel.__file__).parent / "static" / "units.js").read_text(encoding="utf-8")
+    kinds = set(re.findall(r"^  (\w+): \[\[", text, re.MULTILINE))
+    symbols = {signal.listed_scale.symbol for signal, _ in SURVEY_TABLE if signal.type == "Double"}
+    assert symbols <= set(survey_panel._KINDS)
+    assert set(survey_panel._KINDS.values()) <= kinds
+    assert [column["title"] for column in survey_panel.COLUMNS][:3] == ["MD", "Inc", "Azi"]

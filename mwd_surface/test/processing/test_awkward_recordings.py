@@ -360,6 +360,22 @@ def test_what_inspect_promises_is_what_process_does(name, sent, tmp_path):
     assert sum(",accept" in row for row in rows) == accepted
 
 
+@pytest.mark.parametrize("pace", [0.1, 0.5, 2.0, 10.0])
+@pytest.mark.parametrize("gap", [slice(1500, 1500), slice(1500, 2200), slice(0, 700)])
+def test_the_pace_at_which_a_run_was_recorded_changes_nothing(pace, gap, sent, tmp_path):
+    """A simulated run or a replay at another rate: the clock of the recorder runs at another speed than the sonde's."""
+    kept = np.delete(np.arange(len(sent[1][2])), gap)
+    streams = [sent[0], (MAG, sent[1][1], sent[1][2][kept], sent[1][3][kept])]
+    begin = int(sent[0][3][0])
+    paced = [(name, layout, rows, begin + ((at - begin) / pace).astype(np.int64)) for name, layout, rows, at in streams]
+    at_its_pace = awkward.written(tmp_path / "a", streams)
+    recorded = awkward.written(tmp_path / "b", paced)
+    assert surveys(recorded) == surveys(at_its_pace)
+    with Bag(recorded) as bag:
+        found = inspect(bag, InputSettings(), settings.changed(EstimatorSettings(), PLACE), tmp_path / "out")
+    assert "--stamps" not in found.command
+
+
 def test_inspect_reports_the_true_rate_of_bursts(sent, tmp_path):
     imu, at = sent[0][2], in_bursts(sent[0][3])
     stamped = awkward.written(

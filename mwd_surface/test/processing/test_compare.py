@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_surface.processing import attitude_csv, compare, run_folder
-from mwd_surface.processing.run_output import SURVEY_COLUMNS
+from mwd_surface.surveys import survey_csv
 
 STATION = {
     "sequence": "1",
@@ -33,7 +33,7 @@ def write_run(folder, stations=(STATION,), rows=50, step_ns=10**8, azimuth=0.5, 
     """A run of a tool that keeps still; `skip`: rows that are not there."""
     folder.mkdir()
     out = io.StringIO()
-    writer = csv.DictWriter(out, SURVEY_COLUMNS, restval="", lineterminator="\n")
+    writer = csv.DictWriter(out, survey_csv.COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(stations)
     (folder / "surveys.csv").write_text(out.getvalue())

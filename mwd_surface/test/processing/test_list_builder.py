@@ -8,6 +8,7 @@ import plotted_bag
 import pytest
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import settings, wire
 from mwd_sensors.core.earth import grid_convergence
 from mwd_surface.bags.bag_reader import Bag
@@ -19,7 +20,6 @@ from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.surveys import message_conversion
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, SurfacePart, recorded_settings
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.plan import plan_of
 
 LIST = "mwd_msgs/msg/SurveyList"
@@ -56,17 +56,8 @@ def raw(path, metadata=True, surveys=None):
         out.add_metadata(SURFACE, texts(SHOWN, **{"page.port": "8080", "folder": "x"}))
         if surveys is not None:
             out.definitions.load(LIST)
-            store = out.definitions.typestore
-            table = plotted_bag.blank(store, LIST)
-            message_conversion.fill_list(
-                table,
-                surveys,
-                lambda: plotted_bag.blank(store, "mwd_msgs/msg/SurveyRecord"),
-                lambda: plotted_bag.blank(store, "mwd_msgs/msg/AzimuthEstimate"),
-                lambda: plotted_bag.blank(store, "mwd_msgs/msg/Leg"),
-                lambda: plotted_bag.blank(store, "mwd_msgs/msg/Remark"),
-            )
-            data = bytes(store.serialize_cdr(plotted_bag.arrays(table), LIST))
+            table = message_conversion.list_message(surveys, "wellhead", out.definitions.make)
+            data = bytes(out.definitions.typestore.serialize_cdr(table, LIST))
             out.write(out.topic("/w1/surveys", LIST), data, bag.end_ns, bag.end_ns)
     return whole
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from live_graph import ACCEPT, REJECT, RESET, ROTARY, TAKE, LiveGraph
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import wire
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -16,7 +17,6 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.processing import process
 from mwd_surface.processing.bag_input import InputSettings, find_topics, guesses, namespace_of
 from mwd_surface.surveys.recorded_settings import recorded_settings
-from mwd_surface.surveys.survey_record import Verdict
 from project import ROOT, SCENARIOS
 
 pytestmark = pytest.mark.slow(4)
@@ -187,7 +187,7 @@ def test_a_recording_that_lacks_samples_that_were_used_is_not_the_same_input(top
 def test_requests_stand_at_their_sample_also_in_a_part_of_the_recording(tmp_path):
     live, whole, _ = both(tmp_path, story(schedule=LONG), EVENTS["several at a station"])
     part = processed(tmp_path / "bag", tmp_path / "part", start_s=30.0)
-    asked = [one.uuid for one, _ in part.surveys if one.requested]
+    asked = [one.uuid for one, _ in part.surveys if one.average.requested]
     assert asked == []
     kept = {one.uuid for one, _ in part.surveys} & {one.uuid for one, _ in whole.surveys}
     assert kept

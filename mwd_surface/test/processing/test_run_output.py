@@ -11,7 +11,8 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.processing import run_folder, run_output
 from mwd_surface.processing.bag_input import InputSettings
-from mwd_surface.processing.run_output import OutputSettings, destination, drafts, survey_text
+from mwd_surface.processing.run_output import OutputSettings, destination, drafts
+from mwd_surface.surveys import survey_csv
 
 START = 1_772_344_800_000_000_000
 
@@ -73,7 +74,7 @@ def test_a_file_in_the_place_of_the_folder_is_not_touched(tmp_path):
 
 
 def test_no_survey_is_a_table_of_titles():
-    assert survey_text([]) == ",".join(run_output.SURVEY_COLUMNS) + "\n"
+    assert survey_csv.text([]) == ",".join(survey_csv.COLUMNS) + "\n"
 
 
 def test_a_format_that_is_not_written_is_refused():

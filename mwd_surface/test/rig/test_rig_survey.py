@@ -7,11 +7,11 @@ import math
 import pytest
 from example_surveys import START, WELL, S, survey, surveys
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
+from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Verdict
-from mwd_surface.trajectory.north import North
 
 
 def test_the_accepted_are_those_in_use_oldest_first_with_the_numbers_of_the_path():

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 import yaml
 
+from mwd_estimation.core.north import North
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import settings
 from mwd_sensors.simulator.motion import well_path
 from mwd_sensors.simulator.scenario import parse, read
@@ -24,8 +26,6 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.runs import launch_plan
 from mwd_surface.surveys.leg_settings import arranged
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
-from mwd_surface.trajectory.north import North
 from project import SCENARIOS
 
 RAD = math.pi / 180.0

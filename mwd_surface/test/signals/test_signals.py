@@ -19,7 +19,7 @@ from mwd_sensors.core import wire
 from mwd_surface.exports import export_witsml
 from mwd_surface.rig.modbus.map import COUNT
 from mwd_surface.signals.signal import RIG, SOURCES, Signal
-from mwd_surface.signals.table import ATTITUDE, FACTS, FILE, LISTED, SERIES, SIGNALS, TO_RIG, read_signals
+from mwd_surface.signals.table import ATTITUDE, FACTS, FILE, LISTED, SERIES, SIGNALS, SURVEY_TABLE, TO_RIG, read_signals
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.survey_record import SurveyRecord
 
@@ -34,7 +34,8 @@ def test_names_are_unique_wherever_they_stand():
         [s.wits.code for s in SIGNALS if s.wits is not None],
         [s.reads for s in SIGNALS if s.reads is not None],
         [place for s in SIGNALS for place in s.page],
-        *([getattr(listed, kind) for _, listed in LISTED] for kind in ("key", "title", "las")),
+        [listed.key for _, listed in SURVEY_TABLE],
+        *([getattr(listed, kind) for _, listed in LISTED] for kind in ("title", "las")),
         [column.key for _, column in SERIES],
         [column.key for _, column in ATTITUDE],
     ):
@@ -59,7 +60,7 @@ def test_every_signal_is_classified_and_documented():
 
 
 def test_every_signal_appears_somewhere_and_its_source_is_used():
-    seen = (*TO_RIG, *FACTS, *(s for s, _ in (*LISTED, *SERIES, *ATTITUDE)), *(s for s in SIGNALS if s.page))
+    seen = (*TO_RIG, *FACTS, *(s for s, _ in (*SURVEY_TABLE, *SERIES, *ATTITUDE)), *(s for s in SIGNALS if s.page))
     assert {s.name for s in seen} == {s.name for s in SIGNALS}
     assert {s.source for s in SIGNALS} == set(SOURCES)
 

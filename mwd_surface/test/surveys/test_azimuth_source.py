@@ -9,6 +9,7 @@ import example_surveys as example
 import pytest
 from example_decided import decided
 
+from mwd_estimation.core.north import North
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.rig.survey import accepted_surveys
@@ -16,7 +17,6 @@ from mwd_surface.rig.values import nothing_yet, survey_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.trajectory.north import North
 
 
 def rig_words(survey):

@@ -7,10 +7,11 @@ import math
 import example_surveys as example
 import pytest
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_surface.surveys.final_list import Source, final_list
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey, Value, Verdict
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import Value
 
 
 def two_legs():

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
 from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.export_las import las
@@ -21,7 +22,6 @@ from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.survey_source import surveys_of
 from mwd_surface.surveys.survey_store import decoded, encoded
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
 
 F4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"

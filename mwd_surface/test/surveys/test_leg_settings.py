@@ -5,10 +5,10 @@ import math
 
 import pytest
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
-from mwd_surface.trajectory.north import North
 
 
 def shot(k, inc_deg):

@@ -6,7 +6,7 @@ import dataclasses
 import example_surveys as example
 import numpy as np
 
-from mwd_surface.surveys.survey_record import ROTARY
+from mwd_estimation.survey.survey import ROTARY
 from mwd_surface.uncertainty.programme import ROTARY_CODE, Interval
 
 

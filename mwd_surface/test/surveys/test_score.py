@@ -3,21 +3,19 @@
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from example_surveys import NO_AZIMUTH
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
 from mwd_surface.surveys import score as module
-from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.score import score
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
-from mwd_surface.trajectory.north import North
 
 START = 1_772_344_800_000_000_000
 DECLINATION, CONVERGENCE = math.radians(5.0), math.radians(-1.0)
@@ -52,20 +50,7 @@ def survey(sequence, seconds, azimuth_deg, **changes):
 def message(of):
     """A survey as CDR bytes, without middleware."""
     types = installed()
-    types.load("mwd_msgs/msg/Survey")
-    store = types.typestore
-    filled = SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()))
-    fill_survey(filled, of, SimpleNamespace)
-    time, header = store.types["builtin_interfaces/msg/Time"], store.types["std_msgs/msg/Header"]
-    kinds = {"std_msgs/msg/Header": header}
-    values = dict(vars(filled))
-    stamp = values.pop("header").stamp
-    values["header"] = kinds["std_msgs/msg/Header"](time(stamp.sec, stamp.nanosec), "sonde_link")
-    values["azimuths"] = [store.types["mwd_msgs/msg/AzimuthEstimate"](**vars(one)) for one in values["azimuths"]]
-    kind = store.types["mwd_msgs/msg/Survey"]
-    array = {field.name for field in dataclasses.fields(kind) if "ndarray" in str(field.type)}
-    values = {k: np.array(v, dtype=float) if k in array else v for k, v in values.items()}
-    return bytes(store.serialize_cdr(kind(**values), "mwd_msgs/msg/Survey"))
+    return bytes(types.typestore.serialize_cdr(of.to_message(types.make), Survey.MESSAGE))
 
 
 def recording(path, surveys, seconds=60.0, namespace="/well_1/"):

@@ -11,13 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, Value, Verdict
+from mwd_surface.surveys.survey_record import Judgement, Value
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core import settings
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord, Verdict, checked_survey
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import SurveyRecord, checked_survey
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 4e-4, 0.0, 0.0, 0.0, 1e-6)
 

@@ -12,14 +12,14 @@ import time
 
 import pytest
 
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.survey import Survey
 from mwd_surface.surveys import survey_store
 from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.north import North
 
 WELL, RULES = Well(name="Åsgard Ω-1"), ListRules()
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)

@@ -3,9 +3,9 @@
 
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core.settings import SettingsError, from_mapping
 from mwd_surface.surveys.well import NORTHS, Well
-from mwd_surface.trajectory.north import North
 
 
 def test_a_wellbore_without_a_name_has_that_of_its_well():

@@ -7,11 +7,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.trajectory.advice import AdvisorySettings, Known, advise
 from mwd_surface.trajectory.dense_trajectory import Continuous, dense_trajectory
 from mwd_surface.trajectory.list_comparison import difference
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import offset_from, offset_of_end, plan_of, steering_to
 from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import path_of, projected

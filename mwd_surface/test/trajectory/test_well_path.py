@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.well_path import path_of, projected
 
 MD = np.array([0.0, 100.0, 130.0, 160.0, 190.0])

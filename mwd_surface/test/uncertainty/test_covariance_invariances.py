@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import plan_of
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, Tool
 from mwd_surface.uncertainty.forecast import error_reference, forecast

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from consistency import assert_consistent
+from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, Tool, check_tool_code, error_terms, tool_codes
 from mwd_surface.uncertainty.position_covariance import (
     StationErrors,

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.trajectory.north import North
+from mwd_estimation.core.north import North
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference, Tool, error_terms
 from mwd_surface.uncertainty.position_covariance import covariance_of, ellipse, in_section, position_covariance
 from project import REFERENCE_DATA

@@ -8,8 +8,8 @@ import example_surveys as example
 import numpy as np
 import pytest
 
+from mwd_estimation.core.north import North
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.position_covariance import position_covariance
 from mwd_surface.uncertainty.programme import Programme, ProgrammeError, ProgrammeStations, read_programme

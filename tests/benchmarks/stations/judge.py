@@ -12,11 +12,11 @@ from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 from stations.tool_code import DEG, FIELD_NOISE, FORCE_NOISE
@@ -71,7 +71,7 @@ def still(f_t: Array, b_t: Array, second: int) -> StillAverage:
     return StillAverage(start, start + _AVERAGED, imu, mag, None, None, requested=False)
 
 
-def judged(survey: Survey, inclination: float, azimuth: float) -> Judged:
+def judged(survey: DecidedSurvey, inclination: float, azimuth: float) -> Judged:
     """A survey against the hole's attitude, rad; a sigma of pi and no error where it has no azimuth."""
     station = survey.station
     known = math.isfinite(station.azimuth)
@@ -92,7 +92,7 @@ def decide(
     reference: Reference,
     gyro: Solution | None = None,
     propagated: PropagatedAzimuth = UNKNOWN,
-) -> Survey:
+) -> DecidedSurvey:
     """One station through begin and complete."""
     return decision.complete(decision.begin(average, 1, reference, gyro), propagated)
 

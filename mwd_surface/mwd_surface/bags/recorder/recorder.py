@@ -10,6 +10,7 @@ the recording. Chunks are written to the disk at fixed times, so that a killed p
 from __future__ import annotations
 
 import concurrent.futures
+import math
 import threading
 import time
 from collections import deque
@@ -90,7 +91,7 @@ class Recorder:
         self._ring = SnapshotRing(kept, self.settings.snapshot_bytes) if kept > 0 else None
         self._taking = self._ring is not None
         self._refused_before = 0
-        self._free = -1
+        self._free: float = math.nan
         self._closing = False
         self._deadline: float | None = None
         self._folder_lock = locked(self.folder)

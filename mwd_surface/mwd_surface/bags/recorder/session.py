@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import errno
+import math
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -79,8 +80,8 @@ class Session:
         False while the disk is full or failing.
     dropped : int
         Messages removed from the queue but not written.
-    free : int
-        Free bytes on the disk at the last check; -1 if unknown.
+    free : float
+        Free bytes on the disk at the last check; NaN if unknown.
     began : float
         Monotonic time of the beginning, s.
     unsaved_since : float or None
@@ -100,7 +101,7 @@ class Session:
         self.state, self.reason = RecorderState.RECORDING, ""
         self.writing = True
         self.dropped = 0
-        self.free = -1
+        self.free: float = math.nan
         self.began = time.monotonic()
         self.unsaved_since: float | None = None
         self._folder, self._settings, self._definitions = folder, settings, definitions
@@ -226,7 +227,7 @@ class Session:
         try:
             self.free = self._hooks.space(self._folder)
         except OSError as error:
-            self.free = -1
+            self.free = math.nan
             if self.writing:
                 self.disk_failed(error)
             return

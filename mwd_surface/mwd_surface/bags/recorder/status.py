@@ -62,8 +62,8 @@ class RecorderStatus:
         Messages received since the recording began but not written because the queue or the disk was full.
     queued_messages, queued_bytes, queue_limit : int
         Messages and bytes waiting to be written, and the limit in bytes.
-    free_bytes : int
-        Free bytes on the disk; -1 if unknown.
+    free_bytes : float
+        Free bytes on the disk; NaN if unknown.
     duration_s : float
         Time since the recording began, s.
     files : int
@@ -83,7 +83,7 @@ class RecorderStatus:
     queued_messages: int
     queued_bytes: int
     queue_limit: int
-    free_bytes: int
+    free_bytes: float
     duration_s: float
     files: int
     unsaved_s: float

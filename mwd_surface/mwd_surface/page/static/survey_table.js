@@ -58,33 +58,35 @@ function delta(row, k, kind) {
   return el("span", { class: `word ${total.light}` }, `${units.signed(kind, total.deviation)} ${mark}`);
 }
 
-// Columns that depend on the path above, which may rest on an assumption.
-const PLACES = new Set(["TVD", "N/S", "E/W", "VS"]);
+// Fields that depend on the path above, which may rest on an assumption.
+const PLACES = new Set(["vertical_depth", "north", "east", "vertical_section"]);
 
-const cell = (row, [name, , text, level]) => row.assumed && PLACES.has(name)
-  ? el("td", { class: `at-${level} assumed`, title: "rests on an assumption" }, `${text(row)} ?`)
-  : el("td", { class: `at-${level}` }, text(row));
+const cell = (row, { field, text, width }) => row.assumed && PLACES.has(field)
+  ? el("td", { class: `at-${width} assumed`, title: "rests on an assumption" }, `${text(row)} ?`)
+  : el("td", { class: `at-${width}` }, text(row));
 
-// Column: heading, unit kind, text of a row, and least width at which it is shown (0 always, 1 tablet, 2 wide).
-function columns(north) {
-  return [
-    ["MD", "length", (r) => or(r.measured_depth, (v) => units.number("length", v)), 0],
-    ["Inc", "angle", (r) => or(r.inclination, (v) => units.number("angle", v)), 0],
-    [`Azi ${north}`, "angle", (r) => or(r.azimuth, (v) => units.bearing(v, 2)) + (r.azimuth !== null && r.azimuth_north !== north ? ` ${r.azimuth_north}` : ""), 0],
-    ["TVD", "length", (r) => or(r.vertical_depth, (v) => units.number("length", v)), 1],
-    ["N/S", "length", (r) => hemisphere(r.north, "N", "S"), 1],
-    ["E/W", "length", (r) => hemisphere(r.east, "E", "W"), 1],
-    ["VS", "length", (r) => or(r.vertical_section, (v) => units.number("length", v)), 1],
-    ["DLS", "dogleg", (r) => or(r.dogleg_severity, (v) => units.number("dogleg", v)), 1],
-    ["Build", "dogleg", (r) => or(r.build_rate, (v) => units.number("dogleg", v)), 2],
-    ["Turn", "dogleg", (r) => or(r.turn_rate, (v) => units.number("dogleg", v)), 2],
-    ["Gtot", "gravity", (r) => or(r.g_total, (v) => units.number("gravity", v, -1)), 2],
-    ["ΔG", "gravity_deviation", (r) => delta(r, 0, "gravity_deviation"), 1],
-    ["Btot", "field", (r) => or(r.b_total, (v) => units.number("field", v)), 2],
-    ["ΔB", "field", (r) => delta(r, 1, "field"), 1],
-    ["Dip", "angle", (r) => or(r.dip, (v) => units.number("angle", v)), 2],
-    ["ΔDip", "angle", (r) => delta(r, 2, "angle"), 1],
-  ];
+// Fields that are not written as a plain number of their kind.
+const SPECIAL = {
+  north: (r) => hemisphere(r.north, "N", "S"),
+  east: (r) => hemisphere(r.east, "E", "W"),
+  g_total: (r) => or(r.g_total, (v) => units.number("gravity", v, -1)),
+};
+
+// Deviation of a total from its reference, beside its column: place in `totals`, heading and unit kind.
+const DEVIATIONS = { g_total: [0, "ΔG", "gravity_deviation"], b_total: [1, "ΔB", "field"], dip: [2, "ΔDip", "angle"] };
+
+// Columns with heading, unit kind, text of a row, and least width at which they are shown (0 always, 1 tablet, 2 wide).
+// Which there are, the server says from its table of signals.
+function columns(listed, north) {
+  const bearing = (r) => or(r.azimuth, (v) => units.bearing(v, 2)) + (r.azimuth !== null && r.azimuth_north !== north ? ` ${r.azimuth_north}` : "");
+  return listed.flatMap(({ field, title, kind, width }) => {
+    const plain = (r) => or(r[field], (v) => units.number(kind, v));
+    const column = field === "azimuth" ? { field, name: `${title} ${north}`, kind, text: bearing, width }
+      : { field, name: title, kind, text: SPECIAL[field] || plain, width };
+    if (!DEVIATIONS[field]) return [column];
+    const [k, name, unit] = DEVIATIONS[field];
+    return [column, { field: name, name, kind: unit, text: (r) => delta(r, k, unit), width: 1 }];
+  });
 }
 
 export class SurveyTable {
@@ -105,10 +107,10 @@ export class SurveyTable {
       this.body.replaceChildren(remarks, el("p", { class: "empty" }, "No surveys yet."));
       return;
     }
-    const wanted = columns(well?.north_reference || "");
+    const wanted = columns(surveys.columns, well?.north_reference || "");
     const head = el("tr", {}, el("th", { scope: "col" }, "No."));
-    for (const [name, kind, , level] of wanted) {
-      head.append(el("th", { scope: "col", class: `at-${level}` }, name, el("small", {}, units.unit(kind))));
+    for (const { name, kind, width } of wanted) {
+      head.append(el("th", { scope: "col", class: `at-${width}` }, name, el("small", {}, units.unit(kind))));
     }
     head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-2 method" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
     const body = el("tbody", {});

@@ -57,7 +57,7 @@ export function showStreams(connection, now, silent) {
   if (recorder) {
     const text = recorder.since === null ? "no data" : [
       recorder.state, recorder.reason, recorder.path, units.duration(recorder.duration), `${recorder.messages} messages`,
-      `${units.bytes(recorder.bytes)} on disk`, `${recorder.dropped} dropped`, `${units.bytes(recorder.free_bytes)} free`,
+      `${units.bytes(recorder.bytes)} on disk`, `${recorder.dropped} dropped`, recorder.free_bytes === null ? "" : `${units.bytes(recorder.free_bytes)} free`,
     ].filter(Boolean).join(" · ");
     setText(recorderBox, text);
   }

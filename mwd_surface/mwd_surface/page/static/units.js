@@ -18,6 +18,8 @@ const KINDS = {
   gravity_deviation: [[1000 / G, 0, 2, "mG"]],
   vibration: [[1, 0, 1, "m/s²"], [1 / G, 0, 2, "g"]],
   rotation: [[30 / Math.PI, 0, 0, "r/min"]],
+  slow_rate: [[DEG * 3600, 0, 2, "°/h"]],
+  seconds: [[1, 0, 1, "s"]],
   temperature: [[1, 0, 1, "°C"], [1.8, 32, 0, "°F"]],
   force: [[1e-3, 0, 1, "kN"], [1 / 4448.2216, 0, 1, "klbf"]],
   torque: [[1e-3, 0, 1, "kN·m"], [1 / 1355.818, 0, 2, "kft·lbf"]],

@@ -18,10 +18,11 @@ import numpy as np
 
 from mwd_estimation.core import magnetic_geometry, reason_text
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
 from mwd_estimation.survey import totals
 from mwd_estimation.survey.quality_settings import QualitySettings
-from mwd_estimation.survey.survey_message import DEVIATIONS, LIMITS
+from mwd_estimation.survey.survey import RECEIVED_OVER, AzimuthEstimate, Nine, Survey, Verdict
 from mwd_estimation.survey.totals import Deviations, deviation_covariance
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Array
@@ -29,8 +30,6 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_surface.receiver.words import LinkValue
-from mwd_surface.surveys.survey_record import RECEIVED_OVER, AzimuthEstimate, Nine, Survey, Verdict
-from mwd_surface.trajectory.north import North
 
 _VERDICTS = {"accept": Verdict.ACCEPT, "doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}
 # Ordinary field, used only for the size of the errors where no field word was received.
@@ -154,8 +153,8 @@ def _totals(values: dict[str, LinkValue], deviations: Deviations, quality: Quali
         "b_total": _value(values, meanings.B_TOTAL, math.nan),
         "dip": _value(values, meanings.DIP, math.nan),
         "temperature": _value(values, meanings.TEMPERATURE, math.nan),
-        **{name: float(off) for name, off in zip(DEVIATIONS, apart, strict=True)},
-        **{name: float(limit) for name, limit in zip(LIMITS, limits, strict=True)},
+        **{name: float(off) for name, off in zip(("g_deviation", "b_deviation", "dip_deviation"), apart, strict=True)},
+        **{name: float(limit) for name, limit in zip(("g_limit", "b_limit", "dip_limit"), limits, strict=True)},
     }
 
 

@@ -14,13 +14,13 @@ from collections.abc import Callable, Sequence
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.quality_settings import QualitySettings
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.flow_spans import SURVEY_S
 from mwd_surface.receiver.link.link_survey import HeardSurvey, survey
 from mwd_surface.receiver.words import LinkValue
-from mwd_surface.surveys.survey_record import Survey
 
 _OF_SURVEY = (meanings.INCLINATION, meanings.AZIMUTH, meanings.G_TOTAL, meanings.B_TOTAL, meanings.DIP)
 _ANGLES = (meanings.AZIMUTH,)

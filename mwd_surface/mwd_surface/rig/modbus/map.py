@@ -12,6 +12,7 @@ import dataclasses
 import struct
 from collections.abc import Sequence
 
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.inputs import BLOCK, HAND, SONDE, InputTable
@@ -21,7 +22,6 @@ from mwd_surface.rig.derived_values import rig_input
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 from mwd_surface.signals.units import UNITS
-from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.advice import AdviceMode
 
 VERSION = 3

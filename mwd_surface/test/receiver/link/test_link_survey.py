@@ -10,15 +10,16 @@ import pytest
 from consistency import assert_consistent
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.quality_settings import QualitySettings
+from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import frames
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import COMMON
 from mwd_surface.receiver.link.link_survey import SurveyTime, survey
 from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, ReceivedWord, believed
-from mwd_surface.surveys.survey_record import Verdict, checked_survey
-from mwd_surface.trajectory.north import North
+from mwd_surface.surveys.survey_record import checked_survey
 
 REFERENCE = Reference(50e-6, math.radians(70.0), math.radians(2.0), math.radians(0.5), 9.82, "test")
 AT = SurveyTime(1_700_000_000_000_000_000, 30.0)

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Records that are also messages: the names of the fields are equal, so a new field needs no code for either direction.
+
+No ROS code is imported: a message is any object with the fields of its definition, and the caller passes the function
+that makes one (`mwd_sensors.ros.messages.make` in a node, `Definitions.make` for a file).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from mwd_sensors.core.wire import NANOSECONDS
+
+#: Makes a message from its full name, such as "mwd_msgs/msg/Survey", and its fields.
+Make = Callable[[str, dict[str, Any]], Any]
+TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
+_hints: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
+
+
+class MessageRecord:
+    """
+    Base of dataclasses whose fields are those of a message.
+
+    A stamp in nanoseconds `x_ns` is the time `x` of the message; `stamp_ns` and `frame_id` are in its header. A tuple
+    is an array. Two records are equal if each field is equal; an unknown number (NaN) equals an unknown number.
+
+    Attributes
+    ----------
+    MESSAGE : str
+        Full name of the message.
+    NOT_SENT : frozenset of str
+        Fields that the message does not have.
+    """
+
+    MESSAGE: ClassVar[str]
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset()
+
+    @classmethod
+    def from_message(cls, message: Any) -> typing.Self:
+        """Return the record of a message."""
+        values: dict[str, Any] = {}
+        for name, (in_header, theirs, kind) in _sent(cls).items():
+            value = getattr(message.header if in_header else message, theirs)
+            if name.endswith("_ns"):
+                values[name] = stamp_of(value)
+            elif kind is None:
+                values[name] = _plain(value)
+            elif issubclass(type(value), (list, tuple)):
+                values[name] = tuple(map(kind.from_message, value))
+            else:
+                values[name] = kind.from_message(value)
+        return cls(**values)
+
+    def to_message(self, make: Make) -> Any:
+        """Return the message of this record."""
+        fields: dict[str, Any] = {}
+        header: dict[str, Any] = {}
+        for name, (in_header, theirs, kind) in _sent(type(self)).items():
+            value = getattr(self, name)
+            if name.endswith("_ns"):
+                value = time_message(value, make)
+            elif kind is None:
+                value = list(value) if isinstance(value, tuple) else value
+            elif isinstance(value, tuple):
+                value = [one.to_message(make) for one in value]
+            else:
+                value = value.to_message(make)
+            (header if in_header else fields)[theirs] = value
+        if header:
+            fields["header"] = make(HEADER, header)
+        return make(self.MESSAGE, fields)
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        names = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return all(_same(getattr(self, name), getattr(other, name)) for name in names)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def stamp_of(time: Any) -> int:
+    """Return the nanoseconds of a builtin_interfaces/Time."""
+    return int(time.sec) * NANOSECONDS + int(time.nanosec)
+
+
+def time_message(stamp_ns: int, make: Make) -> Any:
+    """Return the builtin_interfaces/Time of nanoseconds."""
+    seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
+    return make(TIME, {"sec": seconds, "nanosec": nanoseconds})
+
+
+def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, type[MessageRecord] | None]]:
+    """Return whether each field is in the header, its name in the message, and the type of nested records."""
+    found: dict[str, tuple[bool, str, type[MessageRecord] | None]] = {}
+    for field in dataclasses.fields(record):  # type: ignore[arg-type]
+        if field.name in record.NOT_SENT:
+            continue
+        hint = _hints(record)[field.name]
+        parts = [hint, *typing.get_args(hint)]
+        nested = next((one for one in parts if isinstance(one, type) and issubclass(one, MessageRecord)), None)
+        in_header = field.name in ("stamp_ns", "frame_id")
+        found[field.name] = in_header, field.name.removesuffix("_ns"), nested
+    return found
+
+
+# Evaluating the annotations takes longer than the conversion.
+_sent: Callable[[Any], dict[str, tuple[bool, str, type[MessageRecord] | None]]] = functools.cache(_sent_fields)
+
+
+def _plain(value: Any) -> Any:
+    """Return a scalar unchanged, and an array of the message as a tuple of Python numbers or texts."""
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    items = value.tolist() if hasattr(value, "tolist") else value
+    return tuple(items) if isinstance(items, (list, tuple)) else items
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other or (one != one and other != other))

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages made by name, and messages whose numbers are unknown until they are set."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import math
+from typing import Any
+
+
+def make(name: str, fields: dict[str, Any]) -> Any:
+    """Return a message by its full name, such as "mwd_msgs/msg/Survey", with its fields."""
+    return _type(name)(**fields)
+
+
+def unknown(message_type: Any, **fields: Any) -> Any:
+    """Return a message with the given fields; every other float64 field is NaN, which ROS would set to 0."""
+    numbers = (name for name, kind in message_type.get_fields_and_field_types().items() if kind == "double")
+    return message_type(**{**dict.fromkeys(numbers, math.nan), **fields})
+
+
+@functools.cache
+def _type(name: str) -> Any:
+    package, kind, short = name.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), short)

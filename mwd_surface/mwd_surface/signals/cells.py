@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Text of numbers, times and words in the cells of tables, as every file and report prints them."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+
+def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
+    """
+    Return a number with the given number of decimals; empty for None or if not finite.
+
+    Never "-0.00"; a number that rounds to `wrap` (360.00 for an azimuth) becomes zero.
+    """
+    if value is None or not math.isfinite(value):
+        return ""
+    text = f"{value:.{decimals}f}"
+    if wrap and float(text) >= wrap:
+        text = f"{0.0:.{decimals}f}"
+    return text[1:] if text.startswith("-") and float(text) == 0.0 else text
+
+
+def utc(stamp_ns: int) -> str:
+    """Return a stamp as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0."""
+    if stamp_ns <= 0:
+        return ""
+    seconds, rest = divmod(stamp_ns, 10**9)
+    moment = dt.datetime.fromtimestamp(seconds, tz=dt.UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{rest // 10**6:03d}Z"
+
+
+def plain(text: str) -> str:
+    """Return text on one line without control characters, for a cell, a header or an attribute."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def quoted(text: str) -> str:
+    """Return a text cell: one line, in quotes, with an apostrophe before what a spreadsheet would compute."""
+    line = plain(text)
+    if line[:1] in ("=", "+", "-", "@"):
+        line = "'" + line
+    return '"' + line.replace('"', '""') + '"'
+
+
+def table(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:
+    """Return a CSV table with its header; missing keys of a line become empty cells."""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    return out.getvalue()

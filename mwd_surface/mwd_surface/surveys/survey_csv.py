@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Surveys as CSV: the columns of the signal table, in its order, for every table of surveys that this program writes.
+
+`mwd process`, `mwd survey` and `mwd export` write the same columns with the same meaning. An unknown value is an empty
+cell. Text is always in quotes, on one line, and never interpreted as a formula by a spreadsheet.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.core.north import North
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
+from mwd_sensors.core.arrays import Array
+from mwd_surface.signals.cells import fixed, quoted, utc
+from mwd_surface.signals.signal import PLAN, POSITION, Listed, Signal
+from mwd_surface.signals.table import SURVEY_TABLE
+from mwd_surface.surveys.azimuth_source import azimuth_source
+from mwd_surface.surveys.station_quality import totals
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
+from mwd_surface.surveys.well_position import uncertain
+from mwd_surface.trajectory.plan import Plan, offset_from
+from mwd_surface.trajectory.well_path import Definitive
+
+COLUMNS = tuple(listed.key for _, listed in SURVEY_TABLE)
+# Columns of text; the others hold numbers.
+TEXTS = frozenset(listed.key for signal, listed in SURVEY_TABLE if signal.type in ("String", "Boolean"))
+# Additional columns of a table of readings, with their meanings.
+OF_TABLES = {
+    "time": "time as in the table",
+    "run": "run as in the table",
+    "outlier": "yes if it disagrees with the other stations of the run",
+}
+_UNKNOWN = AzimuthEstimate("")
+
+
+class Line:
+    """
+    A survey as a line of a table; the signal table names the attributes that its columns show.
+
+    All azimuths of a line have the same north, which `north_word` names.
+
+    Parameters
+    ----------
+    record : SurveyRecord
+    north : North, optional
+        North of the azimuths, if they can be converted to it; otherwise they are from the survey's own north.
+    """
+
+    station = "survey"
+
+    def __init__(self, record: SurveyRecord, north: North = North.UNKNOWN) -> None:
+        self.record, self.survey, self.first = record, record.survey, record.as_first_decided
+        self._own = North(self.survey.north)
+        #: North of the azimuths.
+        self.north = north if self.survey.azimuth_from(north) is not None else self._own
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the azimuth by a method (`by_gyro`), or an axis of a mean reading (`specific_force_x`)."""
+        if name.startswith("by_"):
+            return self._by(name.removeprefix("by_"))
+        vector, _, axis = name.rpartition("_")
+        if vector in ("specific_force", "magnetic_field", "angular_rate") and axis in ("x", "y", "z"):
+            return getattr(self.survey, vector)["xyz".index(axis)]
+        raise AttributeError(name)
+
+    def value(self, path: str) -> Any:
+        """Return the value of a dotted path of attributes."""
+        found: Any = self
+        for name in path.split("."):
+            found = getattr(found, name)
+        return found
+
+    @property
+    def azimuth(self) -> float:
+        """Definitive azimuth, rad."""
+        return self._turned(self.survey.azimuth) if self.survey.has_azimuth else math.nan
+
+    @property
+    def north_word(self) -> str:
+        """Name of the north of the azimuths; empty without an azimuth."""
+        return self.north.name.lower() if self.survey.has_azimuth else ""
+
+    @property
+    def magnetic_toolface(self) -> float:
+        """Toolface from the north of the line, rad."""
+        return self._turned(self.survey.magnetic_toolface)
+
+    @property
+    def first_azimuth(self) -> float:
+        """Azimuth as first decided, rad."""
+        return self._turned(self.first.azimuth)
+
+    @property
+    def alternatives(self) -> str:
+        """Other azimuths that fit, deg."""
+        return " ".join(fixed(math.degrees(azimuth), 4, 360.0) for azimuth, _ in self._others)
+
+    @property
+    def alternative_odds(self) -> str:
+        """Probability of each other azimuth."""
+        return " ".join(fixed(odds, 4) for _, odds in self._others)
+
+    @property
+    def hypotheses(self) -> str:
+        """Possible disturbances, each with its probability."""
+        pairs = zip(self.survey.hypotheses, self.survey.hypothesis_odds, strict=True)
+        return " ".join(f"{name} {fixed(odds, 3)}" for name, odds in pairs)
+
+    @property
+    def verdict(self) -> str:
+        """Automatic verdict."""
+        return _word(self.survey.verdict)
+
+    @property
+    def verdict_inclination(self) -> str:
+        """Automatic verdict of the inclination."""
+        return _word(self.survey.verdict_inclination)
+
+    @property
+    def verdict_azimuth(self) -> str:
+        """Automatic verdict of the azimuth."""
+        return _word(self.survey.verdict_azimuth)
+
+    @property
+    def verdict_toolface(self) -> str:
+        """Automatic verdict of the toolface."""
+        return _word(self.survey.verdict_toolface)
+
+    @property
+    def first_verdict(self) -> str:
+        """Verdict as first decided."""
+        return _word(self.first.verdict)
+
+    @property
+    def gyro_share(self) -> float:
+        """Share of the gyro in the azimuth, 0 to 1; NaN if unknown."""
+        source = azimuth_source(self.survey)
+        return source.gyro_share if source.known else math.nan
+
+    @property
+    def judged_field(self) -> float | None:
+        """Total field as the verdict takes it, T."""
+        return totals(self.survey)[1].value
+
+    @property
+    def judged_dip(self) -> float | None:
+        """Dip as the verdict takes it, rad."""
+        return totals(self.survey)[2].value
+
+    @property
+    def limits(self) -> Any:
+        """Deviations of gravity, field and dip beyond which the verdict is doubtful."""
+        return _Limits(*(total.limit for total in totals(self.survey)))
+
+    @property
+    def coordinates(self) -> str:
+        """Whether the place of the station rests on an assumption."""
+        return "assumed" if self.record.assumed else ""
+
+    @property
+    def person(self) -> str:
+        """Decision of a person; empty if nobody decided."""
+        judgement = Judgement(self.record.judgement)
+        return "" if judgement == Judgement.NOT_JUDGED else judgement.name.lower()
+
+    @property
+    def time(self) -> str:
+        """Middle of the averaging interval, UTC."""
+        return utc(self.survey.stamp_ns)
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """Middle of the averaging interval, ns; None if unknown."""
+        return self.survey.stamp_ns or None
+
+    @property
+    def duration(self) -> float | None:
+        """Averaging time, s; None if nothing was averaged."""
+        return self.survey.duration if self.survey.has_readings else None
+
+    @property
+    def samples(self) -> int | None:
+        """Number of averaged samples; None if nothing was averaged."""
+        return self.survey.samples if self.survey.has_readings else None
+
+    @property
+    def judged(self) -> str:
+        """When a person decided, UTC."""
+        return utc(self.record.judged_ns)
+
+    @property
+    def _others(self) -> list[tuple[float, float]]:
+        return self.survey.alternatives_from(self.north)
+
+    def _turned(self, angle: float) -> float:
+        turned = self.survey.turned(angle, self._own, self.north)
+        return angle if turned is None else turned
+
+    def _by(self, method: str) -> AzimuthEstimate:
+        found = next((one for one in self.survey.azimuths if one.method == method), _UNKNOWN)
+        # A refused multi-station analysis found nothing that is worth comparing.
+        if method == AzimuthMethod.MULTI_STATION and found.reason:
+            return _UNKNOWN
+        return dataclasses.replace(found, azimuth=self._turned(found.azimuth))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Limits:
+    gravity: float
+    field: float
+    dip: float
+
+
+def cells(record: SurveyRecord, north: North = North.UNKNOWN) -> dict[str, str]:
+    """Return the texts of the columns of a survey, by name; those of the position's sigma and the plan are empty."""
+    line = Line(record, north)
+    return {
+        listed.key: _cell(signal, listed, line.value(signal.record)) if signal.record else ""
+        for signal, listed in SURVEY_TABLE
+    }
+
+
+def list_cells(surveys: SurveyList) -> list[dict[str, str]]:
+    """Return the texts of every survey of a list, in order of their numbers, each from its own north."""
+    beside: dict[int, dict[str, str]] = {}
+    for leg in surveys.legs:
+        path = surveys.definitive(leg.name)
+        by_number = {r.survey.sequence: r for r in surveys.records}
+        records = tuple(by_number.get(number) if number else None for number in path.sequence)
+        found = beside_path(path, uncertain(surveys, path, records).covariance, surveys.plan)
+        for k, record in enumerate(records):
+            if record is not None and record.leg == leg.name:
+                values = {source: rows[k] for source, rows in found.items()}
+                beside[record.survey.sequence] = {
+                    listed.key: _cell(signal, listed, values[signal.source].get(signal.field, math.nan))
+                    for signal, listed in SURVEY_TABLE
+                    if signal.source in values
+                }
+    ordered = sorted(surveys.records, key=lambda record: record.survey.sequence)
+    return [cells(record) | beside.get(record.survey.sequence, {}) for record in ordered]
+
+
+def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -> dict[str, list[Mapping[str, Any]]]:
+    """Return the sigmas of each station's position, and its place relative to the plan, by source and field."""
+    found: dict[str, list[Mapping[str, Any]]] = {
+        POSITION: [{} for _ in path.md] if covariance is None else [_sigmas(one) for one in covariance]
+    }
+    if plan is not None:
+        angles = zip(path.positions, path.inclination, path.azimuth, strict=True)
+        found[PLAN] = [vars(offset_from(plan, p, float(i), float(a))) for p, i, a in angles]
+    return found
+
+
+def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = ()) -> str:
+    """Return a table with its header; more: columns behind those of every table. Missing cells are empty."""
+    names = (*COLUMNS, *more)
+    quote = TEXTS | set(more)
+    rows = [",".join(names)]
+    rows += [",".join(quoted(line.get(n, "")) if n in quote else line.get(n, "") for n in names) for line in lines]
+    return "\n".join(rows) + "\n"
+
+
+def _cell(signal: Signal, listed: Listed, value: Any) -> str:
+    """Return a value of a column as text, in the unit of its name."""
+    if signal.type == "String":
+        return "; ".join(value) if isinstance(value, tuple) else str(value)
+    if signal.type == "Boolean":
+        return "yes" if value else "no"
+    if value is None or not math.isfinite(value):
+        return ""
+    if signal.type == "Int64":
+        return str(value)
+    number = signal.listed_scale.of(value)
+    return fixed(number % signal.wrap if signal.circle else number, listed.decimals, signal.wrap)
+
+
+def _sigmas(covariance: Array) -> dict[str, float]:
+    if not np.all(np.isfinite(covariance)):
+        return {}
+    names = ("sigma_north", "sigma_east", "sigma_vertical")
+    return dict(zip(names, np.sqrt(np.maximum(np.diagonal(covariance), 0.0)), strict=True))
+
+
+def _word(verdict: int) -> str:
+    return Verdict(verdict).name.lower()
