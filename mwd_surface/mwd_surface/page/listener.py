@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Listening socket of the page, with errors that name the port."""
+"""Listening socket of the page."""
 
 from __future__ import annotations
 
 import asyncio
-import errno
 import logging
 import socket
 
@@ -20,22 +19,9 @@ def peer_of(transport: asyncio.BaseTransport | None) -> str:
 def listener(host: str, port: int) -> socket.socket:
     """Return a listening, non-blocking socket; raise OSError if the address cannot be opened."""
     family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-    listener = socket.create_server(where[:2], family=family, backlog=64)
+    listener = socket.create_server(where, family=family, backlog=64)
     listener.setblocking(False)
     return listener
-
-
-def port_error(error: OSError, host: str, port: int) -> OSError:
-    """Return the error with a message that says what to do."""
-    if error.errno == errno.EADDRINUSE:
-        why = "is taken by another program; stop that program or set another port (0 selects a free one)"
-    elif error.errno == errno.EACCES:
-        why = "may not be opened by this user; use a port above 1023"
-    elif error.errno == errno.EADDRNOTAVAIL:
-        why = "is on an address this machine does not have"
-    else:
-        why = f"cannot be opened: {error.strerror or error}"
-    return OSError(error.errno or 0, f"page: port {port} on {host} {why}")
 
 
 def request_logger() -> logging.Logger:

@@ -25,11 +25,11 @@ from aiohttp import WSMsgType, web
 
 from mwd_sensors.core import budgets
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.loopback import is_loopback
+from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
 from mwd_surface.page.files import PAGE, page_files, sender
-from mwd_surface.page.listener import listener, peer_of, port_error, request_logger
+from mwd_surface.page.listener import listener, peer_of, request_logger
 from mwd_surface.page.replay_route import OnReplay, replay_handler
 from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
@@ -88,10 +88,8 @@ class PageServer:
         now: Callable[[], float] | None = None,
     ) -> None:
         self.settings = settings or PageSettings()
-        if not self.settings.allow_network and not is_loopback(self.settings.host):
-            raise ValueError(
-                f"host: {self.settings.host} can be reached from other machines; set allow_network if that is meant"
-            )
+        if why := refused_host(self.settings.host, allow_network=self.settings.allow_network):
+            raise ValueError(why)
         self.refused = 0
         self._access = Access(token, clock) if token else None
         self._on_command = on_command if token else None
@@ -228,7 +226,7 @@ class PageServer:
             await runner.cleanup()
             executor.shutdown(wait=False)
             safe_executor.shutdown(wait=False)
-            raise port_error(error, host, port) from error
+            raise OSError(max(error.errno or 0, 0), f"page: {port_problem(error, host, port)}") from error
         bound = listening.getsockname()
         self._started.set_result((bound[0], bound[1]))
         accepting = asyncio.create_task(self._accept(listening, server))
