@@ -36,7 +36,7 @@ def _code(character: str) -> str:
 
 
 def hidden(text: str) -> Iterator[str]:
-    """Yield the codes of all hidden characters of a text other than tab and line end, such as ``\\u202e``."""
+    """Yield the codes of all hidden characters of a text other than tab and line end."""
     return (_code(found[0]) for found in _UNUSUAL.finditer(text) if _is_hidden(found))
 
 
