@@ -29,7 +29,7 @@ from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
 from mwd_surface.page.files import PAGE, page_files, sender
-from mwd_surface.page.listener import listener, peer_of, request_logger
+from mwd_surface.page.listener import QuietPeer, listener, peer_of, request_logger
 from mwd_surface.page.replay_route import OnReplay, replay_handler
 from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
@@ -336,8 +336,11 @@ class PageServer:
             raise web.HTTPServiceUnavailable(text=f"{self.settings.max_clients} browsers are watching already")
         talk = web.WebSocketResponse(max_msg_size=1024, autoping=False, timeout=0.2, compress=False)
         await talk.prepare(request)
-        if request.transport is None:
+        if not isinstance(request.transport, asyncio.Transport):
             return talk
+        # A browser sends nothing but answers to the pings, of six bytes, which follow each state.
+        answers = round(60.0 * self.settings.max_rate * 16)
+        QuietPeer(request.transport, budgets.PAGE.size + answers, time.monotonic)
         client = Client(talk, request.transport)
         self._feed.clients.add(client)
         sender = asyncio.create_task(self._feed.send(client))
@@ -350,7 +353,7 @@ class PageServer:
         sender.add_done_callback(ended)
         try:
             async for message in talk:
-                # A browser sends nothing but control frames; any other message ends the connection.
+                # Any other message than a control frame ends the connection.
                 if message.type == WSMsgType.PONG:
                     client.answered()
                 elif message.type == WSMsgType.PING:
