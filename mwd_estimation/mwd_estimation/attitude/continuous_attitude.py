@@ -104,6 +104,13 @@ class AttitudeStream:
         self._last_magnetic["interference"] = self._last_magnetic["sigma_interference"] = np.nan
         time_alignment.restart_smoothing(self._alignment_state)
 
+    def restart_field(self) -> None:
+        """Restart the estimate of the interference; its first azimuths are then tested against the carried azimuth."""
+        self._magnetic.start_anew()
+        self._azimuths_read -= len(self._waiting)
+        self._waiting = self._waiting[:0]
+        time_alignment.restart_smoothing(self._alignment_state)
+
     @property
     def propagated_now(self) -> PropagatedAzimuth:
         """Azimuths propagated to the last bin."""

@@ -279,8 +279,8 @@ class Estimate:
             self.watch.shift_mag(late_ns, wait_ns)
             self._attitude.shift_mag(late_ns, wait_ns)
             self._gravity.shift_mag(late_ns, self._mag_lag_ns + wait_ns)
-            # Interference and azimuth were learnt with fields paired with wrong toolfaces.
-            self._attitude.set_reference(self.field.reference)
+            # Interference was learnt with fields paired with wrong toolfaces.
+            self._attitude.restart_field()
 
     def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
         """Estimate samples for which the same sensors are usable; `clipped` holds the flags of the whole block."""
