@@ -62,7 +62,7 @@ setup(
             "receiver = mwd_surface.nodes.receiver:main",
             "well = mwd_surface.nodes.well:main",
             "replay = mwd_surface.nodes.replay:main",
-            "mwd = mwd_surface.cli:main",
+            "mwd = mwd_surface.__main__:main",
         ]
     },
 )

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.linear_algebra import use_one_thread
 from mwd_surface.commands import downlink
 from mwd_surface.commands.assembly import sag, spacing
@@ -155,7 +156,7 @@ def _end(error: BaseException) -> None:
     if isinstance(error, OSError) and error.strerror:
         sentence = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
         sentence += _REMEDIES.get(error.errno or 0, "")
-    sys.stderr.write(f"mwd: {sentence}\n")
+    sys.stderr.write(f"mwd: {printable(sentence)}\n")
     sys.exit(2)
 
 

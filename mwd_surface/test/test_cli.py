@@ -4,7 +4,9 @@
 import contextlib
 import csv
 import dataclasses
+import importlib.metadata
 import io
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -84,6 +86,39 @@ def test_help_needs_no_heavy_package():
         "print([m for m in ('numpy', 'numba', 'rclpy', 'scipy', 'rosbags', 'aiohttp', 'yaml') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+NEEDED = [re.split("[<>=]", name)[0] for name in importlib.metadata.requires("mwd_surface") if "extra" not in name]
+NEEDED += [name for name in importlib.metadata.requires("mwd_sensors") if "extra" not in name]
+IMPORTED_AS = {"PyYAML": "yaml", "fpdf2": "fpdf", "pyserial": "serial"}
+
+
+@pytest.mark.slow(20)
+@pytest.mark.fault_case(97, 98)
+@pytest.mark.parametrize("package", sorted({name.strip() for name in NEEDED}))
+def test_a_package_that_is_not_installed_is_named_with_the_command_that_installs_it(package, tmp_path):
+    """Each package that the project needs is hidden; commands either do without it, or name it."""
+    module = IMPORTED_AS.get(package, package)
+    code = (
+        "import sys\n"
+        "class Hidden:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name.partition('.')[0] == {module!r}:\n"
+        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
+        "sys.meta_path.insert(0, Hidden())\n"
+        "from mwd_surface.__main__ import main\n"
+        "sys.argv = ['mwd', *sys.argv[1:]]\n"
+        "main()\n"
+    )
+    (tmp_path / "list.csv").write_text("md_m,inc_deg,azi_deg\n0,0,0\n500,10,40\n")
+    words = ["path", tmp_path / "list.csv", "-o", tmp_path / "out", "--field", "50360,71.63,-2.2"]
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, *map(str, words)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert "Traceback" not in done.stderr
+    assert done.returncode in (0, 2)
+    if done.returncode == 2:
+        assert f"pip install {package}" in done.stderr
 
 
 def test_a_visit_to_a_graph_needs_no_simulator_and_no_compiler():

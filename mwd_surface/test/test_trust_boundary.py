@@ -2,8 +2,10 @@
 """What stands in a file goes to nobody else, and what a file or peer sends moves no terminal."""
 
 import ast
+import contextlib
 import dataclasses
 import io
+import sys
 from types import SimpleNamespace
 
 import example_surveys as example
@@ -20,7 +22,8 @@ from mwd_sensors.nodes.sonde import SondeNode, SondeSettings
 from mwd_sensors.telemetry import tool_configuration
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag, BagError
-from mwd_surface.commands.terminal import PrintableStream
+from mwd_surface.cli import main
+from mwd_surface.commands.terminal import PrintableStream, facts, output, remark, table
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.downlink.memory import Memory
 from mwd_surface.list_files.list_error import ListFileError
@@ -241,6 +244,32 @@ def test_no_control_character_reaches_a_terminal(text):
     for written in (plain.getvalue(), terminal.getvalue()):
         assert all(c in "\n\t" or not (ord(c) < 32 or 127 <= ord(c) < 160) for c in written)
     assert printable("inc 5.2°\tm\n") == "inc 5.2°\tm\n"
+
+
+@given(st.text(st.sampled_from("\x1b[8m3;1]0\x07a\u202e\n")))
+def test_nothing_that_a_file_says_colours_a_terminal_or_hides_text(text):
+    terminal = Terminal()
+    with contextlib.redirect_stderr(PrintableStream(terminal)), contextlib.redirect_stdout(PrintableStream(terminal)):
+        remark(text)
+        facts([("name", text)])
+        output().print(table([text]), text, markup=False)
+    # Heads of tables are dim, which is our own colour.
+    shown = terminal.getvalue().replace("\x1b[2m", "").replace("\x1b[0m", "")
+    assert "\x1b" not in shown
+    assert "\u202e" not in shown
+
+
+def test_an_error_that_quotes_a_file_colours_no_terminal(tmp_path, monkeypatch):
+    (tmp_path / "list.csv").write_text("\x1b[8mmd,inc\u202e,azi\n0,0,0\n")
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "argv", ["mwd", "path", str(tmp_path / "list.csv"), "-o", str(tmp_path / "out")])
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(sys, "stdout", terminal)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "\\x1b[8m" in terminal.getvalue()
+    assert "\x1b[8m" not in terminal.getvalue()
 
 
 def test_colours_pass_on_a_terminal_alone_and_nothing_that_moves_its_cursor_does():

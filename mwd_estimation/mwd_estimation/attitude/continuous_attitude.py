@@ -43,6 +43,7 @@ from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import ACCEL
 from mwd_estimation.core.status import Status
+from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.magnetic import interference_state
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
@@ -103,6 +104,13 @@ class AttitudeStream:
         self._last_magnetic["interference"] = self._last_magnetic["sigma_interference"] = np.nan
         time_alignment.restart_smoothing(self._alignment_state)
 
+    def restart_field(self) -> None:
+        """Restart the estimate of the interference; its first azimuths are then tested against the carried azimuth."""
+        self._magnetic.start_anew()
+        self._azimuths_read -= len(self._waiting)
+        self._waiting = self._waiting[:0]
+        time_alignment.restart_smoothing(self._alignment_state)
+
     @property
     def propagated_now(self) -> PropagatedAzimuth:
         """Azimuths propagated to the last bin."""
@@ -132,13 +140,7 @@ class AttitudeStream:
 
     def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
         """Invalidate waiting magnetic samples that would be used at one of these IMU samples, ns, that is `out`."""
-        if not out.any():
-            return
-        taken_ns = np.maximum.accumulate(self._mag.stamp_ns) + self._alignment.mag_lag_ns
-        turn = np.searchsorted(np.maximum.accumulate(stamps), taken_ns)
-        left = turn < len(stamps)
-        left[left] = out[turn[left]]
-        self._mag.b_t[left] = math.nan
+        MagneticSamples(*self._mag, self._alignment.mag_lag_ns).leave_out(stamps, out)
 
     def follow(
         self,

@@ -99,7 +99,7 @@ def _write_propagated(s: State, row: Any) -> None:
         row.station_azimuth, row.station_constant_sigma = s.x[Error.STATION], s.station_constant_sigma
         row.station_sigma = math.sqrt(max(s.P[Error.STATION, Error.STATION], 0.0))
     if s.have_azimuth:
-        row.azimuth, row.sigma = s.x[Error.AZIMUTH], math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
+        row.azimuth, row.sigma = s.x[Error.AZIMUTH], kalman_filter.azimuth_sigma(s)
 
 
 @compiled
@@ -192,7 +192,7 @@ def _run(
 ) -> int:
     """Fill the last two arguments and return the number of magnetic azimuths used; arguments as in `run`."""
     used, precision_used, step = 0, 0, 0
-    sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
+    sigma = kalman_filter.azimuth_sigma(s)
     earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
     end = (s.last_ns // p.bin_ns + 1) * p.bin_ns if s.recent.length > 0 else NO_BIN
     for i in range(len(samples)):
@@ -204,7 +204,7 @@ def _run(
                     _take_magnetic(p, s, magnetic[used])
                 used += 1
             _correct(p, s, steps[step], propagated[step], has_azimuth)
-            sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
+            sigma = kalman_filter.azimuth_sigma(s)
             earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
             step += 1
         sample = samples[i]

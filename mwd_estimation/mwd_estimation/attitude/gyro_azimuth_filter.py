@@ -37,6 +37,8 @@ _DISAGREES = 3.0
 # If the mean innovation of good magnetic azimuths over the second number, s, is above the first, sigma, the gyro bias
 # is changing (for example while warming up). The biases then walk as if they lost all their information in that time.
 _BIASED_MEAN, _MEAN_TIME = 1.5, 5.0
+# Time of rejected good azimuths after which they are as probable as the carried one, s: longer than a tool joint passes.
+_BELIEVED = 10.0
 # A magnetic sigma within this share of the last one belongs to the same slow error.
 _SAME_SIGMA = 0.9
 
@@ -62,7 +64,8 @@ def begin(p: Params, s: State) -> None:
         s.P[Error.LAG + u, Error.LAG + u] = unit.lag**2
     s.P[Error.SLOW_ERROR, Error.SLOW_ERROR] = s.P[Error.CONSTANT_ERROR, Error.CONSTANT_ERROR] = 1.0
     s.have_azimuth = True
-    s.have_station = s.station_disagreed = False
+    s.have_station = s.station_disagreed = s.contested = False
+    s.doubt = 0.0
 
 
 @compiled
@@ -221,6 +224,24 @@ def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: f
 
 
 @compiled
+def _doubt(s: State, innovation: float) -> float:
+    """
+    Return the variance, rad^2, to add to the azimuth because a good magnetic azimuth differs by `innovation`, rad.
+
+    Either may be right, if they differ by more than their sigma. A single rejected sample is probably wrong; a new
+    estimate of the tool's own field, or azimuths that differ for `_BELIEVED`, s, are not.
+    """
+    share = 1.0 if s.contested else min(s.rejected_s / _BELIEVED, 1.0)
+    return 0.5 * share * innovation * innovation * max(1.0 - 1.0 / max(s.innovation_ratio**2, 1e-9), 0.0)
+
+
+@compiled
+def azimuth_sigma(s: State) -> float:
+    """Return 1 sigma of the azimuth, rad."""
+    return math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH] + s.doubt, 0.0))
+
+
+@compiled
 def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> None:
     """Process a magnetic azimuth; azimuth is `measured.azimuth` propagated to the end of the bin, rad."""
     held, white, constant = measured.sigma_held, measured.sigma_noise, measured.sigma_constant
@@ -228,10 +249,14 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
     if measured.restart:
         s.have_azimuth = s.have_station = False
         s.innovation_mean = 0.0
+    if measured.new_start:
+        # One hypothesis about the azimuth; the carried azimuth is the other one.
+        fade_slow_error(s, 0.0)
+        s.slow_sigma, s.contested = 0.0, True
     slow = _scale_of_slow_error(s, measured)
     # A data gap is not evidence: between two azimuths at most the time-out counts.
     since = min(s.since_seen_s, p.mag_timeout_s)
-    used = False
+    used, off = False, _innovation(s, azimuth, slow, constant)
     if not measured.usable:
         s.disturbed += 1
         s.rejected_s = 0.0
@@ -240,22 +265,26 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
         used = True
     elif correct(s, azimuth, slow, constant, variance, extra):
         used = True
+        # A new start goes on being doubted for a while; azimuths that agree again are not.
+        decayed = s.doubt * math.exp(-since / p.reset_time_s) if s.rejected_s == 0.0 else 0.0
+        s.doubt = _doubt(s, off) if s.contested else decayed
     else:
+        s.doubt = _doubt(s, off)
         s.rejected += 1
         s.rejected_s += since
         if s.rejected_s > p.reset_time_s:
             # Good magnetic azimuths consistently differ, so the propagated azimuth has a larger error than its sigma.
             s.resets += 1
-            innovation = _innovation(s, azimuth, slow, constant)
-            s.P[Error.AZIMUTH, Error.AZIMUTH] += innovation * innovation
+            s.P[Error.AZIMUTH, Error.AZIMUTH] += off * off
             correct(s, azimuth, slow, constant, variance, extra)
+            s.doubt = 0.0
             used = True
     if measured.usable:
         _follow_innovations(p, s, since)
     s.since_seen_s = 0.0
     s.mag_status = 0 if used else _DISTURBED
     if used:
-        s.by_gyro_only = False
+        s.by_gyro_only = s.contested = False
         s.rejected_s = s.since_used_s = 0.0
 
 
@@ -281,6 +310,7 @@ def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
             s.resets += 1
         s.x[Error.AZIMUTH] = azimuth % (2.0 * math.pi)
         reset_state(s.P, Error.AZIMUTH, sigma * sigma)
+    s.doubt, s.contested = 0.0, False
 
 
 @compiled

@@ -59,7 +59,7 @@ class MagneticAzimuths:
 
     def __init__(self, params: interference_state.Params, errors: SensorErrors) -> None:
         self._params, self._errors = params, errors
-        self.withdrawn = False
+        self.withdrawn = self._new_start = False
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:
@@ -70,6 +70,11 @@ class MagneticAzimuths:
         if reference is not None and reference.has_field:
             self._state = interference_filter.initial(self._params, reference, self._errors)
         self._disturbed_ns = -_SETTLED_NS
+
+    def start_anew(self) -> None:
+        """Restart the estimate of the interference, as one hypothesis beside the azimuth so far."""
+        self.set_reference(self._reference)
+        self._new_start = True
 
     @property
     def has_reference(self) -> bool:
@@ -85,7 +90,7 @@ class MagneticAzimuths:
             # The station passes its checks, but its field is not the one that was learnt, or is beyond what the prior
             # allows.
             state = interference_filter.initial(self._params, self._reference, self._errors, station.axial)
-            self._state, self.withdrawn = state, True
+            self._state, self._new_start = state, True
         s = state[0]
         if station.interference is not None and station.interference[1][0, 0] < s.P[0, 0]:
             # The same field, measured at rest and at more attitudes: it replaces what was learnt while drilling.
@@ -115,9 +120,10 @@ class MagneticAzimuths:
         else:
             self._read_corrected(self._state, pairs, in_force, rows)
         rows["usable"] = rows["status"] & _DISTURBED == 0
-        # A withdrawal counts once.
+        # A withdrawal or a new start counts once.
         rows["restart"][0] |= self.withdrawn
-        self.withdrawn = False
+        rows["new_start"][0] |= self._new_start
+        self.withdrawn = self._new_start = False
         return rows
 
     def _read_plain(self, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
@@ -152,7 +158,7 @@ class MagneticAzimuths:
         rows["azimuth"] = found["azimuth"] + in_force.model.north_correction
         rows["sigma_slow"], rows["sigma_held"] = found["sigma_own"], np.sqrt(held + external**2)
         rows["sigma_noise"], rows["sigma_constant"] = white, in_force.model.sigma_north
-        rows["restart"] = found["restarted"]
+        rows["new_start"] = found["restarted"]
         rows["interference"] = np.where(observed, found["bias"], np.nan)
         rows["sigma_interference"] = np.where(observed, found["sigma"], np.nan)
 

@@ -76,6 +76,7 @@ class MagneticDelay:
     def begin_anew(self) -> None:
         """Discard what was found with wrong rates; keep the waiting fields."""
         self._angle, self._begun = 0.0, False
+        self._field = np.full(2, np.nan)
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
         self.delay_s = 0.0
         self._imu: list[tuple[Stamps, Array]] = []
@@ -96,7 +97,7 @@ class MagneticDelay:
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Accept samples of the field, T, shape (n, 3)."""
-        self._mag.append((stamps, b_t[:, 1:]))
+        self._mag.append((stamps, np.roll(b_t, -1, axis=1)))
 
     def shift(self, late_ns: int) -> None:
         """Correct the stamps of waiting samples by late_ns; the caller corrects later samples."""
@@ -119,7 +120,7 @@ class MagneticDelay:
 
     def _follow(self, until_ns: int) -> None:
         """Process the bins that end before a stamp."""
-        # The columns are gravity across the tool (2) and the rate about x.
+        # The columns are gravity across the tool (2) and the rate about x; field across the tool (2) and along it.
         stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
@@ -131,14 +132,15 @@ class MagneticDelay:
             spun = np.cumsum(speed * np.diff(when, prepend=when[0]) * 1e-9)
             seen = np.isfinite(b).all(axis=1) & (np.hypot(b[:, 0], b[:, 1]) > _LEAST_FIELD) & _beside(when, at)
             seen &= new
-            seen[new] &= self._measured(b[new], np.interp(at[new], when, spun))
+            seen[new] &= self._measured(b[new, :2], np.interp(at[new], when, spun))
             down = np.interp(at[seen], when, turned)
             rate = np.interp(at[seen], when, speed)
             now = np.interp(at[seen], when, spun)
-            begun = self._angle, self._begun, self._P.copy(), self.delay_s
+            field = np.column_stack([np.hypot(b[seen, 0], b[seen, 1]), b[seen, 2]])
+            begun = self._angle, self._begun, self._P.copy(), self.delay_s, self._field
             for _ in range(_PASSES):
-                self._angle, self._begun, self._P, self.delay_s = *begun[:2], begun[2].copy(), begun[3]
-                self._take_bins(at[seen] // _BIN_NS, np.arctan2(b[seen, 0], b[seen, 1]) - down, rate)
+                self._angle, self._begun, self._P, self.delay_s, self._field = *begun[:2], begun[2].copy(), *begun[3:]
+                self._take_bins(at[seen] // _BIN_NS, np.arctan2(b[seen, 0], b[seen, 1]) - down, rate, field)
                 if abs(self.delay_s) < _LEAST_S:
                     break
                 earlier = at[seen] - round(self.delay_s * 1e9)
@@ -159,13 +161,25 @@ class MagneticDelay:
         self._last_b, self._hangs = b[-1], bool(hangs[-1])
         return ~hangs
 
-    def _take_bins(self, bins: Stamps, angle: Array, rate: Array) -> None:
+    def _take_bins(self, bins: Stamps, angle: Array, rate: Array, field: Array) -> None:
         for part in np.split(np.arange(len(bins)), np.flatnonzero(np.diff(bins)) + 1):
             if len(part) < _FEW:
                 continue
             mean = complex(np.exp(1j * angle[part]).mean())
             if abs(mean) > _LEAST_RESULTANT:
+                self._walk_with(field[part].mean(axis=0))
                 self._update(float(np.angle(mean)), float(rate[part].mean()))
+
+    def _walk_with(self, field: Array) -> None:
+        """
+        Widen the angle by what the field changed since the last bin; field: its strength across the axis and along, T.
+
+        A disturbance beside the hole turns the field across the axis by about as much as it changes the field there.
+        """
+        changed = float(np.hypot(*(field - self._field))) / float(field[0])
+        self._field = field
+        if self._begun and math.isfinite(changed):
+            self._P[0, 0] += changed * changed
 
     def _update(self, angle: float, rate: float) -> None:
         """Update with a bin, whose angle is that of the attitude minus rate times delay."""

@@ -200,6 +200,10 @@ WORDS: dict[Code, str] = {
     Code.TOOL_MOVES: "the tool moves: angular rate varies by {value:.3f rad/s}, limit {limit:.3f}",
     Code.TOOL_SHAKES: "the tool shakes: {value:.2f m/s^2}, limit {limit:.2f}",
     Code.TOOL_SHIFTS: "the tool shifts: {value:.2f m/s^2} in {values[0]:g s}, limit {limit:.2f}",
+    Code.FIELD_TURNS: (
+        "the magnetic field changes by {value:.0f nT} in {values[0]:g s}, limit {limit:.0f}, and no gyro shows whether"
+        " the tool turns"
+    ),
     Code.STRING_DOES_NOT_TURN: "the string does not turn: take a survey at rest",
     Code.TOO_FEW_WITH_GRAVITY: "too few samples with a known gravity",
     Code.TIME_WENT_BACK: "time went back: the estimate begins anew",

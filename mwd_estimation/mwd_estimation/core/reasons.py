@@ -125,6 +125,7 @@ class ReasonCode(StrEnum):
     TOOL_MOVES = "tool_moves"
     TOOL_SHAKES = "tool_shakes"
     TOOL_SHIFTS = "tool_shifts"
+    FIELD_TURNS = "field_turns"
     STRING_DOES_NOT_TURN = "string_does_not_turn"
     TOO_FEW_WITH_GRAVITY = "too_few_with_gravity"
     TIME_WENT_BACK = "time_went_back"

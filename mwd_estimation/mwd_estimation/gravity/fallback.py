@@ -19,9 +19,13 @@ from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import AT_RANGE, Track
 from mwd_estimation.gravity import accelerometer_only
+from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.gravity.bounded.state import State
 from mwd_estimation.gravity.methods import Method
 from mwd_sensors.core.arrays import Array, Stamps
+
+
+_NOT_TURNING = np.uint32(Status.STILL | Status.SLIDING)
 
 
 class GravityWithFallback:
@@ -35,13 +39,16 @@ class GravityWithFallback:
         Parameters of the method.
     remaining : accelerometer_only.Params
         Parameters of the accelerometer-only method, used while the gyros are faulty.
+    mag : MagneticSamples
+        Magnetic samples that wait for the method.
     """
 
-    def __init__(self, method: Method, params: Any, remaining: accelerometer_only.Params) -> None:
+    def __init__(self, method: Method, params: Any, remaining: accelerometer_only.Params, mag: MagneticSamples) -> None:
         self._method, self._params, self._remaining = method, params, remaining
         self._state = method.initial(params)
         self._remaining_state = accelerometer_only.initial(remaining)
         self._unusable = 0
+        self.mag = mag
 
     @property
     def innovations(self) -> list[Innovation]:
@@ -79,19 +86,39 @@ class GravityWithFallback:
         """
         unusable, before = unusable & (GYRO | ACCEL), self._unusable
         self._unusable = unusable
+        if unusable or followed is not None or not self._method.uses_field:
+            self._drop_mag(int((self.mag.stamp_ns <= stamps.max() - self.mag.lag_ns).sum()))
         if unusable & ACCEL:
             return _unknown(len(stamps))
         if unusable & GYRO:
             if before != unusable:
                 self._remaining_state = accelerometer_only.initial(self._remaining)
-            return accelerometer_only.run(self._remaining, self._remaining_state, stamps, np.zeros_like(gyro), accel)
+            track = accelerometer_only.run(self._remaining, self._remaining_state, stamps, np.zeros_like(gyro), accel)
+            # Without gyros nothing says of a single sample whether the tool turns.
+            track.status[:] &= ~_NOT_TURNING
+            return track
         if before:
             self._state = self._method.initial(self._params)
         if followed is not None:
             return followed
-        if self._method.uses_clip_flags:
-            return self._method.run(self._params, self._state, stamps, gyro, accel, clipped)
+        if self._method.uses_field:
+            track: Track = self._method.run(self._params, self._state, stamps, gyro, accel, clipped, self.mag)
+            self._drop_mag(self._state.field_used)
+            return track
         return self._method.run(self._params, self._state, stamps, gyro, accel)
+
+    def take_mag(self, stamps: Stamps, b_t: Array) -> None:
+        """Accept magnetic samples, T, in tool axes; they wait for the samples of their time."""
+        mag = self.mag
+        self.mag = mag._replace(stamp_ns=np.concatenate([mag.stamp_ns, stamps]), b_t=np.concatenate([mag.b_t, b_t]))
+
+    def shift_mag(self, late_ns: int, lag_ns: int) -> None:
+        """Correct the stamps of waiting magnetic samples, which are late_ns late; lag_ns: see `MagneticSamples`."""
+        self.mag = self.mag._replace(stamp_ns=self.mag.stamp_ns - late_ns, lag_ns=lag_ns)
+
+    def _drop_mag(self, count: int) -> None:
+        mag = self.mag
+        self.mag = mag._replace(stamp_ns=mag.stamp_ns[count:], b_t=mag.b_t[count:])
 
 
 def without_faulty(unusable: int, gyro: Array, full: float) -> Array:

@@ -32,8 +32,8 @@ class Method:
     Params: Callable[..., Any]
     initial: Callable[[Any], Any]
     run: Callable[..., Track]
-    uses_clip_flags: bool = False
-    """Whether `run` accepts the unit's clip flags (`core.clip_flags`) as its last argument."""
+    uses_field: bool = False
+    """Whether `run` accepts clip flags (`core.clip_flags`) and magnetic samples as its last arguments."""
 
 
 _MAHONY = functools.partial(fuzzy_mahony.Params, fuzzy=False)
@@ -44,7 +44,7 @@ _ALL = (
         bounded.Params,
         bounded.initial,
         bounded.run,
-        uses_clip_flags=True,
+        uses_field=True,
     ),
     Method(
         "s3",

@@ -34,6 +34,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
 from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
 from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.pipeline.bin_stage import BinStage, Numbering
@@ -111,7 +112,8 @@ class Estimate:
             derivation.sensor_errors(settings),
             settings.place.lat_deg,
         )
-        self._use_gravity(None)
+        self._mag_lag_ns = round(settings.tool.magnetometer.delay_s * 1e9)
+        self._use_gravity(None, MagneticSamples.none(self._mag_lag_ns))
         self._dynamics_state = drilling_dynamics.initial()
         self._dwell_state = np.zeros(1, dtype=toolface_dwell.RECORD)
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
@@ -123,13 +125,14 @@ class Estimate:
         self._ready = False
         self._statuses = StatusHistory(BIN_NS)
 
-    def _use_gravity(self, known: float | None) -> None:
-        """Use this local gravity, m/s^2, in all parts that need gravity; None: not known."""
+    def _use_gravity(self, known: float | None, mag: MagneticSamples) -> None:
+        """Use this local gravity, m/s^2, None if not known, in all parts that need it; `mag`: samples that wait."""
         settings = self.settings
         self._gravity = GravityWithFallback(
             gravity.method(settings.gravity.method),
             derivation.gravity_params(settings, known),
             derivation.accelerometer_params(settings, known),
+            mag,
         )
         self._dynamics_params = derivation.dynamics_params(settings, known)
 
@@ -140,7 +143,7 @@ class Estimate:
         self._ready = True
         self._attitude.set_reference(self.field.reference)
         self.watch.set_reference(self.field.reference)
-        self._use_gravity(self.local_gravity)
+        self._use_gravity(self.local_gravity, self._gravity.mag)
         self.bin_stage.precision.begin(self.settings.place.lat_deg, self.local_gravity)
 
     @property
@@ -197,14 +200,14 @@ class Estimate:
         sound = spike_filter.run(self._spikes, stamps, b_t)
         self._counters.spikes += int(len(sound) - np.count_nonzero(sound))
         stamps, b_t = stamps[sound], b_t[sound]
-        waits_ns = round(self.settings.tool.magnetometer.delay_s * 1e9)
-        self._counters.late_mag += int((stamps <= self.last_imu_ns - waits_ns).sum())
+        self._counters.late_mag += int((stamps <= self.last_imu_ns - self._mag_lag_ns).sum())
         if len(stamps):
             self.watch.mag_used(int(stamps[0]))
         self.bin_stage.streams.add("mag", stamps, b_t)
         self.bin_stage.turning.take_mag(stamps, b_t)
         self._attitude.take_mag(stamps - self.mag_late_ns, b_t)
         self._delay.take_mag(stamps - self.mag_late_ns, b_t)
+        self._gravity.take_mag(stamps - self.mag_late_ns, b_t)
 
     def _use_precision(self, samples: Samples) -> None:
         stamps = np.ascontiguousarray(samples["stamp_ns"])
@@ -275,8 +278,9 @@ class Estimate:
             self._delay.shift(late_ns)
             self.watch.shift_mag(late_ns, wait_ns)
             self._attitude.shift_mag(late_ns, wait_ns)
-            # Interference and azimuth were learnt with fields paired with wrong toolfaces.
-            self._attitude.set_reference(self.field.reference)
+            self._gravity.shift_mag(late_ns, self._mag_lag_ns + wait_ns)
+            # Interference was learnt with fields paired with wrong toolfaces.
+            self._attitude.restart_field()
 
     def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
         """Estimate samples for which the same sensors are usable; `clipped` holds the flags of the whole block."""
@@ -287,6 +291,8 @@ class Estimate:
         stretch = dataclasses.replace(stretch, gyro=self._jumps.without(stretch.stamps, stretch.gyro))
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
         # Gravity.
+        faulty_mag = (stretch.suspect | np.uint8(unusable)) & MAG != 0
+        self._gravity.mag.leave_out(stamps, faulty_mag)
         given = followed.part(stretch.part) if followed is not None else None
         track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
         toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
@@ -298,7 +304,7 @@ class Estimate:
         # Attitude.
         gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
-        self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
+        self._attitude.leave_out_mag(stamps, faulty_mag)
         samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
         # Angle by which the tool may have turned because of the error of the stamp.
         turned = self._jitter.sigma(stamps) * np.abs(track.rotary_speed)

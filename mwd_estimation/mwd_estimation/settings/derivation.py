@@ -55,6 +55,8 @@ _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3
 # keeps total and dip: in the field case of S1 it did so at each station of table 2, by 18 to 23 deg, and at none of
 # table 1.
 _OF_STEEL = 0.3
+# Noise, scale error and soft iron of a magnetometer across the axis, nT: 0.1 to 0.2 per cent of the Earth's field.
+_MAG_SCATTER_NT = 100.0
 # Deviation of local gravity from the normal gravity of a place, by anomalies and the depth of the tool, m/s^2.
 _LOCAL_GRAVITY = 0.002
 
@@ -89,6 +91,7 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
             default, "misalignment_sigma", tool.gyro.misalignment_mrad, usual.misalignment_mrad
         ),
         "calibration_sigma": calibration,
+        "mag_error": 1e-9 * math.hypot(tool.magnetometer.bias_nt, _string_nt(tool)[1], _MAG_SCATTER_NT),
         # Simpler methods know their sigma less well and have a sigma floor of their own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
     }

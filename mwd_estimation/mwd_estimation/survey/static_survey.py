@@ -23,6 +23,10 @@ _BIN_S = BIN_NS * 1e-9
 # Mean and standard deviation of the angular rate, rad/s, and standard deviation of the specific force, m/s^2, above
 # which the tool moves, times `SurveySettings.motion`; and change of that force between bins, m/s^2.
 MAX_RATE, MAX_FORCE_NOISE, MAX_FORCE_STEP = 0.03, 0.25, 0.1
+# Change of the mean field between bins, and its standard deviation in a bin, T, above which a tool without a gyro turns,
+# times `SurveySettings.motion`. The change is what MAX_RATE makes of 20 uT across the axis, and must exceed so many sigma
+# of the noise of the two means. The deviation is above the noise of any magnetometer.
+MAX_FIELD_STEP, MAX_FIELD_NOISE, _FIELD_SIGMAS = MAX_RATE * _BIN_S * 20e-6, 2e-6, 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,8 +127,7 @@ class StillSurvey:
 
         wait: what a survey taken automatically should wait for; what is averaged until then is one survey.
         """
-        last = self._run[-1].imu if self._run else None
-        motion = self._motion(bins.imu, last)
+        motion = self._motion(bins, self._run[-1] if self._run else None)
         if motion is not None:
             self.hindrances[motion.code] = self.hindrances.get(motion.code, (0, motion))[0] + 1, motion
             refused = Refusal((bins.imu.index + 1) * BIN_NS, motion) if self._requested_bins else None
@@ -162,8 +165,9 @@ class StillSurvey:
             return self._requested_bins
         return self._settles + self._lasts
 
-    def _motion(self, imu: Bin, last: Bin | None) -> Reason | None:
-        """What moves, with value and limit; None where nothing does."""
+    def _motion(self, bins: BinSet, before: BinSet | None) -> Reason | None:
+        """Return what moves, with value and limit; None if nothing does."""
+        imu, last = bins.imu, before.imu if before is not None else None
         if imu.count < 3:
             return Reason(Code.TOO_FEW_SAMPLES, float(imu.count), 3.0)
         if last is not None and imu.index != last.index + 1:
@@ -184,7 +188,24 @@ class StillSurvey:
             step = max(abs(now - before) for now, before in zip(mean[3:], last.mean.tolist()[3:], strict=True))
             if step > MAX_FORCE_STEP:
                 return Reason(Code.TOOL_SHIFTS, step, MAX_FORCE_STEP, (_BIN_S,))
+        if before is not None and rate == rate_noise == 0.0:
+            # Without a gyro, gravity does not show a rotation about the vertical, but the field does.
+            return self._turning_field(bins.mag, before.mag)
         return None
+
+    def _turning_field(self, mag: Bin | None, last: Bin | None) -> Reason | None:
+        """Return how far the field has turned, in the bin or since the one before; None if it stands or is unknown."""
+        if mag is None or last is None:
+            return None
+        most, spread = MAX_FIELD_NOISE * self.settings.motion, math.sqrt(mag.scatter.trace() / max(mag.count - 1, 1))
+        if spread > most:
+            return Reason(Code.FIELD_TURNS, spread * 1e9, most * 1e9, (_BIN_S,))
+        step = float(np.linalg.norm(mag.mean - last.mean))
+        noise = math.sqrt(sum(float(one.scatter.trace()) / max(one.count * (one.count - 1), 1) for one in (mag, last)))
+        limit = MAX_FIELD_STEP * self.settings.motion
+        if step <= max(limit, _FIELD_SIGMAS * noise):
+            return None
+        return Reason(Code.FIELD_TURNS, step * 1e9, limit * 1e9, (_BIN_S,))
 
 
 def _bins(seconds: float, least: int = 1) -> int:

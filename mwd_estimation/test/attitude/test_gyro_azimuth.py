@@ -101,12 +101,13 @@ def steps_of(stamps, start, stop, seek=(), station=()):
     return steps
 
 
-def azimuths_of(stamps, mag, good, seen, constant, anew):
+def azimuths_of(stamps, mag, good, seen, constant, anew, new_start=()):
     """The magnetic azimuths of these samples."""
     rows = np.zeros(len(seen), dtype=MAGNETIC_AZIMUTH)
     rows["stamp_ns"], rows["azimuth"], rows["usable"] = stamps[seen], mag[seen], good[seen]
     rows["sigma_slow"], rows["sigma_noise"] = SHARE * MAG_SIGMA, math.sqrt(1.0 - SHARE**2) * MAG_SIGMA
     rows["sigma_constant"], rows["restart"] = constant, np.isin(seen, anew)
+    rows["new_start"] = np.isin(seen, new_start)
     return rows
 
 
@@ -123,6 +124,7 @@ def go(
     constant=0.0,
     anew=(),
     station=(),
+    new_start=(),
 ):
     """Rows, propagated azimuths of the bins, and the state at the end."""
     n = len(mag)
@@ -143,7 +145,7 @@ def go(
             state,
             samples,
             steps_of(stamps, start, stop, seek, station),
-            azimuths_of(stamps, mag, ok, seen, constant, anew),
+            azimuths_of(stamps, mag, ok, seen, constant, anew, new_start),
             PrecisionRates(stamps[: len(rates)], rates),
         )
         mag_from = seen[used] if used < len(seen) else stop
@@ -217,6 +219,24 @@ def test_a_magnetic_azimuth_that_is_withdrawn_lets_the_azimuth_begin_anew() -> N
     rows, _, state = go(well, mag, well.gyro, anew=(1000,))
     assert np.abs(wrap_pi(rows["azimuth"][1030:] - well.azimuth[1030:])).max() < 4.0 * MAG_SIGMA
     assert state.resets == 0
+
+
+@pytest.mark.parametrize("off_deg", [0.5, 2.0, 4.0, 10.0, 30.0])
+@pytest.mark.parametrize("carried_is_wrong", [False, True])
+def test_a_new_magnetic_start_and_the_carried_azimuth_are_two_hypotheses(
+    off_deg: float, carried_is_wrong: bool
+) -> None:
+    """Nothing tells which of them is right, so that sigma must cover both until the magnetic azimuth has lasted."""
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(6))
+    mag[slice(1000) if carried_is_wrong else slice(1000, None)] += off_deg * DEG
+    rows, _, _ = go(well, mag, noisy(well, np.random.default_rng(7)), new_start=(1000,))
+    contested = slice(1030, 1000 + round(55 * RATE))
+    error = np.abs(wrap_pi(rows["azimuth"][contested] - well.azimuth[contested]))
+    assert (error < 3.0 * rows["sigma"][contested]).all()
+    if off_deg < 1.0:
+        # Both agree: what the gyro carried counts on.
+        assert rows["sigma"][1100] < 1.1 * MAG_SIGMA
 
 
 def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one() -> None:

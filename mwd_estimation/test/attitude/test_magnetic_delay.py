@@ -55,6 +55,18 @@ def estimated(imu, mag, cuts=(), settings=None):
     return pipeline, np.concatenate(rows), faults
 
 
+@pytest.mark.parametrize("steel_ut", [(6.0, 5.0, 4.0), (-4.0, 6.0, 6.0), (5.0, -8.0, 2.0)])
+def test_steel_that_comes_near_while_the_speed_changes_is_not_taken_for_a_delay(steel_ut):
+    # The string drills past it: the field turns as the speed rises, by up to 20 deg.
+    imu, mag = drilled()
+    near = np.clip(imu["angular_velocity"][:, 0], 0.0, 11.0)[:, None] / 11.0
+    turned = np.cumsum(imu["angular_velocity"][:, 0]) * 0.01
+    mat = mat_nt(0.9, np.full(len(imu), 1.9), turned)
+    mag["magnetic_field"] += np.einsum("kji,kj->ki", mat, 1e-6 * near * np.array(steel_ut))
+    pipeline, _, _ = estimated(imu, mag)
+    assert abs(pipeline.mag_late_ns) < 5_000_000
+
+
 @pytest.mark.fault_case(51)
 @pytest.mark.parametrize("late_s", [0.03, 0.1, 0.25, -0.06])
 def test_a_delay_is_measured_as_the_speed_changes_and_corrected(late_s):

@@ -71,5 +71,5 @@ def test_an_error_that_the_density_does_not_hold_adds_to_the_probability_beyond(
 
 
 def test_nothing_known_is_a_sigma_of_half_a_circle():
-    found = circle.read(circle.coarse(), np.ones(360))
+    found = circle.read(circle.coarse(), np.ones(180))
     assert found.sigma > 0.9 * math.pi / 3.0

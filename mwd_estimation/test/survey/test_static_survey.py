@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
@@ -119,6 +121,38 @@ def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
     sets = [BinSet(imu, mag=field) for imu, field in zip(bins, [*mag[:2], None, *mag[3:]], strict=True)]
     results = [result for one in sets if (result := survey.add(one)) is not None]
     assert results[0].mag is None
+
+
+def _without_gyro(rpm, seconds=12.0, *, noise=50e-9, mag_hz=RATE, inclination=0.0):
+    """Closed bins of a tool without a gyro that turns about its axis in a field of 50 uT, dip 66 deg."""
+    rng, turned = np.random.default_rng(3), rpm * math.pi / 30.0
+    n = int(seconds * RATE) + 1
+    angle = turned * np.arange(n) / RATE
+    force = np.column_stack([-np.full(n, math.cos(inclination)), np.cos(angle), np.sin(angle)]) * 9.8
+    force[:, 1:] *= math.sin(inclination)
+    imu = np.hstack([np.zeros((n, 3)), force + 1e-3 * rng.normal(size=(n, 3))])
+    k = np.arange(0, n, RATE // mag_hz)
+    field = np.column_stack([np.full(len(k), 45.7e-6), 20e-6 * np.cos(angle[k]), 20e-6 * np.sin(angle[k])])
+    stamps = 10**18 + np.arange(n) * (10**9 // RATE)
+    mags = {b.index: b for b in Binner(3, BIN_NS).add(stamps[k], field + noise * rng.normal(size=field.shape))}
+    return [BinSet(one, mag=mags.get(one.index)) for one in Binner(6, BIN_NS).add(stamps, imu)]
+
+
+@pytest.mark.fault_case(20)
+@given(rpm=st.floats(0.4, 200.0), mag_hz=st.sampled_from([10, 25, 100]))
+def test_without_a_gyro_a_vertical_tool_that_turns_is_not_still(rpm, mag_hz):
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0))
+    assert [survey.add(one) for one in _without_gyro(rpm, mag_hz=mag_hz)].count(None) == 24
+    assert ReasonCode.FIELD_TURNS in survey.hindrances
+
+
+@pytest.mark.fault_case(20)
+@pytest.mark.parametrize("noise", [0.0, 50e-9, 1e-6])
+@pytest.mark.parametrize("mag_hz", [1, 10, 100])
+def test_without_a_gyro_a_vertical_tool_at_rest_is_surveyed(noise, mag_hz):
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0))
+    results = [survey.add(one) for one in _without_gyro(0.0, noise=noise, mag_hz=mag_hz)]
+    assert sum(isinstance(one, StillAverage) for one in results) == 1
 
 
 def test_how_long_a_survey_has_waited_counts_from_when_it_had_averaged_enough():

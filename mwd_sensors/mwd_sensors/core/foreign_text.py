@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Make text from files and peers safe to show: no control characters for a terminal, and no contents of files.
+Make text from files and peers safe to show: no hidden characters, and no contents of files.
 
-Names of topics and frames, messages of peers and errors of libraries may contain anything. `printable` escapes control
+Names of topics and frames, messages of peers and errors of libraries may contain anything. `printable` escapes hidden
 characters, for logs, alarms and terminals. `without_contents` says that a file cannot be used without quoting it, for
 messages that reach people who may not be allowed to read the file.
 """
@@ -14,24 +14,25 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from mwd_sensors.core.hidden_characters import escaped, hidden
 from mwd_sensors.core.settings import SettingsError
 
 
 def printable(text: str) -> str:
-    """Return a text with its control characters escaped, other than tab and line end; a terminal would obey them."""
-    return text.translate(_WRITTEN_OUT)
+    """
+    Return a text with its hidden characters escaped, other than tab and line end.
 
-
-_WRITTEN_OUT = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
+    A terminal would obey control characters, and a name with invisible marks would look like another name.
+    """
+    return escaped(text)
 
 
 def unprintable(text: str) -> str:
     """Return why a text cannot be printed on one line or written to a file; empty if it can."""
-    if any(ord(c) < 32 or ord(c) == 127 for c in text):
-        return "has control characters; write one line"
-    if any("\ud800" <= c <= "\udfff" for c in text):
-        return "has characters that are no text (not UTF-8); write it again"
-    return ""
+    if any(c in "\n\t" for c in text):
+        return "has more than one line, or a tab; write one line"
+    code = next(hidden(text), "")
+    return f"has a character that nobody sees ({code}); write it again without that character" if code else ""
 
 
 def not_a_file_name(name: str) -> str:

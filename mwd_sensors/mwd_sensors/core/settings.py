@@ -13,11 +13,12 @@ import difflib
 import enum
 import functools
 import math
-import re
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
+
+from mwd_sensors.core.hidden_characters import hidden
 
 T = TypeVar("T")
 #: A number of a record that may be unknown: NaN in the record, null in a file.
@@ -261,8 +262,7 @@ def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> 
         raise SettingsError(f"{where}: {value!r} is not one of {known}; {rule.text()}") from None
 
 
-# No path is longer. Control characters are refused, because C code ends a text at NUL.
-_LONGEST_TEXT, _CONTROL = 4096, re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+_LONGEST_TEXT = 4096  # No path is longer.
 
 
 def _short(value: Any) -> str:
@@ -288,11 +288,11 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if type(value) is not kind:
         hint = " (write it with a decimal point)" if kind is float and isinstance(value, str) else ""
         raise SettingsError(f"{where}: expected {_SCALARS.get(kind, kind)}{hint}, got {_short(value)}; {rule.text()}")
-    if isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value):
-        raise SettingsError(f"{where}: {value!r} has characters that are no text (not UTF-8); {rule.text()}")
-    if isinstance(value, str) and (len(value) > _LONGEST_TEXT or _CONTROL.search(value)):
-        why = f"has {len(value)} characters, more than {_LONGEST_TEXT}" if len(value) > _LONGEST_TEXT else ""
-        raise SettingsError(f"{where}: {_short(value)} {why or 'has control characters'}; {rule.text()}")
+    if isinstance(value, str) and len(value) > _LONGEST_TEXT:
+        why = f"has {len(value)} characters, more than {_LONGEST_TEXT}"
+        raise SettingsError(f"{where}: {_short(value)} {why}; {rule.text()}")
+    if isinstance(value, str) and (code := next(hidden(value), "")):
+        raise SettingsError(f"{where}: {_short(value)} has a character that nobody sees ({code}); {rule.text()}")
     if isinstance(value, float) and not math.isfinite(value):
         raise SettingsError(f"{where}: must be finite, got {value!r}; {rule.text()}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):

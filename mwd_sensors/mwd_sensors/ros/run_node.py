@@ -16,6 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.core.stop_time import STOP_PATIENCE
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -50,7 +51,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     except RCLError as error:
         if not (reason := security_refusal(os.environ, str(error))):
             raise
-        sys.stderr.write(f"{reason}\n")
+        sys.stderr.write(f"{printable(reason)}\n")
         return 2
     finally:
         rclpy.try_shutdown()
@@ -99,7 +100,7 @@ def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
         while not stop_requested.done():
             executor.spin_until_future_complete(stop_requested, _LONGEST_SPIN)
     except SettingsError as error:
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"{printable(str(error))}\n")
         return 2
     except ExternalShutdownException:
         nodes[0].get_logger().info("the middleware was shut down from outside")

@@ -31,18 +31,44 @@ class FolderLock:
 
     def __init__(self, folder: Path, name: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self._handle = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._handles: list[int] = []
         try:
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # The folder itself is locked, because somebody may delete the file while its owner works. A network file
+            # system may not lock folders; there the file alone is locked.
+            self._lock(os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC), needed=False)
+            file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._lock(file, needed=True)
+        except BlockingIOError:
+            self.free()
+            raise FolderTakenError(folder, _owner(folder / name)) from None
         except OSError:
-            owner = os.pread(self._handle, 32, 0).decode(errors="replace").strip()
-            os.close(self._handle)
-            raise FolderTakenError(folder, owner or "unknown") from None
+            self.free()
+            raise
         with contextlib.suppress(OSError):
             # The process number is for the message to the next process; the lock itself needs no content.
-            os.ftruncate(self._handle, 0)
-            os.pwrite(self._handle, str(os.getpid()).encode(), 0)
+            os.ftruncate(file, 0)
+            os.pwrite(file, str(os.getpid()).encode(), 0)
+
+    def _lock(self, handle: int, *, needed: bool) -> None:
+        self._handles.append(handle)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError:
+            if needed:
+                raise
 
     def free(self) -> None:
         """Release the folder; further calls do nothing."""
-        os.close(self._handle)
+        while self._handles:
+            os.close(self._handles.pop())
+
+
+def _owner(path: Path) -> str:
+    """Return the process number in the file of a lock, or "unknown" where the file is gone."""
+    try:
+        with path.open("rb") as file:
+            return file.read(32).decode(errors="replace").strip() or "unknown"
+    except OSError:
+        return "unknown"

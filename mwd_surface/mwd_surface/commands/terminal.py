@@ -10,7 +10,8 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook, RenderResult
+from rich.segment import Segment
 
 from mwd_sensors.core.foreign_text import printable
 
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
 
 class PrintableStream:
     """
-    Standard output or error that escapes control characters.
+    Standard output or error that escapes hidden characters.
 
-    Names of topics and files, and data from peers, may contain control sequences for a terminal. Colours of our own
-    text pass on a terminal. The bar of `progress`, which moves the cursor, does not use this stream.
+    Names of topics and files, and data from peers, may contain control sequences for a terminal. Only colours pass, on
+    a terminal, because the help of the commands has them: text that may hold foreign colours goes through `output` and
+    `remarks`. The bar of `progress`, which moves the cursor, does not use this stream.
     """
 
     _COLOUR = re.compile(r"(\x1b\[[0-9;]*m)")
@@ -49,14 +51,39 @@ class PrintableStream:
             self.write(line)
 
 
+class _Escaped:
+    """Something to print whose text has its hidden characters escaped, foreign colours among them; its style stays."""
+
+    def __init__(self, made: ConsoleRenderable) -> None:
+        self._made = made
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for part in console.render(self._made, options):
+            yield part if part.control else Segment(printable(part.text), part.style)
+
+
+class _EscapeAll(RenderHook):
+    """Escape everything that a console prints."""
+
+    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
+        """Return what is printed instead."""
+        return [_Escaped(one) for one in renderables]
+
+
+def _console(*, stderr: bool) -> Console:
+    console = Console(stderr=stderr, soft_wrap=True, highlight=False)
+    console.push_render_hook(_EscapeAll())
+    return console
+
+
 def output() -> Console:
     """Return the console for results; lines are never wrapped, except in tables."""
-    return Console(soft_wrap=True, highlight=False)
+    return _console(stderr=False)
 
 
 def remarks() -> Console:
     """Return the console for warnings and errors."""
-    return Console(stderr=True, soft_wrap=True, highlight=False)
+    return _console(stderr=True)
 
 
 def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import jinja2
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_section import TINTS, Drawing
 from mwd_surface.exports.survey_table import SurveyTable
@@ -88,7 +89,12 @@ figcaption { color: #444; }
 
 def report_html(table: SurveyTable) -> str:
     """Return the report of a table as HTML text (UTF-8 when encoded); user texts are escaped."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=False)
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=False,
+        finalize=lambda value: printable(value) if type(value) is str else value,
+    )
     return environment.from_string(_PAGE).render(c=content(table), drawn=_drawn, tints=TINTS)
 
 

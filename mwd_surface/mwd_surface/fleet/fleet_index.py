@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jinja2
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.fleet.fleet_dataset import FAILED
 from mwd_surface.fleet.fleet_task import Outcome
@@ -72,7 +73,11 @@ def index_html(outcomes: Sequence[Outcome]) -> str:
         ("accepted", str(sum(row["surveys_accepted"] for row in done))),
     ]
     ordered = sorted(outcomes, key=lambda one: (one.row["outcome"] != FAILED, one.bag))
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=lambda value: printable(value) if type(value) is str else value,
+    )
     return environment.from_string(_PAGE).render(outcomes=ordered, totals=totals, failed=FAILED)
 
 

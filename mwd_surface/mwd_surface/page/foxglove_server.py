@@ -15,7 +15,7 @@ from typing import Any
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
-from mwd_surface.loopback import is_loopback
+from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.page.foxglove_relay import HandshakeRelay
 
 
@@ -72,10 +72,8 @@ class FoxgloveServer:
         *,
         simulated_clock: bool = False,
     ) -> None:
-        if not settings.allow_network and not is_loopback(settings.host):
-            raise FoxgloveError(
-                f"host: {settings.host} can be reached from other machines; set allow_network if that is meant"
-            )
+        if why := refused_host(settings.host, allow_network=settings.allow_network):
+            raise FoxgloveError(why)
         self._settings, self._name = settings, name
         self._definitions = definitions or installed()
         self._sdk: Any = None
@@ -126,7 +124,8 @@ class FoxgloveServer:
         except (RuntimeError, OSError, ValueError) as error:
             self.stop()
             self._channels, self._context = {}, None
-            raise FoxgloveError(f"{settings.host}:{settings.port}: {error}") from error
+            why = port_problem(error, settings.host, settings.port) if isinstance(error, OSError) else str(error)
+            raise FoxgloveError(why) from error
 
     @property
     def address(self) -> str:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Listening socket of the page, with errors that name the port."""
+"""Listening socket of the page, and a limit on what a watching browser sends."""
 
 from __future__ import annotations
 
 import asyncio
-import errno
 import logging
 import socket
+from collections.abc import Callable
+from typing import Any
 
 from aiohttp.http_exceptions import HttpProcessingError
 
@@ -20,22 +21,51 @@ def peer_of(transport: asyncio.BaseTransport | None) -> str:
 def listener(host: str, port: int) -> socket.socket:
     """Return a listening, non-blocking socket; raise OSError if the address cannot be opened."""
     family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-    listener = socket.create_server(where[:2], family=family, backlog=64)
+    listener = socket.create_server(where, family=family, backlog=64)
     listener.setblocking(False)
     return listener
 
 
-def port_error(error: OSError, host: str, port: int) -> OSError:
-    """Return the error with a message that says what to do."""
-    if error.errno == errno.EADDRINUSE:
-        why = "is taken by another program; stop that program or set another port (0 selects a free one)"
-    elif error.errno == errno.EACCES:
-        why = "may not be opened by this user; use a port above 1023"
-    elif error.errno == errno.EADDRNOTAVAIL:
-        why = "is on an address this machine does not have"
-    else:
-        why = f"cannot be opened: {error.strerror or error}"
-    return OSError(error.errno or 0, f"page: port {port} on {host} {why}")
+class QuietPeer(asyncio.Protocol):
+    """
+    Protocol of a connection whose peer has little to say: it is cut when it sends more than `most` bytes in a minute.
+
+    The web server sees whole messages alone, so that parts of one that never ends, or frames without content, would
+    occupy it for good. Everything else goes to the protocol that the connection had before.
+    """
+
+    def __init__(self, transport: asyncio.Transport, most: int, clock: Callable[[], float]) -> None:
+        self._transport, self._most, self._clock = transport, most, clock
+        self._inner: Any = transport.get_protocol()
+        self._minute, self._received = clock(), 0
+        transport.set_protocol(self)
+
+    def data_received(self, data: bytes) -> None:
+        """Count the bytes and pass them on."""
+        now = self._clock()
+        if now - self._minute > 60.0:
+            self._minute, self._received = now, 0
+        self._received += len(data)
+        if self._received > self._most:
+            self._transport.abort()
+            return
+        self._inner.data_received(data)
+
+    def eof_received(self) -> bool | None:
+        """Pass on that the peer has ended."""
+        return bool(self._inner.eof_received())
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Pass on that the connection is gone."""
+        self._inner.connection_lost(error)
+
+    def pause_writing(self) -> None:
+        """Pass on that the peer reads slowly."""
+        self._inner.pause_writing()
+
+    def resume_writing(self) -> None:
+        """Pass on that the peer reads again."""
+        self._inner.resume_writing()
 
 
 def request_logger() -> logging.Logger:

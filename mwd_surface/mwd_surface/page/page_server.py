@@ -25,12 +25,12 @@ from aiohttp import WSMsgType, web
 
 from mwd_sensors.core import budgets
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.loopback import is_loopback
+from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
 from mwd_surface.page.export_route import add_export_routes
 from mwd_surface.page.files import PAGE, page_files, sender
-from mwd_surface.page.listener import listener, peer_of, port_error, request_logger
+from mwd_surface.page.listener import QuietPeer, listener, peer_of, request_logger
 from mwd_surface.page.replay_route import OnReplay, replay_handler
 from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
@@ -92,10 +92,8 @@ class PageServer:
         exports: Path | None = None,
     ) -> None:
         self.settings = settings or PageSettings()
-        if not self.settings.allow_network and not is_loopback(self.settings.host):
-            raise ValueError(
-                f"host: {self.settings.host} can be reached from other machines; set allow_network if that is meant"
-            )
+        if why := refused_host(self.settings.host, allow_network=self.settings.allow_network):
+            raise ValueError(why)
         self.refused = 0
         self._access = Access(token, clock) if token else None
         self._on_command = on_command if token else None
@@ -235,7 +233,7 @@ class PageServer:
             await runner.cleanup()
             executor.shutdown(wait=False)
             safe_executor.shutdown(wait=False)
-            raise port_error(error, host, port) from error
+            raise OSError(max(error.errno or 0, 0), f"page: {port_problem(error, host, port)}") from error
         bound = listening.getsockname()
         self._started.set_result((bound[0], bound[1]))
         accepting = asyncio.create_task(self._accept(listening, server))
@@ -345,8 +343,11 @@ class PageServer:
             raise web.HTTPServiceUnavailable(text=f"{self.settings.max_clients} browsers are watching already")
         talk = web.WebSocketResponse(max_msg_size=1024, autoping=False, timeout=0.2, compress=False)
         await talk.prepare(request)
-        if request.transport is None:
+        if not isinstance(request.transport, asyncio.Transport):
             return talk
+        # A browser sends nothing but answers to the pings, of six bytes, which follow each state.
+        answers = round(60.0 * self.settings.max_rate * 16)
+        QuietPeer(request.transport, budgets.PAGE.size + answers, time.monotonic)
         client = Client(talk, request.transport)
         self._feed.clients.add(client)
         sender = asyncio.create_task(self._feed.send(client))
@@ -359,7 +360,7 @@ class PageServer:
         sender.add_done_callback(ended)
         try:
             async for message in talk:
-                # A browser sends nothing but control frames; any other message ends the connection.
+                # Any other message than a control frame ends the connection.
                 if message.type == WSMsgType.PONG:
                     client.answered()
                 elif message.type == WSMsgType.PING:

@@ -12,7 +12,6 @@ import abc
 import asyncio
 import concurrent.futures
 import dataclasses
-import errno
 import importlib
 import importlib.metadata
 import socket
@@ -22,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.loopback import is_loopback
+from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.rig.values import RigValues
 
 OnRigState = Callable[[Samples], None]
@@ -247,10 +246,10 @@ def checked_host(host: str, allow_network: bool) -> str:
     Raises
     ------
     InterfaceError
-        Other machines can reach the address and the settings do not allow that.
+        It is not an address, or other machines can reach it and the settings do not allow that.
     """
-    if not allow_network and not is_loopback(host):
-        raise InterfaceError(f"host: {host} can be reached from other machines; set allow_network if that is meant")
+    if why := refused_host(host, allow_network=allow_network):
+        raise InterfaceError(why)
     return host
 
 
@@ -274,15 +273,4 @@ def probe_port(host: str, port: int) -> None:
 
 def port_error(error: OSError, host: str, port: int) -> InterfaceError:
     """Return the error for a port that cannot be opened."""
-    where = f"{host} port {port}"
-    if error.errno == errno.EADDRINUSE:
-        text = (
-            f"{where} is taken (`ss -ltnp 'sport = :{port}'` names the program); stop that program or set another port"
-        )
-    elif error.errno in (errno.EACCES, errno.EPERM):
-        text = f"{where} may not be opened by this user; set a port of 1024 or more"
-    elif error.errno == errno.EADDRNOTAVAIL or "getaddrinfo" in str(error) or error.errno is None or error.errno < 0:
-        text = f"{where} is not an address of this machine; set 127.0.0.1, or the address of one of its networks"
-    else:
-        text = f"{where}: {error.strerror or error}"
-    return InterfaceError(text)
+    return InterfaceError(port_problem(error, host, port))

@@ -46,7 +46,7 @@ _BASE_PORT, _PER_DOMAIN = 7400, 250
 
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
     """Return the command line that runs a node in this Python; `before` holds ROS arguments ahead of its parameters."""
-    words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
+    words = [sys.executable, "-P", "-m", "mwd_surface", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
     # Disable the log files of ROS: they would hold the same lines again, without a size limit.
     return [*words, "--disable-external-lib-logs", *before, *parameter_words(parameters)]
 

@@ -24,8 +24,11 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 
-# Largest distance between surveys at one depth, m: in a hole that turns by 6 deg/30 m, half a metre is 0.1 deg.
+# Largest distance between surveys at one depth, m.
 SAME_DEPTH = 0.5
+# Curvature of the hole, rad/m, 1 sigma in each direction: between shots half a metre apart it is 0.1 deg. Motors build
+# up to twice as much.
+_CURVATURE = math.radians(6.0) / 30.0
 # Repeatability of a reading at one attitude, m/s^2 and T: resolution of the telemetry and residual motion of the
 # string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
@@ -123,20 +126,23 @@ def check_shots(
             found.append([int(row)])
     groups = (sorted(rows) for rows in found if len(rows) > 1)
     return tuple(
-        _compared(float(depth[rows].mean()), rows, force[rows], field[rows], errors, [names[row] for row in rows])
-        for rows in groups
+        _compared(depth[rows], rows, force[rows], field[rows], errors, [names[row] for row in rows]) for rows in groups
     )
 
 
 def _compared(
-    md: float, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
+    md: Array, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
-    """Compare the shots at one depth."""
+    """Compare the shots at one depth; md, shape (n,), m: the hole turns between shots that are not quite there."""
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])
     differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])
     with_azimuth = math.sin(float(np.mean(inclinations))) >= math.sin(_LEAST_INCLINATION)
+    # Along one curve the angles change in proportion to the depth, azimuths with the inverse sine of the inclination.
+    turned = np.outer(md - md.mean(), md - md.mean()) * _CURVATURE**2
     covariance = _covariance(force, field, errors, tools)
+    covariance[0, 0] += turned
+    covariance[1, 1] += turned / max(math.sin(float(np.mean(inclinations))), math.sin(_LEAST_INCLINATION)) ** 2
     count = len(rows)
     # Use deviations from the mean: an error common to all shots cannot be told from the hole's direction.
     centred = np.eye(count) - 1.0 / count
@@ -153,7 +159,7 @@ def _compared(
     if verdict == PASS and any(bias.excessive for bias in biases):
         verdict = DOUBTFUL
     return CheckShot(
-        md=md,
+        md=float(md.mean()),
         rows=tuple(rows),
         tools=tuple(dict.fromkeys(tools)),
         inclination=float(np.mean(inclinations)),

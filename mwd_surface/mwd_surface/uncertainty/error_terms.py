@@ -45,7 +45,7 @@ _NEXT_TO_VERTICAL = 1e-7
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
 
 
-class CovarianceUnavailableError(RuntimeError):
+class CovarianceUnavailableError(ImportError):
     """Raised if the library of error models is not installed; the message says how to install it."""
 
 

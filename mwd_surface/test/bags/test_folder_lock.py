@@ -39,6 +39,22 @@ def test_a_killed_owner_leaves_the_folder_free(tmp_path):
     FolderLock(tmp_path, ".lock").free()
 
 
+@pytest.mark.fault_case(99)
+@pytest.mark.parametrize("gone", ["deleted", "replaced", "renamed"])
+def test_a_lock_whose_file_is_deleted_by_hand_still_holds(tmp_path, gone):
+    first = FolderLock(tmp_path, ".lock")
+    if gone == "renamed":
+        (tmp_path / ".lock").rename(tmp_path / "old")
+    else:
+        (tmp_path / ".lock").unlink()
+    if gone == "replaced":
+        (tmp_path / ".lock").write_text("")
+    with pytest.raises(FolderTakenError, match="process unknown has"):
+        FolderLock(tmp_path, ".lock")
+    first.free()
+    FolderLock(tmp_path, ".lock").free()
+
+
 def test_a_folder_that_cannot_be_made_is_the_systems_own_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):

@@ -144,7 +144,7 @@ def test_control_that_is_switched_off_is_denied_with_the_remedy():
     ("request_", "words"),
     [
         (asks(""), "controller: must not be empty"),
-        (asks("a\nb"), "controller: has control characters"),
+        (asks("a\nb"), "controller: has more than one line"),
         (asks("x" * 101), "controller: at most 100"),
         (asks("x", priority=256), "priority: must be within"),
         (asks("x", duration=math.nan), "duration: must be finite"),

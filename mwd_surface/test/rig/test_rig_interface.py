@@ -3,6 +3,7 @@
 
 import asyncio
 import errno
+import re
 import socket
 import threading
 
@@ -123,6 +124,8 @@ def test_only_addresses_of_this_machine_alone_need_no_leave(host, own):
         (errno.EACCES, "1024 or more"),
         (errno.EADDRNOTAVAIL, "not an address of this machine"),
         (errno.ENETDOWN, "Network is down"),
+        (errno.EAFNOSUPPORT, "not an address of this machine"),
+        (socket.EAI_NONAME, "finds no address for the name"),
     ],
 )
 def test_what_hinders_a_port_is_reported_in_words(number, words):
@@ -131,14 +134,45 @@ def test_what_hinders_a_port_is_reported_in_words(number, words):
     assert "10.0.0.5 port 502" in text
 
 
+@pytest.mark.fault_case(88)
+@pytest.mark.parametrize(
+    ("host", "words"),
+    [
+        ("no-such-host.invalid", "the name 'no-such-host.invalid' may lead to an address that other machines reach"),
+        ("rig.example.com", "may lead to an address"),
+        ("127.1", "may lead to an address"),
+        ("0.0.0.0", "0.0.0.0 can be reached from other machines"),  # noqa: S104
+        ("::", ":: can be reached from other machines"),
+        ("fe80::1%eth0", "can be reached from other machines"),
+        ("192.168.1.7", "can be reached from other machines"),
+        ("", "is not an address"),
+        (" 127.0.0.1", "is not an address"),
+        ("127.0.0.1:8080", "the port in its own setting"),
+        ("[::1]", "is not an address"),
+        ("http://localhost", "is not an address"),
+        ("a..b", "is not an address"),
+        ("x" * 64, "is not an address"),
+    ],
+)
+def test_a_host_that_is_not_allowed_is_named_for_what_it_is(host, words):
+    with pytest.raises(InterfaceError, match=re.escape(words)):
+        checked_host(host, allow_network=False)
+
+
+@pytest.mark.fault_case(88)
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "::1", "localhost", "LOCALHOST"])
+def test_a_host_of_this_machine_alone_is_allowed(host):
+    assert checked_host(host, allow_network=False) == host
+
+
 def test_a_free_port_is_probed_without_being_kept():
     with socket.create_server(("127.0.0.1", 0)) as holder:
         number = holder.getsockname()[1]
         with pytest.raises(InterfaceError, match="taken"):
             probe_port("127.0.0.1", number)
     probe_port("127.0.0.1", number)
-    with pytest.raises(InterfaceError, match="not an address"):
-        probe_port("no such host.invalid", 1)
+    with pytest.raises(InterfaceError, match="finds no address for the name"):
+        probe_port("no-such-host.invalid", 1)
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it():

@@ -118,3 +118,30 @@ def test_a_tool_out_of_its_code_is_doubted_at_least():
     (one,) = check_shots(np.full(4, 1000.0), *tool.shots(0.5, 2.0, FACES), ERRORS)
     assert one.verdict in (DOUBTFUL, FAIL)
     assert any(bias.excessive and bias.sensor == "accelerometer" and bias.axis == "y" for bias in one.biases)
+
+
+@pytest.mark.parametrize("inclination_deg", [20.0, 60.0, 90.0])
+@pytest.mark.parametrize("turn", ["up", "right"])
+def test_a_good_tool_passes_where_the_hole_curves_between_its_shots(inclination_deg, turn):
+    """A dogleg of 4 to 8 deg/30 m over the 40 cm between four shots."""
+    rng, failed = np.random.default_rng(36), 0
+    for _ in range(60):
+        tool, depth, curvature = Tool(rng), rng.uniform(0.0, 0.4, 4), math.radians(rng.uniform(4.0, 8.0)) / 30.0
+        bend = (depth - depth.min()) * curvature
+        inclination = math.radians(inclination_deg) + (bend if turn == "up" else 0.0 * bend)
+        azimuth = 1.0 + (bend / math.sin(math.radians(inclination_deg)) if turn == "right" else 0.0 * bend)
+        read = [tool.shot(*attitude) for attitude in zip(inclination, azimuth, FACES, strict=True)]
+        force, field = (np.array(part) for part in zip(*read, strict=True))
+        (found,) = check_shots(1000.0 + depth, force, field, ERRORS)
+        failed += found.verdict == FAIL
+    assert failed <= 1
+
+
+def test_a_bias_is_found_whatever_the_hole_may_curve_between_the_shots():
+    rng = np.random.default_rng(37)
+    tool = Tool(rng)
+    tool.bias_f[1] = 0.05
+    force, field = tool.shots(0.5, 1.0, FACES)
+    (found,) = check_shots([1000.0, 1000.1, 1000.2, 1000.3], force, field, ERRORS)
+    assert any(bias.excessive and bias.axis == "y" for bias in found.biases)
+    assert found.verdict != PASS

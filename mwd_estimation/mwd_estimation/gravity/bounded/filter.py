@@ -18,9 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
-from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
+from mwd_estimation.gravity.bounded import (
+    alignment,
+    clipping,
+    field_roll,
+    gaps,
+    measurement,
+    mechanisation,
+    noise,
+    scale,
+)
+from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Log, Record, State, forget, initial
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Field, Log, Record, State, forget, initial
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -43,6 +53,7 @@ def run(
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
     clipped: ArrayLike | None = None,
+    mag: MagneticSamples | None = None,
 ) -> Track:
     """
     Follow gravity through a block of samples.
@@ -57,6 +68,8 @@ def run(
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
     clipped : array_like of uint8, shape (n,), optional
         Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
+    mag : MagneticSamples, optional
+        Magnetic samples that wait. `State.field_used` of them were used; give the rest again with the next block.
 
     Raises
     ------
@@ -64,7 +77,7 @@ def run(
         Shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
-    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), Log.room(0))
+    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, Log.room(0))
 
 
 def run_logged(
@@ -74,16 +87,17 @@ def run_logged(
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
     clipped: ArrayLike | None = None,
+    mag: MagneticSamples | None = None,
 ) -> tuple[Track, Log]:
     """Follow gravity like `run`, and also return the log that a smoother needs for the block."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
-    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), log), log
+    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, log), log
 
 
-def _follow(params: Params, state: State, samples: _Samples, log: Log) -> Track:
+def _follow(params: Params, state: State, samples: _Samples, mag: MagneticSamples | None, log: Log) -> Track:
     out = Track.empty(len(samples[0]))
-    _run(params, state.clock[0], state.motion[0], state.record[0], samples, out, log)
+    _run(params, state.clock[0], state.motion[0], state.record[0], samples, mag or MagneticSamples.none(), out, log)
     return out
 
 
@@ -94,12 +108,15 @@ def _run(
     motion: track.Motion,
     s: Record,
     samples: _Samples,
+    mag: MagneticSamples,
     out: Track,
     log: Log,
 ) -> None:
     stamps, gyro, accel, flags = samples
+    s.field.used = 0
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
+        backward = clock.backward_count
         verdict, dt, bits = track.take(clock, stamps[i], w, f, gaps.GAP_NS, p.gyro_range, p.accel_range)
         if verdict != track.REJECTED:
             if verdict == track.NEXT and gaps.stands_out(s, dt):
@@ -107,10 +124,19 @@ def _run(
             if verdict != track.NEXT:
                 _resume(p, s, verdict, dt, gyro[i], i, log)
                 dt = 0.0
-            non_gravity = _take(p, s, dt, w, f, flags[i])
+                field_roll.begin_anew(s.field, stamps[i])
+            elif backward >= gaps.BACKWARD:
+                # The clock was set back, and these samples were rejected while the tool turned on.
+                _miss(p, s, backward * s.period, w[0])
+                field_roll.begin_anew(s.field, stamps[i])
+            non_gravity = _take(p, s, dt, w, f, flags[i], stamps[i])
+            field_roll.follow_turn(s, stamps[i])
+            _take_mag(s.field, mag, stamps[i])
             tick = TICK if s.clipping.sign == 0.0 else CLIPPED_TICK
             if s.started and s.sums.time >= tick - 1e-6:
                 _update(p, s, s.last_w, i, log)
+                if s.started and field_roll.follow(p, s, stamps[i]):
+                    scale.publish(p, s)
             bits |= track.follow_motion(motion, dt, w, non_gravity)
             if flags[i] != 0:
                 bits |= _CLIPPED
@@ -123,6 +149,16 @@ def _run(
         if len(log.updates) > 0:
             for j in range(3):
                 log.north_t[i, j] = s.C[0, j]
+
+
+@compiled
+def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
+    """Keep the newest magnetic sample that may be used at a sample of the conventional unit."""
+    while f.used < len(mag.stamp_ns) and mag.stamp_ns[f.used] <= stamp_ns - mag.lag_ns:
+        f.stamp_ns = mag.stamp_ns[f.used]
+        for j in range(3):
+            f.b_t[j] = mag.b_t[f.used, j]
+        f.used += 1
 
 
 @compiled
@@ -148,21 +184,40 @@ def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log
         return
     if s.sums.time > 0.0:
         _update(p, s, s.last_w, i, log)
-    if gaps.bridge(p, s, dt, w) and measurement.sound(s):
+    roll_known = gaps.bridge(p, s, dt, w) or s.field.variance > 0.0
+    if roll_known and measurement.sound(s):
         scale.publish(p, s)
     else:
         alignment.begin_roll(s)
 
 
 @compiled
-def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int) -> float:
+def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
+    """Continue after rejected samples of lapse s, while the tool turned on at this rate, rad/s."""
+    if s.started:
+        variance = (lapse * rate) ** 2
+        gaps.widen_roll(s, variance)
+        alignment.forget_motion(s)
+        alignment.unknown_motion(s, s.power / p.gravity**2)
+        mechanisation.clear_sums(s.sums)
+        s.epoch += 1
+        if variance > gaps.LOST_ROLL and not s.field.variance > 0.0:
+            alignment.begin_roll(s)
+
+
+@compiled
+def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
     """Process one accepted sample with its `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
         clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)
         noise.follow_rates(p, s, dt, w, f, flags & _CROSS_FLAG != 0)
-        if clipping.follow_rate(p, s, dt, w[0], flags & _AXIAL_FLAG != 0):
-            alignment.begin_roll(s)
+        before = s.clipping.sign
+        lost = clipping.follow_rate(p, s, dt, w[0], flags & _AXIAL_FLAG != 0)
+        if before != 0.0 and s.clipping.sign == 0.0:
+            if lost and not field_roll.at_hand(s.field, stamp_ns):
+                alignment.begin_roll(s)
+            field_roll.begin_anew(s.field, stamp_ns)
     else:
         power = (math.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2) - p.gravity) ** 2
         s.since_shock += dt

@@ -18,7 +18,10 @@ from mwd_sensors.core.compiled import compiled
 GAP_NS = 250_000_000  # a longer step is a gap; half of it is one if it is much longer than the usual step
 STANDS_OUT = 4.0  # factor on the usual step for that
 MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a walk does
+SMALL_ROLL = 1e-3  # rad^2, variance up to which a correction of the roll is a small tilt
 LOST_ROLL = 0.25  # rad^2, variance of the roll above which it counts as lost
+CLOCK_SET = 0.005  # share of the steps of this length that are a clock which was set: no time passed (assumed)
+BACKWARD = 3  # samples in a row with earlier stamps that show such a clock, as in `time_jumps.CONFIRMED`
 
 
 @compiled
@@ -28,13 +31,22 @@ def stands_out(s: Record, dt: float) -> bool:
 
 
 @compiled
+def widen_roll(s: Record, variance: float) -> None:
+    """Add a variance, rad^2, to the roll, of which the forces or the field correct the whole angle, not only a tilt."""
+    s.clipping.seen |= variance > SMALL_ROLL
+    for j in range(2):
+        for m in range(2):
+            s.P[TILT + j, TILT + m] += variance * s.C[j, 0] * s.C[m, 0]
+
+
+@compiled
 def bridge(p: Params, s: Record, T: float, w: Array) -> bool:
     """
     Carry the attitude over a gap of T s; return False if the roll is lost.
 
     w are the rates after the gap, rad/s. The sums must be empty. The inclination is carried in either case.
     """
-    P, C = s.P, s.C
+    P = s.P
     mean = 0.5 * (w + s.last_w)
     # Propagate by the mean rate without a force, so that velocity and position do not move.
     mechanisation.mechanise(p, s, T, mean, mean * 0.0)
@@ -45,11 +57,10 @@ def bridge(p: Params, s: Record, T: float, w: Array) -> bool:
     # If the rates before and after differ, it is not known when they changed.
     turned = (w[1] - s.last_w[1]) ** 2 + (w[2] - s.last_w[2]) ** 2
     across = s.rate_walk[1] * cube + turned * square + p.gyro_noise**2 * T
-    along = s.rate_walk[0] * cube + (w[0] - s.last_w[0]) ** 2 * square
+    along = s.rate_walk[0] * cube + (w[0] - s.last_w[0]) ** 2 * square + CLOCK_SET * (mean[0] * T) ** 2
     for j in range(2):
         P[TILT + j, TILT + j] += across
-        for m in range(2):
-            P[TILT + j, TILT + m] += along * C[j, 0] * C[m, 0]
+    widen_roll(s, along)
     alignment.forget_motion(s)
     alignment.unknown_motion(s, s.power / p.gravity**2)
     for j in range(3):

@@ -84,6 +84,7 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     if p.sampled:
         px += 0.5 * (s.last_w[0] - w[0]) * dt
     rotate(s, px, py, pz)
+    s.turn += px
     # Turn a mean force to the end of the interval, except by what the unit has turned it already: a unit that
     # integrates does so with its measured rate, one that averages does not. The mean over a rotation of 2 h is short by
     # sin(h) / h.

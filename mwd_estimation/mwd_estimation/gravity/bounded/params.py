@@ -46,6 +46,9 @@ class Params(NamedTuple):
     #: Least random walk of the point that the tool vibrates about, m/sqrt(s). Raising it smooths a quiet tool more.
     walk: float = 0.001
     axial_speed: float = 1.0  #: speed along the hole, 1 sigma, m/s: a stand of 28 m is tripped in half a minute
+    #: Error of the magnetometer across the axis, 1 sigma, T: noise, bias and field of the string. Raising it trusts the
+    #: field less where it must show the roll (`field_roll`).
+    mag_error: float = 1.2206555615733704e-07
     #: Longest data gap over which the attitude is continued, s; after a longer one the filter restarts. Sigma shows the
     #: quality of the continuation: a rotating tool loses its toolface over such a gap, a resting one does not.
     max_bridged_gap_s: float = 10.0

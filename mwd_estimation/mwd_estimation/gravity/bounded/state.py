@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from collections.abc import MutableSequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core import track
+from mwd_estimation.core.ring import Ring
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -25,6 +27,7 @@ from mwd_sensors.core.records import dtype_of
 # and z; vertical force; and, while the x gyro clips, the rate it misses and the slope of that rate.
 TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 16, 17, 18
 STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
+TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, more than a magnetic sample waits
 DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
 
 
@@ -108,7 +111,7 @@ class Clipping:
     time: float
     """Duration of clipping, s."""
     seen: bool
-    """Whether clipping has occurred since the last start."""
+    """Whether a rotation about the axis was lost since the last start, by clipping or by missing samples."""
     tilt: float
     """Variance of the tilt that changes inclination, set aside during clipping, rad^2."""
     slope: float
@@ -117,6 +120,43 @@ class Clipping:
     """Low-passed change of that slope, rad/s^3."""
     kept: Annotated[Array, MISSING - BIAS, MISSING - BIAS]
     """Covariance of the sensor errors, set aside during clipping."""
+
+
+class Turn:
+    """Rotation about the axis at one sample."""
+
+    stamp_ns: int
+    """Stamp of the sample, ns."""
+    turn: float
+    """`Record.turn` at that sample, rad."""
+
+
+class TurnRing(Ring):
+    """Rotation about the axis at the last samples."""
+
+    rows: Annotated[MutableSequence[Turn], TURNS]
+
+
+class Field:
+    """State of the roll by the magnetic field."""
+
+    turns: TurnRing
+    stamp_ns: int
+    """Stamp of the newest magnetic sample that may be used, ns."""
+    b_t: Annotated[Array, 3]
+    """That sample, tool axes, T."""
+    last_ns: int
+    """Stamp of the last magnetic sample that was compared with the roll, ns."""
+    since_ns: int
+    """Stamp from which the rotation about the axis is known without a break, ns."""
+    used: int
+    """Number of magnetic samples of the last block that were used."""
+    angle: float
+    """Angle from the field to gravity across the axis, rad."""
+    variance: float
+    """Variance of that angle, rad^2; 0 if the angle is not known."""
+    strength: float
+    """Mean strength of the field across the axis, T."""
 
 
 class Record:
@@ -158,6 +198,9 @@ class Record:
     motion: Motion
     innovations: Innovations
     clipping: Clipping
+    field: Field
+    turn: float
+    """Rotation about the axis since the first sample, rad."""
     started: bool
     """Whether there is an attitude."""
     epoch: int
@@ -212,6 +255,11 @@ class State:
     clock: Any
     motion: Any
     record: Any
+
+    @property
+    def field_used(self) -> int:
+        """Number of magnetic samples of the last block that were used."""
+        return int(self.record[0]["field"]["used"])
 
     def copy(self) -> State:
         """Return an independent copy."""

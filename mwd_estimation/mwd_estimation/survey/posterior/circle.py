@@ -19,9 +19,11 @@ _HELD, _SIGMAS = 0.99, 2.576
 _LEAST = 0.003
 # A smaller 1 sigma of what is not in the density, rad, is none.
 _EXACT = 1e-9
-# Coarse grid, and the fine one about each of its peaks: half width and spacing, rad.
-_COARSE = np.arange(360) * math.tau / 360.0
-_HALF, _FINE = math.radians(2.5), math.radians(0.05)
+# The circle in steps of .05 deg: the coarse grid has every so many of them; about each of its peaks the fine one has all
+# within 2.5 deg, and every fifth within 12 deg.
+STEPS, _EVERY = 7200, 40
+_COARSE = np.arange(0, STEPS, _EVERY)
+_ABOUT = np.unique(np.concatenate([np.arange(-50, 51), np.arange(-240, 241, 5)]))
 # A peak whose density is a smaller share of the highest has no grid of its own, nor have more than so many.
 _WORTH, _MOST = 1e-7, 6
 # Not scipy's: its import would be a fifth of the start of an estimator.
@@ -53,23 +55,30 @@ def beyond(angles: Array, density: Array, centre: float, width: float, smear: fl
 
 
 def coarse() -> Array:
-    """Angles, rad, one degree apart."""
-    return np.asarray(_COARSE, dtype=float)
+    """Angles, rad, two degrees apart."""
+    return np.asarray(_COARSE * (math.tau / STEPS))
 
 
 def refined(log_density: Array, *centres: float) -> Array:
     """
     Angles, rad, in order: the coarse ones with fine ones about every peak and about further centres.
 
-    log_density : of the coarse angles, shape (360,); centres : rad, nan where there is none.
+    log_density : of the coarse angles, shape (180,); centres : rad, nan where there is none.
     """
     peaks = np.flatnonzero((log_density >= np.roll(log_density, 1)) & (log_density > np.roll(log_density, -1)))
     peaks = peaks[log_density[peaks] > log_density.max() + math.log(_WORTH)]
     peaks = peaks[np.argsort(log_density[peaks])[::-1]][:_MOST]
-    about = [float(_COARSE[peak]) for peak in peaks] + [centre for centre in centres if math.isfinite(centre)]
-    fine = np.arange(-_HALF, _HALF, _FINE)
-    angles: Array = np.unique(wrap_tau(np.concatenate([_COARSE, *(angle + fine for angle in about)])))
-    return angles
+    about = [*_COARSE[peaks], *(round(one / math.tau * STEPS) for one in centres if math.isfinite(one))]
+    chosen = np.zeros(STEPS, dtype=bool)
+    chosen[_COARSE] = True
+    for place in about:
+        chosen[(place + _ABOUT) % STEPS] = True
+    return np.asarray(np.flatnonzero(chosen) * (math.tau / STEPS))
+
+
+def places(angles: Array) -> Indices:
+    """Steps of the circle, 0 to `STEPS`, at which angles of `coarse` or `refined` lie."""
+    return np.rint(angles * (STEPS / math.tau)).astype(np.intp)
 
 
 def widths(angles: Array) -> Array:

@@ -26,8 +26,16 @@ _STEP = math.radians(1.75), 0.75
 # A wrong gyro azimuth has errors of any size (wrapped Cauchy; Mardia and Jupp, Directional Statistics, section 3.5.7):
 # half of them are larger than this, rad.
 _WRONG = math.radians(10.0)
-# Angles of a density that is smeared by `TURNED`, rad.
-_FEW = np.arange(72) * math.tau / 72.0
+# Most that a gyro azimuth adds to a log density, which is that of 1 sigma of 1e-3 rad.
+_SHARP = 6.0
+# Points whose log density is farther below the highest have no share that a number could hold (1e-16).
+_NOTHING = 37.0
+# Variance that leaves an observation out, in its own units squared.
+OUT = 1e8
+# A density that is smeared by `TURNED` needs so few angles; of each of them the smear at every step of the circle.
+_FEW = 72
+_SMEAR = np.exp(-0.5 * (wrap_pi(np.arange(circle.STEPS) * math.tau / circle.STEPS) / TURNED) ** 2)
+_SMEAR /= TURNED * math.sqrt(math.tau)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,8 +81,7 @@ def _probabilities(log: Array, width: Array, share: Array, by_angle: Array, by_k
             for h in range(log.shape[2]):
                 for j in range(log.shape[3]):
                     below = log[n, k, h, j] - top
-                    # The exponential of what is farther below takes long, and is nothing.
-                    if below > -300.0:
+                    if below > -_NOTHING:
                         value = math.exp(below) * width[n]
                         share[n, k, h, j] = value
                         by_angle[n, j] += value
@@ -118,15 +125,20 @@ def fill_evidence(
     """
     prior, states = weights
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
+    # The highest log density so far; that of a gyro azimuth is at most `_SHARP` higher than the field's.
+    best = -math.inf
+    log[:] = -math.inf
     for n in range(len(phi)):
         misfit[n] = 1e300
+        has_gyro = gyro[n] == gyro[n]
         for k in range(len(r)):
             if prior[k, 0] == -math.inf:
-                log[n, k] = -math.inf
                 continue
             _spread(phi[n], S[k], s)
             for a in range(4):
                 e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
+            # An external field only widens the innovation: without one its determinant is the least.
+            least = 0.0
             for h in range(len(extra) - 1):
                 a, b, c = s[0, 0] + extra[h], s[1, 1] + extra[h], s[2, 2] + extra[h]
                 d, f, g = s[0, 1], s[0, 2], s[1, 2]
@@ -138,10 +150,18 @@ def fill_evidence(
                 x[2] = (i02 * e[0] + i12 * e[1] + i22 * e[2]) / det
                 chi = x[0] * e[0] + x[1] * e[1] + x[2] * e[2]
                 misfit[n] = min(misfit[n], chi)
-                value = prior[k, h] - 0.5 * (chi + math.log(det))
-                log[n, k, h, 0] = log[n, k, h, 1] = -math.inf
+                value = prior[k, h] - 0.5 * chi
+                if h > 0 and value - least < best - _SHARP - _NOTHING:
+                    continue
+                half = 0.5 * math.log(det)
+                if h == 0:
+                    least = half
+                value -= half
+                if value < best - _SHARP - _NOTHING:
+                    continue
                 log[n, k, h, 2] = value + states[n, 2]
-                if gyro[n] == gyro[n]:
+                best = max(best, log[n, k, h, 2])
+                if has_gyro:
                     u, v, w = s[0, 3], s[1, 3], s[2, 3]
                     off = gyro[n] + e[3] - (u * x[0] + v * x[1] + w * x[2])
                     known = u * (i00 * u + i01 * v + i02 * w)
@@ -151,40 +171,75 @@ def fill_evidence(
                         wide = variance + j * extra[-1]
                         of_gyro = states[n, j] - 0.5 * (off * off / wide + math.log(wide * 6.283185307179586))
                         log[n, k, h, j] = value + of_gyro
+                        best = max(best, log[n, k, h, j])
 
 
 @compiled
-def moments(
-    phi: Array, gyro: Array, r: Array, S: Array, extra: Array, weight: Array, mean: Array, spread: Array
+def gains(
+    share: Array,
+    least: Array,
+    circle_of: tuple[Array, Array],
+    terms: tuple[Array, Array],
+    extra: Array,
+    weight: Array,
+    mean: Array,
+    spread: Array,
 ) -> None:
     """
-    Moments of the gains of a filter, M (basis x inverse innovation), over some points.
+    Fill the moments of the gains of every filter, M (basis x inverse innovation), over its probable points.
 
-    phi (p, 3), gyro (p,): basis and gyro residual of each point; r (3, 4), S (3, 3, 4, 4): as `fill_evidence`, of one
-    filter; extra (p, 2): variance that each point adds to the field, uT^2, and to the gyro, rad^2; weight (p,): sum 1.
-    Filled: mean (12,), that of basis x inverse innovation; spread (12, 12), its covariance less the mean inverse.
+    share (n, k, h, 3): as `Evidence.share`; least (k,): points with a smaller one are left out; circle_of: basis (n, 3)
+    and gyro residual (n,) of each angle; terms: r (k, 3, 4) and S (k, 3, 3, 4, 4), as of `fill_evidence`; extra
+    (h + 1,): variances of each external field, uT^2, and of a step of the gyro, rad^2. Filled, all zero before, apart
+    for points where the gyro's bias did not step (0) and where it did (1): weight (k, 2); mean (k, 2, 12), that of
+    basis x inverse innovation; spread (k, 2, 12, 12), its covariance less the mean inverse.
     """
+    phi, gyro = circle_of
+    r, S = terms
     s, i, e, x = np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4)
-    mean[:], spread[:] = 0.0, 0.0
-    for p in range(len(phi)):
-        _spread(phi[p], S, s)
-        _inverse(s, extra[p, 0], extra[p, 1], i)
-        for a in range(4):
-            e[a] = phi[p, 0] * r[0, a] + phi[p, 1] * r[1, a] + phi[p, 2] * r[2, a]
-        e[3] += gyro[p]
-        for a in range(4):
-            x[a] = i[a, 0] * e[0] + i[a, 1] * e[1] + i[a, 2] * e[2] + i[a, 3] * e[3]
-        for m in range(3):
-            for a in range(4):
-                mean[4 * m + a] += weight[p] * phi[p, m] * x[a]
-            for q in range(3):
-                both = weight[p] * phi[p, m] * phi[p, q]
-                for a in range(4):
-                    for b in range(4):
-                        spread[4 * m + a, 4 * q + b] += both * (x[a] * x[b] - i[a, b])
-    for a in range(12):
-        for b in range(12):
-            spread[a, b] -= mean[a] * mean[b]
+    first, second, whole = np.zeros((2, 4)), np.zeros((2, 4, 4)), np.zeros(2)
+    for n in range(len(phi)):
+        for k in range(len(r)):
+            whole[:], first[:], second[:], laid_out = 0.0, 0.0, 0.0, False
+            for h in range(len(extra) - 1):
+                for j in range(3):
+                    value = share[n, k, h, j]
+                    if value <= least[k]:
+                        continue
+                    if not laid_out:
+                        laid_out = True
+                        _spread(phi[n], S[k], s)
+                        for a in range(4):
+                            e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
+                        e[3] += gyro[n]
+                    _inverse(s, extra[h], extra[-1] if j == 1 else (OUT if j == 2 else 0.0), i)
+                    c = 1 if j == 1 else 0
+                    whole[c] += value
+                    for a in range(4):
+                        x[a] = i[a, 0] * e[0] + i[a, 1] * e[1] + i[a, 2] * e[2] + i[a, 3] * e[3]
+                        first[c, a] += value * x[a]
+                    for a in range(4):
+                        for b in range(4):
+                            second[c, a, b] += value * (x[a] * x[b] - i[a, b])
+            for c in range(2):
+                if whole[c] > 0.0:
+                    weight[k, c] += whole[c]
+                    for m in range(3):
+                        for a in range(4):
+                            mean[k, c, 4 * m + a] += phi[n, m] * first[c, a]
+                        for q in range(3):
+                            both = phi[n, m] * phi[n, q]
+                            for a in range(4):
+                                for b in range(4):
+                                    spread[k, c, 4 * m + a, 4 * q + b] += both * second[c, a, b]
+    for k in range(len(r)):
+        for c in range(2):
+            if weight[k, c] > 0.0:
+                mean[k, c] /= weight[k, c]
+                spread[k, c] /= weight[k, c]
+                for a in range(12):
+                    for b in range(12):
+                        spread[k, c, a, b] -= mean[k, c, a] * mean[k, c, b]
 
 
 @compiled
@@ -236,15 +291,15 @@ def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tup
     log (n, k): of the field as it is; gyro (n,): its residual; states (n, 3): log weights of the gyro's state; own:
     what each filter takes off that, and its variance, shape (k,), and the variance of a step.
     """
-    # What is smeared so wide needs few angles.
-    apart = wrap_pi(_FEW[:, None] - angles)
-    smear = np.exp(-0.5 * (apart / TURNED) ** 2) * circle.widths(angles) / (TURNED * math.sqrt(math.tau))
+    place, apart = circle.places(angles), circle.STEPS // _FEW
+    smear = _SMEAR[(apart * np.arange(_FEW)[:, None] - place) % circle.STEPS] * circle.widths(angles)
     top = log.max(axis=0)
     top = np.where(np.isfinite(top), top, 0.0)
     # Numbers below the normal ones make the product many times slower.
     few = np.log(smear @ np.exp(np.maximum(log - top, -300.0)) + 1e-300) + top
-    every = [np.interp(angles, _FEW, one, period=math.tau) for one in few.T]
-    found = np.stack(every, axis=1)[:, :, None] + states[:, None, :]
+    before, share = place // apart, (place % apart / apart)[:, None]
+    smeared = (1.0 - share) * few[before] + share * few[(before + 1) % _FEW]
+    found = smeared[:, :, None] + states[:, None, :]
     if math.isfinite(gyro[0]):
         off = gyro[:, None] + own[0]
         for j in range(2):

@@ -16,17 +16,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.evidence import (
+    OUT,
     Evidence,
     fill_evidence,
+    gains,
     gyro_residual,
     gyro_step,
-    moments,
     turned_field,
     wrong_gyro,
 )
@@ -36,12 +36,10 @@ from mwd_sensors.core.arrays import Array
 
 # No filter loses more than this share of its prior probability for ever.
 _FLOOR = 1e-3
-# Points with a smaller share of a filter's evidence do not move its states.
+# Points with a smaller share than this of a filter's largest, and second filters of the first, move no states.
 _LEAST = 1e-4
 # A filter with a smaller probability on a coarse grid is left out of the fine one.
-_HOPELESS = 1e-9
-# Variance that leaves an observation out, in its own units squared.
-_OUT = 1e8
+_HOPELESS = 1e-6
 # Share of a field from outside at one station that is there at the next.
 _GOES_ON = 0.5
 # What is believed beforehand of the gyro and of fields from outside counts as so many stations.
@@ -114,15 +112,15 @@ class RunFilter:
 
         H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
         """
-        branched, log_weight, every = self._branched(self.state), [], []
-        for mean, P, log in zip(branched.mean, branched.covariance, branched.log_weight, strict=True):
-            gain = P @ H.T
-            S, e = H @ gain + covariance, value - H @ mean
-            x = np.linalg.solve(S, e)
-            log_weight.append(log - 0.5 * (float(e @ x) + float(np.linalg.slogdet(S)[1])))
-            every.append((mean + gain @ x, P - gain @ np.linalg.solve(S, gain.T)))
-        weight = np.exp(np.array(log_weight) - max(log_weight))
-        self._join(weight / weight.sum(), every)
+        branched = self._branched(self.state)
+        gain = branched.covariance @ H.T
+        S, e = H @ gain + covariance, value - branched.mean @ H.T
+        x = np.linalg.solve(S, e[..., None])
+        log_weight = branched.log_weight - 0.5 * ((e * x[..., 0]).sum(axis=1) + np.linalg.slogdet(S)[1])
+        weight = np.exp(log_weight - log_weight.max())
+        mean = branched.mean + (gain @ x)[..., 0]
+        left = branched.covariance - gain @ np.linalg.solve(S, np.swapaxes(gain, 1, 2))
+        self._join((weight / weight.sum())[:, None], mean[:, None], left[:, None])
 
     def evidence(self, one: Row, state: State | None = None) -> Evidence:
         """Evidence of a station, a record of `field_model.GEOMETRY`, given what the run has shown (or a state)."""
@@ -145,16 +143,27 @@ class RunFilter:
         of_branch = evidence.by_kind.sum(axis=1)
         # Of a filter and its second one, a hopeless one needs no update.
         both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
-        circle_of = field_model.basis(evidence.angles), gyro_residual(one, evidence.angles)
-        if not math.isfinite(one["gyro"]):
-            circle_of[1][:] = 0.0
-        every = [
-            self._updated((mean, P), evidence.share[:, k], one, circle_of, (r[k], S[k], M[k]))
-            if of_branch[k] > _LEAST * both[k]
-            else (mean, P)
-            for k, (mean, P) in enumerate(zip(branched.mean, branched.covariance, strict=True))
-        ]
-        self._join(of_branch, every)
+        top = evidence.share.max(axis=(0, 2, 3))
+        least = np.where(of_branch > _LEAST * both, _LEAST * top, math.inf)
+        gyro = gyro_residual(one, evidence.angles) if math.isfinite(one["gyro"]) else np.zeros(len(evidence.angles))
+        k, step = len(of_branch), gyro_step(one)
+        # A field that is turned says nothing of what is shared.
+        extra = np.array([*EXTERNAL_UT**2, OUT, step**2])
+        weight, moved, spread = np.zeros((k, 2)), np.zeros((k, 2, 12)), np.zeros((k, 2, 12, 12))
+        circle_of = field_model.basis(evidence.angles), gyro
+        gains(evidence.share, least, circle_of, (r, np.ascontiguousarray(S)), extra, weight, moved, spread)
+        M = np.transpose(M, (0, 2, 1, 3)).reshape(k, SIZE, 12)
+        mean, covariance = np.repeat(branched.mean[:, None], 2, 1), np.repeat(branched.covariance[:, None], 2, 1)
+        M = np.repeat(M[:, None], 2, 1)
+        # Where the gyro's bias stepped, the states are updated from a wider prior of it.
+        covariance[:, 1, -1, -1] += (step / one["gyro_lasting"]) ** 2 if one["gyro_lasting"] > 0.0 else 0.0
+        M[:, 1, -1, 3] += step**2 / one["gyro_lasting"] if one["gyro_lasting"] > 0.0 else 0.0
+        mean += (M @ moved[..., None])[..., 0]
+        covariance += M @ spread @ np.swapaxes(M, 2, 3)
+        covariance = 0.5 * (covariance + np.swapaxes(covariance, 2, 3))
+        updated = weight.sum(axis=1, keepdims=True)
+        split = np.where(updated > 0.0, weight / np.maximum(updated, 1e-300), [1.0, 0.0])
+        self._join(of_branch[:, None] * split, mean, covariance)
         if math.isfinite(one["gyro"]):
             # What is not decided is no experience with the gyro.
             state.of_gyro = state.of_gyro + (evidence.by_angle.sum(axis=0) > _DECIDED)
@@ -172,8 +181,7 @@ class RunFilter:
             return state
         weight, strings, prior = np.exp(state.log_weight), self.filters.of_string, self.filters.weight
         mean, covariance, anew = state.mean.copy(), state.covariance.copy(), weight.copy()
-        known = zip(weight[strings], mean[strings], covariance[strings], strict=True)
-        mean[strings], covariance[strings] = _merged(list(known))
+        mean[strings], covariance[strings] = _merged(weight[strings], mean[strings], covariance[strings])
         anew[strings] = weight[strings].sum() * prior[strings] / prior[strings].sum()
         at = range(_BIAS.start, _BIAS.stop)
         mean[:, _BIAS] = covariance[:, _BIAS, :] = covariance[:, :, _BIAS] = 0.0
@@ -186,14 +194,22 @@ class RunFilter:
             log_weight=np.log(np.maximum(weights, 1e-300)),
         )
 
-    def _join(self, weight: Array, every: Sequence[tuple[Array, Array]]) -> None:
-        """Take over the filters, each with its second one, of these weights, means and covariances."""
+    def _join(self, weight: Array, mean: Array, covariance: Array) -> None:
+        """
+        Take over the filters, each with its second one.
+
+        weight, mean, covariance: of the parts of each, shapes (k, p), (k, p, 22) and (k, p, 22, 22).
+        """
         state, count = self.state, len(self.filters.weight)
-        for k in range(count):
-            both = range(k, len(every), count)
-            state.mean[k], state.covariance[k] = _merged([(weight[j], *every[j]) for j in both])
+
+        def by_filter(values: Array) -> Array:
+            whole = np.swapaxes(values.reshape(-1, count, *values.shape[1:]), 0, 1)
+            return whole.reshape(count, -1, *values.shape[2:])
+
+        weight = by_filter(weight)
+        state.mean, state.covariance = _merged(weight, by_filter(mean), by_filter(covariance))
         # No filter loses its prior for ever.
-        joined = np.maximum(weight.reshape(-1, count).sum(axis=0), _FLOOR * self.filters.weight)
+        joined = np.maximum(weight.sum(axis=1), _FLOOR * self.filters.weight)
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
     def gyro_shares(self, state: State) -> Array:
@@ -279,50 +295,15 @@ class RunFilter:
             log[:, at, -1] = turned_field(angles, field, gyro, states, own)
         return log, float(misfit.min())
 
-    def _updated(
-        self,
-        before: tuple[Array, Array],
-        points: Array,
-        one: Row,
-        circle_of: tuple[Array, Array],
-        terms: tuple[Array, Array, Array],
-    ) -> tuple[Array, Array]:
-        """
-        Mean and covariance of a filter over all points (n, h, 3): where the gyro's bias stepped, of a wider prior.
 
-        before: mean and covariance; circle_of: basis and gyro residual of each angle; terms: `_terms` of one filter.
-        """
-        (mean, P), (phi, gyro), (r, S, M) = before, circle_of, terms
-        n, h, j = np.nonzero(points > _LEAST * points.max())
-        if not len(n):
-            return before
-        share, step = points[n, h, j], gyro_step(one)
-        # A field that is turned says nothing of what is shared.
-        extra = np.stack([np.append(EXTERNAL_UT**2, _OUT)[h], np.array([0.0, step**2, _OUT])[j]], axis=1)
-        M = np.transpose(M, (1, 0, 2)).reshape(SIZE, 12)
-        parts = []
-        for at in (np.flatnonzero(j != 1), np.flatnonzero(j == 1)):
-            weight = float(share[at].sum())
-            if not len(at):
-                continue
-            if j[at[0]] == 1:
-                P, M = P.copy(), M.copy()
-                P[-1, -1] += (step / one["gyro_lasting"]) ** 2
-                M[-1, 3] += step**2 / one["gyro_lasting"]
-            moved, spread = np.empty(12), np.empty((12, 12))
-            moments(phi[n[at]], gyro[n[at]], r, S, extra[at], share[at] / weight, moved, spread)
-            C = P + M @ spread @ M.T
-            parts.append((weight, mean + M @ moved, 0.5 * (C + C.T)))
-        return _merged(parts)
-
-
-def _merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[Array, Array]:
-    """Mean and covariance of Gaussians of these weights, means and covariances."""
-    weight = np.array([part[0] for part in parts])
-    weight = weight / weight.sum() if weight.sum() > 0.0 else np.full(len(parts), 1.0 / len(parts))
-    mean = sum(w * m for w, (_, m, _) in zip(weight, parts, strict=True))
-    off = [m - mean for _, m, _ in parts]
-    return mean, sum(w * (C + np.outer(d, d)) for w, d, (_, _, C) in zip(weight, off, parts, strict=True))
+def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """Mean and covariance of mixtures; of their parts: shapes (..., p), (..., p, n) and (..., p, n, n)."""
+    whole = weight.sum(axis=-1, keepdims=True)
+    share = np.where(whole > 0.0, weight / np.maximum(whole, 1e-300), 1.0 / weight.shape[-1])
+    merged = (share[..., None] * mean).sum(axis=-2)
+    off = mean - merged[..., None, :]
+    scattered = np.swapaxes(share[..., None] * off, -1, -2) @ off
+    return merged, (share[..., None, None] * covariance).sum(axis=-3) + scattered
 
 
 def _learnt(prior: Array, seen: Array) -> Array:

@@ -7,6 +7,7 @@ import datetime
 import itertools
 from pathlib import Path
 
+from mwd_sensors.core.foreign_text import unprintable
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.bags.recorder.status import RecorderError
 
@@ -43,7 +44,7 @@ def recording_path(folder: Path, name: str, prefix: str) -> Path:
     RecorderError
         `name` contains a slash or another character that is not allowed.
     """
-    if name and (name != Path(name).name or name.startswith(".") or not name.isprintable()):
+    if name and (name != Path(name).name or name.startswith(".") or unprintable(name)):
         raise RecorderError(f"{name!r} is not a plain name for a recording", "give a name without slashes")
     base = name or f"{prefix}_{datetime.datetime.now(datetime.UTC):%Y%m%dT%H%M%SZ}"
     paths = (folder / base if k == 1 else folder / f"{base}_{k}" for k in itertools.count(1))

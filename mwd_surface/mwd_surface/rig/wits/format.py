@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from mwd_sensors.core import budgets
+from mwd_sensors.core.foreign_text import unprintable
 
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
 MAX_FRAME_BYTES = budgets.WITS.size
@@ -193,7 +194,7 @@ class Decoder:
         if match is None or len(line) > _LONGEST_VALUE or match[1] == b"00" or match[2] == b"00":
             return None
         text = match[3].decode("latin-1").strip(" \t")
-        if any(ord(c) < 32 or ord(c) == 127 for c in text):
+        if unprintable(text):
             return None
         code = int(match[1]) * 100 + int(match[2])
         if not text:

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Roll of the bounded filter by the magnetic field: it follows a rotation that the x gyro cannot show.
+
+Across the tool axis, the field and gravity are a constant angle apart, whatever the tool turns. While the roll is known
+from gyro and forces, that angle is learnt, and the magnetometer does not touch the attitude. When the x gyro clips,
+when samples are missing, or after a start, the field shows the roll by the learnt angle (equation (13) of the method's
+page). A sample of the magnetometer is used a fixed time after its stamp, and is compared with the roll of its own time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.core import ring, track
+from mwd_estimation.gravity.bounded import measurement, mechanisation
+from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.state import ERRORS, MISSING, SLOPE, STEADY, TILT, Field, Record
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import wrap_angle
+
+ANGLE_WALK = 1e-5  # rad^2/s, random walk of the angle: the hole turns by 0.6 deg in 10 s where it is drilled fast
+TILT_TIME = 3.0  # s, correlation time of the error of the roll from which the angle is learnt
+STRENGTH_TIME = 10.0  # s, averaging time of the strength across the axis
+STAMP_ERROR = 1e-3  # s, error of the stamps between gyro and magnetometer that stays unknown (`magnetic_delay`)
+UNCERTAIN = 4.0  # ratio of the variance of the roll to that of the field's roll, from which the field is used
+YOUNG = 3.0  # s since a start, while its first direction may have a wrong roll
+SURPRISE = 25.0  # squared innovation over its variance that shows a lost roll (5 sigma)
+FRESH_NS = 500_000_000  # age of the last magnetic sample up to which the field is at hand
+_NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
+
+
+class MagneticSamples(NamedTuple):
+    """Magnetic samples in tool axes that wait for the filter, in order of their stamps."""
+
+    stamp_ns: Stamps  #: shape (m,)
+    b_t: Array  #: field, T, shape (m, 3)
+    lag_ns: int  #: a sample is used at the first sample of the conventional unit this much later than its stamp
+
+    @classmethod
+    def none(cls, lag_ns: int = 0) -> MagneticSamples:
+        """Return no samples."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns)
+
+    def leave_out(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
+        """Replace the samples that would be used at one of these samples, ns, that is `out`, by NaN, in place."""
+        if not out.any():
+            return
+        turn = np.searchsorted(np.maximum.accumulate(stamps), np.maximum.accumulate(self.stamp_ns) + self.lag_ns)
+        left = turn < len(stamps)
+        left[left] = out[turn[left]]
+        self.b_t[left] = math.nan
+
+
+@compiled
+def follow_turn(s: Record, stamp_ns: int) -> None:
+    """Keep the rotation about the axis at an accepted sample."""
+    row = s.field.turns.rows[ring.next_place(s.field.turns)]
+    row.stamp_ns, row.turn = stamp_ns, s.turn
+
+
+@compiled
+def begin_anew(f: Field, stamp_ns: int) -> None:
+    """Use only magnetic samples from here on: the rotation before is not known by the gyro."""
+    f.since_ns = stamp_ns
+    f.turns.head = f.turns.length = 0
+
+
+@compiled
+def at_hand(f: Field, stamp_ns: int) -> bool:
+    """Return whether the field can show the roll now."""
+    return bool(f.variance > 0.0 and stamp_ns - f.last_ns < FRESH_NS)
+
+
+@compiled
+def follow(p: Params, s: Record, stamp_ns: int) -> bool:
+    """
+    Compare the roll with the newest magnetic sample, right after an update; return whether the roll was corrected.
+
+    Learns the angle between gravity and field across the axis, or corrects the roll with it.
+    """
+    f = s.field
+    strength = math.sqrt(f.b_t[1] ** 2 + f.b_t[2] ** 2)
+    across2 = s.C[0, 0] ** 2 + s.C[1, 0] ** 2
+    back = f.turns.length
+    if f.stamp_ns <= f.last_ns or f.stamp_ns < f.since_ns or back < 2 or across2 < _NEAR_VERTICAL_SINE2:
+        return False
+    if f.turns.rows[ring.place(f.turns, back)].stamp_ns > f.stamp_ns or not strength > 10.0 * p.mag_error:
+        return False
+    dt, f.last_ns = min(1e-9 * (f.stamp_ns - f.last_ns), STRENGTH_TIME), f.stamp_ns
+    f.variance += ANGLE_WALK * dt if f.variance > 0.0 else 0.0
+    earlier, later, share = ring.around(f.turns, f.stamp_ns)
+    turned = s.turn - (1.0 - share) * f.turns.rows[earlier].turn - share * f.turns.rows[later].turn
+    shown = math.atan2(f.b_t[1], f.b_t[2]) + turned
+    off = wrap_angle(shown + f.angle - math.atan2(s.C[2, 1], s.C[2, 2]))
+    noise = (p.mag_error / strength) ** 2 + (STAMP_ERROR * s.last_w[0]) ** 2
+    if f.variance > 0.0:
+        # A disturbance of the field turns it by as much as it changes its strength.
+        noise += (strength / f.strength - 1.0) ** 2
+    roll2, total = s.sigma_toolface**2, f.variance + noise
+    # A roll that was not lost, and is uncertain nevertheless, has another cause: a faulty gyro must not be hidden.
+    lost = s.clipping.seen or s.settled < YOUNG
+    if s.clipping.sign != 0.0 or (lost and roll2 > UNCERTAIN * total):
+        if f.variance == 0.0:
+            return False
+        # The variance of the field's roll is not inflated like the noises of the filter.
+        s.innovations.across.power = max(s.innovations.across.power, 1.0)
+        _correct_roll(s, off, total, min(1e-9 * (stamp_ns - f.stamp_ns), s.clipping.time))
+        return True
+    if f.variance == 0.0:
+        f.angle, f.variance, f.strength = f.angle - off, roll2 + noise, strength
+        return False
+    if roll2 < total:
+        s.clipping.seen = False
+    # The roll and the field do not agree: the angle has changed.
+    f.variance += off * off if off * off > SURPRISE * (roll2 + total) else 0.0
+    gain = f.variance / (f.variance + roll2 * max(2.0 * TILT_TIME / max(dt, 1e-3), 1.0) + noise)
+    f.angle -= gain * off
+    f.variance -= gain * f.variance
+    f.strength += dt / STRENGTH_TIME * (strength - f.strength)
+    return False
+
+
+@compiled
+def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> None:
+    """
+    Rotate the tool about its axis by what the field shows, equation (13).
+
+    off : difference of the roll, rad; variance : that of the field's roll, rad^2; clipped : time between the magnetic
+    sample and now during which the x gyro clipped, s.
+    """
+    P, C, e, PH = s.P, s.C, s.correction, s.work
+    across2 = C[0, 0] ** 2 + C[1, 0] ** 2
+    nx, ny = C[0, 0] / across2, C[1, 0] / across2
+    size = STEADY if s.clipping.sign == 0.0 else ERRORS
+    # The rate missed since the sample has turned the tool further.
+    late, later = (clipped, 0.5 * clipped * clipped) if size == ERRORS else (0.0, 0.0)
+    for j in range(size):
+        PH[j] = nx * P[TILT, j] + ny * P[TILT + 1, j]
+        if size == ERRORS:
+            PH[j] += later * P[SLOPE, j] - late * P[MISSING, j]
+    S = variance + nx * PH[TILT] + ny * PH[TILT + 1]
+    if size == ERRORS:
+        S += later * PH[SLOPE] - late * PH[MISSING]
+    if off * off > SURPRISE * S:
+        for a in range(2):
+            PH[TILT + a] += off * off * C[a, 0]
+            for b in range(2):
+                P[TILT + a, TILT + b] += off * off * C[a, 0] * C[b, 0]
+        S += off * off
+    for j in range(size):
+        e[j] = PH[j] / S * off
+        for m in range(size):
+            P[j, m] -= PH[j] * PH[m] / S
+    measurement.symmetrise(P, size)
+    roll = nx * e[TILT] + ny * e[TILT + 1]
+    e[TILT] -= roll * C[0, 0]
+    e[TILT + 1] -= roll * C[1, 0]
+    heading = roll * C[2, 0]
+    measurement.correct(s, size)
+    mechanisation.rotate(s, roll, 0.0, 0.0)
+    cosine, sine = math.cos(heading), math.sin(heading)
+    for v in (s.vel, s.pos):
+        v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]
+    # All samples share the error of the angle, so that the roll is not known better than by one of them.
+    missing = variance - (nx * nx * P[TILT, TILT] + 2.0 * nx * ny * P[TILT, TILT + 1] + ny * ny * P[TILT + 1, TILT + 1])
+    if missing > 0.0:
+        for a in range(2):
+            for b in range(2):
+                P[TILT + a, TILT + b] += missing * C[a, 0] * C[b, 0]
