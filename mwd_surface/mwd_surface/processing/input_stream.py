@@ -358,7 +358,8 @@ def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
     """
     log_ns, samples = block[name]
     seconds = 1e-9 * (log_ns - block[imu][0][0])
-    return 1e-9 * (log_ns - samples["stamp_ns"]) - _gain(block, imu) * seconds
+    offsets: Array = 1e-9 * (log_ns - samples["stamp_ns"]) - _gain(block, imu) * seconds
+    return offsets
 
 
 def _gain(block: Block, imu: str) -> float:
