@@ -20,7 +20,7 @@ TABLE = ROOT / "docs" / "tour.md"
 HEADINGS = ("Five minutes", "Your own data")
 ENDED_BY_HAND = ("mwd view",)
 # What the reader puts in place of a word.
-OWN = {"YOUR_BAG": "out/first/well_1/bags/*"}
+OWN = {"YOUR_BAG": "out/first"}
 HEAD = """# The tour, timed
 
 Each command of the README as it stands there (`YOUR_BAG` is the recording of the first), run in
