@@ -131,7 +131,8 @@ def survey_columns() -> str:
     ]
     for signal, listed in SURVEY_TABLE:
         unit = signal.listed_scale.symbol if signal.type == "Double" else {"Int64": "number"}.get(signal.type, "text")
-        lines.append(f"| `{listed.key}` | {'' if unit == '1' else unit} | {signal.meaning} |")
+        meaning = signal.meaning.replace("the last accepted survey", "the survey")
+        lines.append(f"| `{listed.key}` | {'' if unit == '1' else unit} | {meaning} |")
     lines += ["\n`mwd survey` adds, of the rows of its table:\n", *head]
     lines += [f"| `{name}` | text | {meaning} |" for name, meaning in OF_TABLES.items()]
     return "\n".join(lines) + "\n"

@@ -190,7 +190,7 @@ class Line:
     @property
     def samples(self) -> int | None:
         """Number of averaged samples; None if nothing was averaged."""
-        return self.survey.samples if self.survey.has_readings else None
+        return self.survey.samples or None
 
     @property
     def judged(self) -> str:
