@@ -88,6 +88,21 @@ def test_help_needs_no_heavy_package():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+@pytest.mark.fault_case(37)
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--declination", "-2.2"], "grid north: -1.25 deg is added to the magnetic ones (declination -2.20 deg, conv"),
+        (["--declination", "2.2"], "grid north: +3.15 deg is added to the magnetic ones (declination +2.20 deg, conv"),
+        (["--convergence", "0"], "true north: "),
+    ],
+)
+def test_the_whole_correction_of_a_table_is_printed_with_its_parts(words, said):
+    done = mwd("survey", VOLVE, *words, *(["--convergence", "-0.95"] if words[0] == "--declination" else []))
+    assert done.returncode == 0, done.stderr
+    assert said in done.stdout
+
+
 NEEDED = [re.split("[<>=]", name)[0] for name in importlib.metadata.requires("mwd_surface") if "extra" not in name]
 NEEDED += [name for name in importlib.metadata.requires("mwd_sensors") if "extra" not in name]
 IMPORTED_AS = {"PyYAML": "yaml", "fpdf2": "fpdf", "pyserial": "serial"}

@@ -29,6 +29,9 @@ _FEW = 20
 # m/s^2: a shock looks different in another bandwidth and another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
+# Distance of the two units from each other across the tool, m. A turning string pulls them apart by this times the square
+# of its rate, which is no sign of other axes. The housing of a probe is some 5 cm wide.
+_ARM = 0.03
 # Cross-axis leakage, as a share of the unit's largest motion (gyro, accelerometer).
 _LEAK = (0.004, 0.02)
 # Misfit of two axes: 0 for equal, 1 for unrelated, 2 for reversed. Below the first limit they are the same axis, above
@@ -52,6 +55,7 @@ class Sums:
     at_most: float
     total: float
     square: float
+    turn4: float
     product: Annotated[Array, 2, 3]
     other: Annotated[Array, 2, 3]
     other2: Annotated[Array, 2, 3]
@@ -79,6 +83,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
                 most = max(most, abs(values[i, row]))
         for i in range(len(values)):
             v, beside = values[i, row], own[i, row]
+            turn = max(abs(values[i, 0]), abs(own[i, 0]))
             at_most = abs(v) >= 0.999 * most
             # A gyro at the end of its range while the string turns faster is not stuck.
             if not (row < 3 and at_most and abs(beside) > 1.02 * abs(v) > 0.5):
@@ -92,6 +97,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
             one.at_most += 1.0 if at_most else 0.0
             one.total += v
             one.square += v * v
+            one.turn4 += turn**4 if row > 3 and math.isfinite(turn) else 0.0
             for unit in range(2):
                 # A gyro axis cannot have read values beyond its own range.
                 limit = 1.01 * most / (_UNITS[0] if unit == 1 else 1.0) if row < 3 else math.inf
@@ -119,7 +125,6 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
         share = (stamps[i] - beside_ns[at]) / max(step, 1)
         for c in range(6):
             found[i, c] = (1.0 - share) * beside[at, c] + share * beside[at + 1, c]
-            known = known and math.isfinite(found[i, c])
         if not known:
             found[i] = math.nan
     return found
@@ -157,6 +162,8 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
                     smallest, best = misfit, 6 * unit + 2 * c + reversed_
     if itself < _SAME:
         return 2 * k
+    if s == 1 and one.square + one.other2[0, k] - 2.0 * one.product[0, k] < _ARM * _ARM * one.turn4:
+        return _SILENT_AXIS
     if smallest < _SAME:
         return best
     return _NO_AXIS if itself > _OTHERWISE else _UNCLEAR
@@ -230,6 +237,7 @@ def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
             one.at_most += part.at_most
             one.total += part.total
             one.square += part.square
+            one.turn4 += part.turn4
             for unit in range(2):
                 for c in range(3):
                     one.product[unit, c] += part.product[unit, c]

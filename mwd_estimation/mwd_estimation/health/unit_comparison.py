@@ -204,7 +204,7 @@ def _judge(
     for i in range(len(beside_ns)):
         if began <= beside_ns[i] < began + BIN_NS:
             own_in_bin += 1
-            finite += int(np.isfinite(own[i]).all())
+            finite += int(np.isfinite(own[i, :3]).all())
     sound = 2 * finite > own_in_bin
     if not sound:
         unit.sums[:-1] = np.zeros((WINDOW - 1, 6), dtype=SUMS)

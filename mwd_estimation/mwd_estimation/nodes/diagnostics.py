@@ -131,4 +131,4 @@ def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested
 
 def attitude_diagnostic(status: int) -> Diagnostic:
     """Status bits of the last attitude in words."""
-    return Diagnostic("attitude", OK, words(status & ~int(Status.NO_REFERENCE)) or "moving")
+    return Diagnostic("attitude", OK, words(status & ~int(Status.NO_REFERENCE)) or "no sample so far")

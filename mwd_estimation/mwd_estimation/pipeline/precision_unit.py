@@ -14,6 +14,7 @@ from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, SensorFault
 from mwd_estimation.core.time_bins import Bin
+from mwd_estimation.core.track import AT_RANGE
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_estimation.settings import derivation
@@ -39,6 +40,7 @@ class PrecisionUnit:
         self._settle_ns = settings.survey.settle_s * 1e9
         self._health = PrecisionHealth(derivation.precision_gyro_bias(settings))
         self._params = derivation.gyrocompass_params(settings)
+        self._gyro_range = derivation.health_params(settings).gyro_range
         self.station = GyroStation(self._params, None, None)
         self._stamps = np.zeros(0, dtype=np.int64)
         self._values = np.zeros((0, 6))
@@ -81,7 +83,14 @@ class PrecisionUnit:
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
         """Accept samples of the conventional unit of the same time for comparison, except those of a suspect sensor."""
         unsure = suspect & (GYRO | ACCEL) != 0
-        self._health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
+        if unsure.any():
+            values = np.where(unsure[:, None], np.nan, values)
+        # How far the units are pulled apart is unknown while the string turns faster than its gyro reads.
+        fast = np.abs(values[:, 0]) >= AT_RANGE * self._gyro_range
+        if fast.any():
+            values = values.copy()
+            values[fast, 3:] = np.nan
+        self._health.beside(stamps, values)
 
     def close(self, imu: Bin, still_bins: int) -> PrecisionBin:
         """

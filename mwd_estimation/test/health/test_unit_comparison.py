@@ -128,6 +128,31 @@ def test_a_fault_is_named_within_ten_seconds(schedule, component, word, axis, ki
     assert health.refusal
 
 
+@pytest.mark.slow(4)
+@pytest.mark.fault_case(21)
+@pytest.mark.parametrize("rpm", [200.0, 250.0])
+def test_two_units_apart_in_a_string_that_turns_fast_have_no_wrong_axes(rpm):
+    """Stick-slip to some 600 r/min pulls the units apart by more than gravity, beyond the range of the x gyro too."""
+    schedule = [{"kind": "still", "seconds": 5.0}, {"kind": "drill", "seconds": 30.0, "rpm": rpm, "rop_m_h": 0.0}]
+    apart = {
+        "schedule": schedule,
+        "faults": [],
+        "vibration": {"stick_slip": {"frequency_hz": 0.15, "depth": 230.0 / rpm - 0.05, "sticky": True}},
+        "ahrs": {"grade": "mti3_calibrated", "lever_mm": [20.0, 8.0, -6.0]},
+        "precision": {"grade": "tactical_north", "lever_mm": [120.0, 0.0, 5.0]},
+    }
+    sonde = Sonde(scenario.read(SCENARIO, apart))
+    pipeline, found = Pipeline(EstimatorSettings()), []
+    fastest = 0.0
+    for block in sonde.blocks(5.0):
+        pipeline.push_mag(block["imu/mag"])
+        pipeline.push_precision(block["gyro/data_raw"])
+        found += pipeline.push_imu(block["imu/data_raw"]).health
+        fastest = max(fastest, float(np.abs(block["truth"]["angular_velocity"][:, 0]).max()))
+    assert fastest > 50.0
+    assert not [one.code for one in found if one.code != FaultCode.SATURATED and one.code != FaultCode.CLIPPED]
+
+
 @pytest.mark.parametrize("component", ["gyro", "precision_gyro"])
 def test_y_and_z_of_two_gyros_that_differ_are_held_against_both(component):
     changes, _, health = judged(spoilt("drilling", component, "flipped", "y"))

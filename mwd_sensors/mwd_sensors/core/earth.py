@@ -143,7 +143,10 @@ def field_at_year(lat: float, lon: float, height: float, year: float, model: str
         raise ValueError(f"height {height:g} m is outside the field models, -20000 to 850000 m")
     first, last = _YEARS[model]
     if not first <= year <= last:
-        raise ValueError(f"date {year:.2f} is outside {model}, which is valid from {first:.1f} to {last:.1f}")
+        raise ValueError(
+            f"date {year:.2f} is outside {model}, which is valid from {first:.1f} to {last:.1f}: set a day within these"
+            " years, or give the field itself"
+        )
     return _wmm(lat, lon, height, year) if model == "wmm2025" else _igrf(lat, lon, height, year)
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Middleware problems of a node's topics: incompatible quality of service, and more than one publisher.
+Middleware problems of a node: incompatible quality of service, more than one publisher, a second node of its name.
 
 The middleware reports each problem only once, and an incompatible pair silently exchanges nothing. Here the problems
 stay in the diagnostics, with names and a remedy, until the cause is gone.
@@ -40,6 +40,7 @@ class MiddlewareEvents:
         self._node, self._clock = node, clock
         self._incompatible: dict[tuple[str, bool], QoSProfile] = {}
         self._several: dict[str, float] = {}
+        self._twice_since: float | None = None
 
     def of_subscription(self, topic: str, qos: QoSProfile) -> SubscriptionEventCallbacks:
         """Return the event callbacks of a subscription."""
@@ -65,8 +66,8 @@ class MiddlewareEvents:
         return PublisherEventCallbacks(incompatible_qos=incompatible)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return an error for each topic with an incompatible partner and for each with more than one publisher."""
-        found = []
+        """Return an error for each topic with an incompatible partner or several publishers, and for a second node."""
+        found = self._second_node()
         for (topic, receives), qos in list(self._incompatible.items()):
             others = self._unfit(topic, receives, qos)
             if others:
@@ -76,6 +77,21 @@ class MiddlewareEvents:
             else:
                 del self._incompatible[topic, receives]
         return found + [self._named(topic) for topic in self._several if self._lasting(topic)]
+
+    def _second_node(self) -> list[Diagnostic]:
+        """Return an error if another node has the name of this one: both answer the same requests."""
+        own = f"{self._node.get_namespace().rstrip('/')}/{self._node.get_name()}"
+        every = self._node.get_node_names_and_namespaces()
+        count = sum(f"{space.rstrip('/')}/{name}" == own for name, space in every)
+        if count < 2:
+            self._twice_since = None
+            return []
+        if self._twice_since is None:
+            self._twice_since = self._clock()
+        if self._clock() - self._twice_since < _SAME_NAME_S:
+            return []
+        message = f"{count} nodes have the name {own}: each of them answers requests to it"
+        return [Diagnostic("middleware node", ERROR, message, "stop all but one, or give each well its own namespace")]
 
     def _unfit(self, topic: str, receives: bool, qos: QoSProfile) -> list[str]:
         name = self._node.resolve_topic_name(topic)

@@ -14,6 +14,8 @@ from mwd_sensors.ros.qos import LATCHED, STREAM
 class Node:
     """A node that sees these publishers."""
 
+    names = ()
+
     def __init__(self, names):
         self.names = names
 
@@ -22,6 +24,15 @@ class Node:
 
     def get_publishers_info_by_topic(self, _topic):
         return [SimpleNamespace(node_namespace="/w1", node_name=name) for name in self.names]
+
+    def get_name(self):
+        return "estimator"
+
+    def get_namespace(self):
+        return "/w1"
+
+    def get_node_names_and_namespaces(self):
+        return [("estimator", "/w1"), ("estimator", "/w2"), *((name, "/w1") for name in self.names)]
 
 
 def watching(names):
@@ -42,6 +53,19 @@ def test_two_nodes_of_one_name_are_named_once_a_killed_one_would_have_left_the_g
     (found,) = events.diagnostics()
     assert found.message == "imu/data_raw has 2 publishers: /w1/sonde, /w1/sonde"
     assert "stop all but one" in found.remedy
+
+
+@pytest.mark.fault_case(56)
+def test_a_second_node_of_ones_own_name_is_named_and_forgotten_when_it_has_gone():
+    node, events, _, now = watching(["estimator"])
+    assert events.diagnostics() == []
+    now[0] += 30.0
+    (found,) = events.diagnostics()
+    assert found.message == "2 nodes have the name /w1/estimator: each of them answers requests to it"
+    node.names = []
+    assert events.diagnostics() == []
+    node.names = ["estimator"]
+    assert events.diagnostics() == []
 
 
 def test_a_node_that_was_killed_and_started_again_is_no_alarm():
@@ -66,7 +90,7 @@ def as_the_graph_gives_it(qos, **limits):
     return QoSProfile(depth=1, reliability=qos.reliability, durability=qos.durability, **durations)
 
 
-class Listeners:
+class Listeners(Node):
     """A node that sees these subscriptions of its topic."""
 
     def __init__(self, **profiles):

@@ -62,7 +62,13 @@ def survey(
     """
     from mwd_estimation.settings.derivation import station_params
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import repeated, revision_sentences, run_sentences, show_surveys
+    from mwd_surface.commands.survey_table import (
+        correction_sentences,
+        repeated,
+        revision_sentences,
+        run_sentences,
+        show_surveys,
+    )
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
     from mwd_surface.list_files.six_axis_columns import find_columns
     from mwd_surface.list_files.six_axis_table import single_stations, table_rows
@@ -83,6 +89,8 @@ def survey(
         terminal.warn(remark)
     records = [row.record for row in worked]
     show_surveys(console, records)
+    for sentence in correction_sentences([row.reference for row in read]):
+        console.print(sentence, markup=False)
     for sentence in [] if single else [*run_sentences(worked), *revision_sentences(records)]:
         console.print(sentence, markup=False)
     if all(math.isnan(row.azimuth) for row in read):

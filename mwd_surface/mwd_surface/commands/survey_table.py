@@ -12,12 +12,14 @@ from rich.table import Table
 from rich.text import Text
 
 from mwd_estimation.core.north import North
+from mwd_estimation.core.reference_field import best_north, north_correction
 from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.surveys.station_checks import NO_DEPTH
 from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
 
 if TYPE_CHECKING:
+    from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_surface.surveys.survey_record import SurveyRecord
     from mwd_surface.surveys.table_run import TableSurvey
@@ -102,6 +104,23 @@ def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
     if outliers:
         lines.append(f"{numbered(outliers):>4} outlier: its field differs from that of the other stations of the run")
     return lines
+
+
+def correction_sentences(references: Sequence[Reference | None]) -> list[str]:
+    """Return a sentence with the correction from magnetic north for each north of the rows, with both its parts."""
+    found: dict[str, None] = {}
+    for reference in references:
+        north = best_north(reference)
+        correction = north_correction(reference, north)
+        if reference is None or reference.declination is None or correction is None:
+            continue
+        parts = f"declination {math.degrees(reference.declination):+.2f} deg"
+        if north == "grid" and reference.convergence is not None:
+            parts += f", convergence {math.degrees(reference.convergence):+.2f} deg, both east positive"
+        total = f"{math.degrees(correction):+.2f} deg"
+        found[f"azimuths are from {north} north: {total} is added to the magnetic ones ({parts})"] = None
+    sentences = list(found)
+    return sentences[:3] + ([f"and {len(sentences) - 3} other corrections"] if len(sentences) > 3 else [])
 
 
 def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:

@@ -43,15 +43,24 @@ class BackgroundWorker:
             future.add_done_callback(self._writing.discard)
 
     def run_callbacks(self) -> None:
-        """Call the callbacks of finished jobs; called by the node's timer."""
+        """
+        Call the callbacks of finished jobs; called by the node's timer.
+
+        If one of them raises, the others are called the next time: each ends a wait that nothing else would end.
+        """
         finished: list[_Job] = []
         running: list[_Job] = []
         for entry in self._jobs:
             # Call `done` only once per job, so that a job that finishes in between is not lost.
             (finished if entry[0].done() else running).append(entry)
         self._jobs = running
-        for job, callback in finished:
-            callback(job)
+        while finished:
+            job, callback = finished.pop(0)
+            try:
+                callback(job)
+            except Exception:
+                self._jobs = [*finished, *self._jobs]
+                raise
 
     def close(self) -> None:
         """Start no further jobs, and wait for jobs that write a file; results of other jobs are dropped."""
@@ -100,4 +109,5 @@ class RequestQueue:
 
 
 def _copy_result(answer: concurrent.futures.Future[Answer], finished: concurrent.futures.Future[Answer]) -> None:
-    answer.set_result(finished.result())
+    error = finished.exception()
+    answer.set_result(finished.result() if error is None else (False, f"failed inside the node: {error!r}"))

@@ -142,7 +142,7 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
             reference_of(older.place, stamp_ns)
         except ValueError:
             raise error from None
-        return older, f"{error}: the field is taken from the IGRF"
+        return older, f"the field is taken from the IGRF: {error}"
     return estimator, ""
 
 

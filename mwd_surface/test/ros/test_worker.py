@@ -3,6 +3,7 @@
 
 import concurrent.futures
 import threading
+import time
 
 from mwd_surface.ros.worker import BackgroundWorker, RequestQueue
 
@@ -79,6 +80,35 @@ def test_slow_work_tells_of_itself_only_when_the_node_asks():
         worker.run_callbacks()
     assert given == [True]
     worker.close()
+
+
+def test_a_callback_that_fails_leaves_no_other_job_waiting_for_ever():
+    worker, ended = BackgroundWorker(), []
+
+    def fails(job):
+        ended.append(1)
+        job.result()
+
+    worker.submit(lambda: 1 / 0, fails)
+    for k in (2, 3):
+        worker.submit(lambda k=k: k, lambda job: ended.append(job.result()))
+    failures = 0
+    end = time.monotonic() + 30.0
+    while len(ended) < 3 and time.monotonic() < end:
+        try:
+            worker.run_callbacks()
+        except ZeroDivisionError:
+            failures += 1
+    worker.close()
+    assert (failures, ended) == (1, [1, 2, 3])
+
+
+def test_a_request_whose_answer_fails_later_is_answered():
+    later = concurrent.futures.Future()
+    later.set_exception(KeyError("depth"))
+    ok, message = asked(RequestQueue(lambda _name, _arguments: later), "export")
+    assert not ok
+    assert "KeyError" in message
 
 
 def test_a_file_under_way_is_written_before_the_worker_closes(tmp_path):
