@@ -120,3 +120,24 @@ def test_the_box_of_reasons_shows_whole_lines_only(browser, size):
         assert all(inside or away for inside, away in zip(whole, outside, strict=True))
         # On a phone the page scrolls, not the box.
         assert hidden == 0 or size[0] >= 1024
+
+
+LONG = (
+    "external magnetic field (65 % probable: casing, fish or another well near), or a collar that is magnetised "
+    "(21 %): move the sensor away, or use a gyro"
+)
+
+
+@pytest.mark.parametrize("size", ALL_SIZES)
+def test_the_instruction_of_a_doubtful_survey_is_read_to_its_end(browser, size):
+    with rig_on(browser, size) as rig:
+        doubtful = {"verdict": 1, "verdict_azimuth": 1, "headline": LONG, "reasons": ("total field is 380 nT over",)}
+        rig.list = rig.list.add(survey(5, **doubtful), 1500.0, 1.0)
+        rig.publish()
+        wait(browser, lambda: text(browser, ".taking") == LONG)
+        cut = """
+          const words = document.querySelector(".taking"), room = document.querySelector("#progress");
+          const bottom = words.getBoundingClientRect().bottom - room.getBoundingClientRect().bottom;
+          return [words.scrollWidth - words.clientWidth, words.scrollHeight - words.clientHeight, bottom];
+        """
+        assert max(browser.execute_script(cut)) <= 1

@@ -13,7 +13,7 @@ const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": "Survey in progress" }), result: el("p", { class: "result" }) };
 
 // State of the survey under way, its time, and the result of the last one; the box keeps its height.
-export function showProgress({ survey_progress: progress, rig, links }, now, silent) {
+export function showProgress({ survey_progress: progress, quality, rig, links }, now, silent) {
   const { head, state, bar, result } = progressParts;
   const place = byId("progress");
   if (!progress) return;
@@ -26,14 +26,20 @@ export function showProgress({ survey_progress: progress, rig, links }, now, sil
   // Without new samples no survey can be running, whatever the last report said.
   const held = progress.active && Boolean(links) && stateOfStream(links.estimator, now, silent) !== "live";
   mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
+  // Between surveys, the instruction of one that was not accepted takes the whole room, so that it is never cut off;
+  // unless an attempt after it has a result to be read.
+  const newest = !progress.result || progress.result.startsWith(`survey ${quality?.sequence}:`);
+  const instructs = !silent && !progress.active && newest && quality?.known && quality.verdict !== "accept";
+  const instruction = instructs ? quality.headline : "";
+  mark(place, "data-instructs", instruction ? "yes" : "no");
   setText(head, silent ? "NO SURVEY REPORT" : held ? "SURVEY HELD UP" : waiting
     ? `SURVEY WAITS · at most ${whole(left, Math.ceil)}`
-    : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : "No survey under way");
+    : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : instruction || "No survey under way");
   const doing = waiting ? `${progress.waits_for}; averaging for ${whole(elapsed, Math.floor)} so far` : progress.state === "none under way" ? "" : progress.state;
-  setText(state, held ? "no samples arrive" : [doing, progress.active ? pumps : ""].filter(Boolean).join(" · "));
+  setText(state, instruction ? "" : held ? "no samples arrive" : [doing, progress.active ? pumps : ""].filter(Boolean).join(" · "));
   const share = !progress.active || elapsed === null || left === null || elapsed + left <= 0 ? 0 : elapsed / (elapsed + left);
   mark(bar, "value", share.toFixed(3));
-  setText(result, progress.result ? `Last: ${progress.result}` : "");
+  setText(result, progress.result && !instruction ? `Last: ${progress.result}` : "");
 }
 
 const whole = (seconds, round) => (seconds === null ? "time unknown" : `${round(seconds)} s`);
