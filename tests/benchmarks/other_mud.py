@@ -228,6 +228,8 @@ def frame(
     for item, code in zip(items, codes, strict=True):
         words.append((item.name, code, at))
         at += tool.pulses(0, item.length).length * tu
-    counted = {pump: np.sort(one[random.uniform(size=len(one)) >= missed] + 0.0) for pump, one in enumerate(exact, 1)}
+    counted = {
+        pump: np.sort(one[random.uniform(size=len(one)) >= missed] + 0.0) for pump, one in enumerate(exact, 1)
+    }
     strokes = {pump: np.sort(one + random.normal(0.0, jitter_s, len(one))) for pump, one in counted.items()}
     return Frame(time, np.round(total / step) * step, strokes, dict(enumerate(exact, 1)), words)
