@@ -64,9 +64,13 @@ def test_a_browser_whose_clock_is_hours_off_shows_the_right_age(browser):
 
 
 @pytest.mark.fault_case(95)
-def test_where_no_websocket_gets_through_the_page_polls(browser):
+@pytest.mark.parametrize(
+    "constructor",
+    ["setTimeout(() => this.onclose?.(), 10);", "throw new Error('forbidden');", "/* a proxy that never answers */"],
+)
+def test_where_no_websocket_gets_through_the_page_polls(browser, constructor):
     with rig_on(browser) as rig:
-        source = "window.WebSocket = class { constructor() { setTimeout(() => this.onclose?.(), 10); } close() {} };"
+        source = f"window.WebSocket = class {{ constructor() {{ {constructor} }} close() {{}} }};"
         script = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})
         try:
             show(browser, rig)

@@ -24,7 +24,6 @@ from mwd_estimation.gravity.bounded.state import State
 from mwd_estimation.gravity.methods import Method
 from mwd_sensors.core.arrays import Array, Stamps
 
-
 _NOT_TURNING = np.uint32(Status.STILL | Status.SLIDING)
 
 
@@ -93,10 +92,10 @@ class GravityWithFallback:
         if unusable & GYRO:
             if before != unusable:
                 self._remaining_state = accelerometer_only.initial(self._remaining)
-            track = accelerometer_only.run(self._remaining, self._remaining_state, stamps, np.zeros_like(gyro), accel)
+            found = accelerometer_only.run(self._remaining, self._remaining_state, stamps, np.zeros_like(gyro), accel)
             # Without gyros nothing says of a single sample whether the tool turns.
-            track.status[:] &= ~_NOT_TURNING
-            return track
+            found.status[:] &= ~_NOT_TURNING
+            return found
         if before:
             self._state = self._method.initial(self._params)
         if followed is not None:

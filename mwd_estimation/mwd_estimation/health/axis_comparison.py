@@ -29,8 +29,8 @@ _FEW = 20
 # m/s^2: a shock looks different in another bandwidth and another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
-# Distance of the two units from each other across the tool, m. A turning string pulls them apart by this times the square
-# of its rate, which is no sign of other axes. The housing of a probe is some 5 cm wide.
+# Distance of the two units from each other across the tool, m. In a turning string their forces differ by this times
+# the square of its rate, which is not a sign of other axes. The housing of a probe is some 5 cm wide.
 _ARM = 0.03
 # Cross-axis leakage, as a share of the unit's largest motion (gyro, accelerometer).
 _LEAK = (0.004, 0.02)

@@ -23,9 +23,9 @@ _BIN_S = BIN_NS * 1e-9
 # Mean and standard deviation of the angular rate, rad/s, and standard deviation of the specific force, m/s^2, above
 # which the tool moves, times `SurveySettings.motion`; and change of that force between bins, m/s^2.
 MAX_RATE, MAX_FORCE_NOISE, MAX_FORCE_STEP = 0.03, 0.25, 0.1
-# Change of the mean field between bins, and its standard deviation in a bin, T, above which a tool without a gyro turns,
-# times `SurveySettings.motion`. The change is what MAX_RATE makes of 20 uT across the axis, and must exceed so many sigma
-# of the noise of the two means. The deviation is above the noise of any magnetometer.
+# Change of the mean field between bins, and its standard deviation in a bin, T, above which a tool without a gyro
+# turns, times `SurveySettings.motion`. The change is what MAX_RATE makes of 20 uT across the axis, and must exceed so
+# many sigma of the noise of the two means. The deviation is above the noise of any magnetometer.
 MAX_FIELD_STEP, MAX_FIELD_NOISE, _FIELD_SIGMAS = MAX_RATE * _BIN_S * 20e-6, 2e-6, 4.0
 
 

@@ -57,9 +57,18 @@ export class Connection {
     clearTimeout(this.retry);
     let fresh = true;
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/live`);
-    this.socket = socket;
     this.openedAt = seconds();
+    let socket;
+    try {
+      socket = new WebSocket(`${scheme}://${location.host}/live`);
+    } catch {
+      // A rule of the browser or an extension forbids WebSocket altogether.
+      this.socket = null;
+      this.failures = Math.max(this.failures, 1);
+      this.failed();
+      return;
+    }
+    this.socket = socket;
     socket.onmessage = (event) => {
       this.failures = 0;
       this.stopPolling();
@@ -75,6 +84,8 @@ export class Connection {
   }
 
   openAgain() {
+    // A socket that says nothing for so long may be held by a proxy: poll at once.
+    this.failures = Math.max(this.failures, 1);
     this.failed();
     this.open();
   }
