@@ -3,7 +3,7 @@
 A second mud channel for benchmarks of the pulse receiver, which shares no code with the simulator's own.
 
 It differs on purpose. The line is a chain of scattering junctions (two sizes of drill pipe, heavy-weight pipe, collars)
-with losses that grow as the root of the frequency and in proportion to it, instead of Womersley's impedances. The
+with losses that grow as the root of the frequency, instead of Womersley's impedances. The
 surface end is a reflector with the resonance of a dampener and a lossy manifold. The valve closes and opens at
 different speeds, and its pulses differ in size and time. Pumps are sums of harmonics with sizes of their own, whose
 phase and size wander, plus a knock of a valve at each stroke. Drilling noise is a coloured, heavy-tailed process whose
@@ -58,8 +58,8 @@ def _transfer(mud: OtherMud, frequency: Array) -> NDArray[np.complex128]:
     f = np.maximum(frequency, 0.25 * frequency[1])
     area = np.array([0.0092, 0.0078, 0.0046, 0.0040])  # upper and lower pipe, heavy-weight pipe, collars, m^2
     length = np.array([0.6, 0.4, 0.0, 0.0]) * (mud.depth_m - 350.0) + np.array([0.0, 0.0, 200.0, 150.0])
-    # Neper per metre; the tool joints scatter a little more at higher frequencies.
-    loss = np.sqrt(f) * 2.0e-4 * np.sqrt(0.009 / area[:, None]) + 1.2e-4 + 3.0e-5 * f
+    # Neper per metre; the loss that grows as the root delays as much as it attenuates, so that no wave is early.
+    loss = (1.0 + 1.0j) * np.sqrt(f) * 2.3e-4 * np.sqrt(0.009 / area[:, None]) + 1.2e-4
     wave = np.exp(-(loss + 2j * math.pi * f / mud.speed) * length[:, None])
     # Reflector at the surface: dampener (closed below its resonance, open above) with a lossy manifold.
     ratio = f / mud.dampener_hz
@@ -228,8 +228,6 @@ def frame(
     for item, code in zip(items, codes, strict=True):
         words.append((item.name, code, at))
         at += tool.pulses(0, item.length).length * tu
-    counted = {
-        pump: np.sort(one[random.uniform(size=len(one)) >= missed] + 0.0) for pump, one in enumerate(exact, 1)
-    }
+    counted = {pump: np.sort(one[random.uniform(size=len(one)) >= missed] + 0.0) for pump, one in enumerate(exact, 1)}
     strokes = {pump: np.sort(one + random.normal(0.0, jitter_s, len(one))) for pump, one in counted.items()}
     return Frame(time, np.round(total / step) * step, strokes, dict(enumerate(exact, 1)), words)

@@ -39,7 +39,8 @@ _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
 class Sync:
     """Pulse pattern that marks the start of a transmission."""
 
-    edges_tu: tuple[int, ...] = setting((0, 5, 15, 20, 30), "Leading edges relative to its start.", unit="TU", low=0)
+    # No two distances of these pulses are within 1 TU of each other, so a shifted copy shares one pulse with the sync.
+    edges_tu: tuple[int, ...] = setting((0, 5, 14, 21, 32), "Leading edges relative to its start.", unit="TU", low=0)
     length_tu: int = setting(40, "Time from its start to the first packet.", unit="TU", low=1)
 
     def __post_init__(self) -> None:
@@ -363,7 +364,7 @@ def starting(code: str) -> ToolConfiguration:
     SettingsError
         The code does not exist.
     """
-    plain = from_mapping({"code": code, "missing_code": True})
+    plain = from_mapping({"code": code})
     if code in PULSE_CODES:
         return plain
     # The check of the whole block or frame makes parity bits unnecessary.

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tool configurations: read, written, refused; times on air against those of a public configuration."""
 
+import itertools
+
 import pytest
 import yaml
 
@@ -31,7 +33,7 @@ def test_what_is_written_is_read_back(tmp_path):
 def test_a_pass_begins_with_sync_and_header_where_it_should():
     tool = from_mapping({**PUBLIC, "header_bits": 2})
     sent = encode(tool, tool.toolfaces[0], (63,), number=0)
-    assert sent.edges[:5] == (0, 5, 15, 20, 30)
+    assert sent.edges[:5] == (0, 5, 14, 21, 32)
     assert sent.edges[5] == 40 + 3
     assert sent.length == 40 + 8 + 28
     # 63 has six ones, so the even parity bit is 0: 111, 11, 10.
@@ -71,3 +73,10 @@ def test_a_broken_file_is_named(tmp_path):
     (tmp_path / "tool.yaml").write_text("code: [")
     with pytest.raises(ValueError, match=r"tool\.yaml: not YAML"):
         read(tmp_path / "tool.yaml")
+
+
+def test_the_usual_sync_does_not_resemble_its_own_copy():
+    """Distances that differ by 2 TU or more, the width of a pulse, let one pulse of five meet its copy at any shift."""
+    edges = ToolConfiguration().sync.edges_tu
+    apart = sorted(b - a for k, a in enumerate(edges) for b in edges[k + 1 :])
+    assert all(b - a >= 2 for a, b in itertools.pairwise(apart))

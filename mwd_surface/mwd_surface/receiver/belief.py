@@ -2,8 +2,9 @@
 """
 Probability that a decoded word is right, and that the tool configuration is the one the tool uses.
 
-With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time, and no word may
-be believed. The probability of this case is estimated from how often the parities hold; the true words are not needed.
+With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time, pulses lie
+between the windows of the table, and no word may be believed. The probability of this case is estimated from how often
+the parities hold and the pulses fit; the true words are not needed.
 """
 
 from __future__ import annotations
@@ -15,12 +16,10 @@ from collections import deque
 
 # Prior probability that parities hold only by chance.
 _FAILING = 0.06
-# The same prior for a tool that sends words without parity.
-_UNSEEN = 0.002
 # Share of the prior with which the next transmission begins when the parities of the last one held. It is not smaller
 # because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
-_REMEMBERED = 32  # words with parity
+_REMEMBERED = 32  # words
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 # Bound on the likelihood of one word, so that one odd word in a hundred does not decide.
 _SLIP = 0.01
@@ -45,10 +44,13 @@ class Soft:
     holds : float or None
         Probability that the parity of the word holds, computed without using the parity; None for a word without
         parity.
+    fits : float
+        Log likelihood ratio of its pulses in the windows of the table against pulses that lie in them by chance.
     """
 
     candidates: tuple[Candidate, ...]
     holds: float | None
+    fits: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,20 +63,11 @@ class Judged:
 
 
 class Doubt:
-    """
-    Probability of a wrong tool configuration, estimated from the last parities.
+    """Probability of a wrong tool configuration, estimated from the last words: their parities and their pulses."""
 
-    Parameters
-    ----------
-    parity : bool
-        Whether the tool sends words with parity. Without parity a wrong table cannot be detected, so the table is
-        trusted.
-    """
-
-    def __init__(self, parity: bool = True) -> None:
+    def __init__(self) -> None:
         self._seen: deque[float] = deque(maxlen=_REMEMBERED)
-        self._first = _FAILING if parity else _UNSEEN
-        self._prior = self._first
+        self._prior = _FAILING
 
     def following(self) -> Doubt:
         """
@@ -83,23 +76,26 @@ class Doubt:
         Parities that held lower the prior of the next transmission. Parities that failed do not raise it, because one
         false sync says nothing about the next.
         """
-        proven = max(1.0 - self.failing / self._first, 0.0) * (1.0 - _ANEW)
+        proven = max(1.0 - self.failing / _FAILING, 0.0) * (1.0 - _ANEW)
         after = copy.copy(self)
         after._seen = deque(maxlen=_REMEMBERED)
-        after._prior = (1.0 - proven) * self._first
+        after._prior = (1.0 - proven) * _FAILING
         return after
 
     def learn(self, words: list[Soft]) -> None:
-        """Add the parities of more words."""
-        self._seen.extend(word.holds for word in words if word.holds is not None)
+        """Add the parities and the pulses of more words."""
+        self._seen.extend(
+            math.log((_SLIP + (1.0 - 2.0 * _SLIP) * (0.5 if word.holds is None else word.holds)) / 0.5)
+            + max(word.fits, math.log(_SLIP))
+            for word in words
+            if word.holds is not None or word.fits
+        )
 
     @property
     def failing(self) -> float:
         """Probability that the parities hold only by chance: wrong table, wrong pulse width, or no tool."""
-        odds = math.log(1.0 / self._prior - 1.0)
-        for holds in self._seen:
-            odds += math.log((_SLIP + (1.0 - 2.0 * _SLIP) * holds) / 0.5)
-        return 1.0 / (1.0 + math.exp(odds))
+        odds = math.log(1.0 / self._prior - 1.0) + sum(self._seen)
+        return 1.0 / (1.0 + math.exp(min(odds, 500.0)))
 
     def judge(self, word: Soft) -> Judged:
         """Return the most probable code of a word with its confidence, and up to three alternatives."""

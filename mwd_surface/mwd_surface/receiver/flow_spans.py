@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_surface.receiver.resampling import LARGEST
 
 OFF = 0.25
 """Share of the usual pressure below which the pumps count as off; friction in a mud line falls faster than its flow."""
@@ -47,9 +48,9 @@ class FlowSpans:
         self._gaps: list[Span] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
-        """Add samples, shape (n,): rising times, s, and Pa; samples that are not finite are ignored."""
+        """Add samples, shape (n,): rising times, s, and Pa; samples beyond any gauge are ignored."""
         time, pressure = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
-        finite = np.isfinite(time) & np.isfinite(pressure)
+        finite = np.isfinite(time) & (np.abs(pressure) < LARGEST)
         time, pressure = time[finite], pressure[finite]
         cells = np.floor(time / self._block_s)
         for inside in np.split(np.arange(len(cells)), np.flatnonzero(np.diff(cells)) + 1):

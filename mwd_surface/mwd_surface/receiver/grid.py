@@ -12,6 +12,8 @@ from mwd_surface.receiver.strokes import Strokes
 STEPS_PER_TU = 8
 # Values after the last one wanted that the interpolation needs; without them a later call would give other results.
 REACH = 4
+# Equal values in a row from which a gauge counts as frozen: four pulse widths without any noise.
+_FROZEN = 8 * STEPS_PER_TU
 
 
 class Grid:
@@ -31,6 +33,7 @@ class Grid:
         self.strokes = Strokes()
         self._values = np.zeros(0)
         self._known = np.zeros(0)
+        self._same = 0
 
     @property
     def end(self) -> int:
@@ -38,11 +41,13 @@ class Grid:
         return self.first + len(self._values)
 
     def append(self, values: Array, known: Array) -> None:
-        """Append values; a gap is filled with the last known value."""
-        filled = values.copy()
+        """Append values; a gap is filled with the last known value. A gauge that stands for long is a gap, too."""
+        filled, known = values.copy(), known.copy()
         last = self._values[-1] if len(self._values) else (values[known > 0.0][0] if np.any(known > 0.0) else 0.0)
         for k in range(len(filled)):
             if known[k] > 0.0:
+                self._same = self._same + 1 if abs(filled[k] - last) <= 1e-12 * abs(last) else 0
+                known[k] = float(self._same < _FROZEN)
                 last = filled[k]
             else:
                 filled[k] = last

@@ -17,6 +17,7 @@ import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
+from mwd_surface.receiver.whitening import prediction_error_filter
 
 # Power over the spectral floor above which a line is subtracted. Weaker lines are left to the noise model, which
 # handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
@@ -28,6 +29,8 @@ _COHERENT = 4.0
 # Harmonics of counted strokes: their number, their upper limit as a share of the highest frequency, and the factor of
 # the averaging time relative to uncounted lines. It is longer because the counter follows the rate of the pump.
 _MOST_HARMONICS, _HIGHEST, _STROKES_HOLD = 12, 0.9, 3.0
+# Order and floor of the noise model by which the lines with and without strokes are compared.
+_ORDER, _FLOOR = 24, 1e-6
 _NEIGHBOURHOOD = 32  # bins over which the floor of the spectrum is estimated
 _BLOCK = 16  # samples that are averaged before smoothing
 # 1 sigma of the Gaussian average: 24 TU while pulses are still in the pressure, and 10 s, over which pumps hold their
@@ -158,9 +161,24 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angle
     ndarray, shape (n,)
         Pressure caused by the pumps, Pa.
     """
+    plain = _lines(noise, known, memory, np.zeros((0, len(noise))))
+    if angles is None or not len(angles):
+        return plain
+    # A counter with jitter, or a pump that beats, makes the subtraction worse than that of the lines found without it.
+    counted = _lines(noise, known, memory, angles)
+    taps, root = np.empty(_ORDER + 2), np.sqrt(known)
+    unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR, taps) for one in (plain, counted)]
+    # The harmonics follow some of the noise itself: so many coefficients explain this share of its variance.
+    fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
+    share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)
+    return counted if unexplained[1] ** 2 < share * unexplained[0] ** 2 else plain
+
+
+def _lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
+    """Return the sum of the harmonics of counted strokes and of the lines that are left."""
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
-    for angle in angles if angles is not None else ():
+    for angle in angles:
         _subtract_strokes(rest, known, angle, memory, out)
     cosine, sine = np.empty(len(noise)), np.empty(len(noise))
     for omega in line_frequencies(rest):

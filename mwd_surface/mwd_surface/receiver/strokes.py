@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
@@ -10,6 +12,9 @@ from mwd_sensors.core.arrays import Array
 # A pause of this many usual intervals means that the pump stands or its switch failed.
 _PAUSE = 2.5
 _LEAST = 8  # least strokes to determine a pump's rate
+# Error of a harmonic's angle above which the strokes are smoothed, rad; number of that harmonic; most strokes (1 sigma)
+# over which they are smoothed, because a pump changes its rate within some ten seconds.
+_ANGLE, _HARMONIC, _MOST_SMOOTHED = 0.3, 6.0, 6.0
 # Significance level at which a line is attributed to a pump.
 _BY_CHANCE = 0.05
 
@@ -94,7 +99,37 @@ class Strokes:
             usual = float(np.median(np.diff(inside)))
             # After its last stroke a pump is assumed to run on for one more interval.
             known = np.append(time, time[-1] + usual)
-            angle = 2.0 * np.pi * np.interp(time_s, known, np.arange(len(known)), left=np.nan, right=np.nan)
+            # A missed stroke leaves an interval of two turns.
+            turns = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(np.diff(known) / usual), 1.0))])
+            known = _without_jitter(known, turns)
+            angle = 2.0 * np.pi * np.interp(time_s, known, turns, left=np.nan, right=np.nan)
             at = np.clip(np.searchsorted(known, time_s, side="right"), 1, len(known) - 1)
             rows.append(np.where(known[at] - known[at - 1] < _PAUSE * usual, angle, np.nan))
         return np.array(rows).reshape(-1, len(time_s))
+
+
+def _without_jitter(time: Array, turns: Array) -> Array:
+    """
+    Return stroke times smoothed by a local line over as many strokes as their jitter requires; shape (n,).
+
+    The second difference of the times shows the jitter of the switch, and hardly the slow changes of the rate.
+    """
+    step = np.diff(turns)
+    late = np.diff(time) / step
+    even = (step[1:] == 1.0) & (step[:-1] == 1.0)
+    if np.count_nonzero(even) < _LEAST:
+        return time
+    jitter = 1.4826 * float(np.median(np.abs(np.diff(late)[even]))) / math.sqrt(6.0)
+    sigma = min((2.0 * math.pi * _HARMONIC * jitter / float(np.median(late)) / _ANGLE) ** 2, _MOST_SMOOTHED)
+    if sigma < 1.0:
+        return time
+    out = np.empty(len(time))
+    reach = math.ceil(2.5 * sigma)
+    for k in range(len(time)):
+        near = slice(max(k - reach, 0), k + reach + 1)
+        x, y = turns[near] - turns[k], time[near]
+        g = np.exp(-0.5 * (x / sigma) ** 2)
+        mean_x, mean_y = g @ x / g.sum(), g @ y / g.sum()
+        slope = g @ ((x - mean_x) * (y - mean_y)) / max(g @ (x - mean_x) ** 2, 1e-12)
+        out[k] = mean_y - slope * mean_x
+    return np.maximum.accumulate(out)

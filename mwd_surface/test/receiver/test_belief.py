@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What parities teach of confidence."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -56,10 +57,14 @@ def test_a_word_without_parity_teaches_nothing():
     assert doubt.failing == pytest.approx(Doubt().failing)
 
 
-def test_a_tool_without_any_parity_can_be_believed():
-    unsure, sure = Doubt().judge(soft(right=1.0)), Doubt(parity=False).judge(soft(right=1.0))
-    assert unsure.confidence < 0.95
-    assert sure.confidence > 0.99
+def test_a_tool_without_any_parity_is_believed_once_its_pulses_fit():
+    doubt, wrong = Doubt(), Doubt()
+    word = Soft(soft(right=1.0).candidates, None)
+    assert doubt.judge(word).confidence < 0.95
+    doubt.learn([dataclasses.replace(word, fits=0.5)] * 7)
+    wrong.learn([dataclasses.replace(word, fits=fits) for fits in (0.5, -3.0, 0.5, -2.0, 0.5, -3.0, 0.5)])
+    assert doubt.judge(word).confidence > 0.99
+    assert wrong.judge(word).confidence < 0.1
 
 
 def test_help_and_tutorial_name_the_probability_from_which_a_word_is_believed():

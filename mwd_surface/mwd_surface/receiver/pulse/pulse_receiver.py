@@ -16,25 +16,22 @@ from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
 from mwd_surface.receiver.pulse import segment, synchronisation
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
-from mwd_surface.receiver.pulse.transmission import Transmission
+from mwd_surface.receiver.pulse.tracker import Tracker
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import Reception
 
 # The search for syncs advances in hops; each also needs data before it for the noise model and after it for the pulses.
 _HOP_TU = 32
 _GUARD_TU = 8
+# Time around flow-on and transmit delay in which a sync is expected: the valve, the wave, and the tool's own switch.
+_BEFORE_S, _AFTER_S = 5.0, 15.0
 # Data before a hop for the noise model: at most the time between flow-on and sync. Its coefficients need many samples,
 # but data of starting pumps would spoil them.
 _NOISE_TU, _NOISE_S = 50, 40.0
 _SETTLED_S = 5.0
 _KEPT_TU = 500
-# A sync replaces a doubtful transmission at once if its score is larger by this factor.
-_SURER = 1.5
 # Samples per TU that the pulse code needs: 2 for each edge of a 2 TU pulse, and some margin for the filter.
 LEAST_PER_TU = 2.5
-
-# A sync and its position on the grid.
-Waiting = tuple[synchronisation.SyncFound, float]
 
 
 class PulseReceiver(SampledReceiver):
@@ -66,16 +63,11 @@ class PulseReceiver(SampledReceiver):
         self._tool = tool
         self._flow, self._finds_flow = flow or FlowSpans(), flow is None
         self._surveys = SurveyMemory(tool, self._flow.rested)
-        parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
-        self._doubt = Doubt(parity)
+        self._tracker = Tracker(tool, self._grid, self._flow, Doubt())
         quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
         self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
         self._hop = 0
-        self._frame = 0
         self._last = math.inf
-        self._active: Transmission | None = None
-        self._last_sync = -math.inf
-        self._waiting: Waiting | None = None
         self._lowest, self._highest = math.inf, -math.inf
         self._reason = ""
         self._syncs = 0
@@ -85,7 +77,7 @@ class PulseReceiver(SampledReceiver):
     def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
         """Return a receiver for the same tool with another configuration; it keeps the doubt learned from parities."""
         after = PulseReceiver(tool, flow)
-        after._doubt = self._doubt.following()
+        after._tracker.doubt = self._tracker.doubt.following()
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
@@ -102,8 +94,7 @@ class PulseReceiver(SampledReceiver):
         missing = np.zeros(STEPS_PER_TU * (2 * _HOP_TU + self._beyond))
         if self._grid.end:
             done.add(self._take(missing, missing))
-        if self._active is not None:
-            self._add(done, self._active.close())
+        self._add(done, self._tracker.finish())
         return done
 
     def why_nothing(self) -> str:
@@ -139,110 +130,70 @@ class PulseReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Run the search and decoding steps for which the pressure is there, in the order of the time they need."""
+        """Run the search and decoding steps for which the pressure is there, in the order of the pressure they need."""
         while True:
-            search_needs = STEPS_PER_TU * ((self._hop + 1) * _HOP_TU + self._beyond) + REACH
-            active = self._active
+            searched = STEPS_PER_TU * self._hop * _HOP_TU
+            beyond = STEPS_PER_TU * (_HOP_TU + self._beyond) + REACH
             # A pass waits until the search has passed its beginning, because the tool may have started anew there.
-            ready = active is not None and active.begins() <= STEPS_PER_TU * self._hop * _HOP_TU
-            if active is not None and ready and active.needs() <= self._grid.end and active.ends() <= self._last:
-                self._add(done, active.step(self._waiting is not None))
-                self._frame = active.frame
-                if active.lost:
-                    self._active = self._successor(active)
-                elif self._waiting is not None and active.confirmed and active.heard > self._waiting[1]:
-                    self._waiting = None
-            elif not ready and search_needs <= self._grid.end:
-                self._search(done)
+            needs, one = self._tracker.due(searched, beyond)
+            if one is None or searched + beyond <= needs:
+                if searched + beyond > self._grid.end:
+                    return
+                self._search()
                 self._hop += 1
-                self._grid.forget(
-                    STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU) if self._active is None else self._oldest()
-                )
+                self._grid.forget(int(min(self._tracker.oldest(), STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU))))
+            elif needs <= self._grid.end and one.ends() <= self._last:
+                self._add(done, self._tracker.step(one))
             else:
                 return
 
     def _add(self, done: Reception, more: Reception) -> None:
-        """Add the result of a step (at most one pass), after settling its words against earlier surveys."""
-        if more.frames and self._active is not None:
-            self.channel = self._active.channel
-        more.words = self._surveys.settle(more.words)
+        """Add the words of a step, after settling them against earlier surveys."""
+        if more.frames and self._tracker.leader is not None:
+            self.channel = self._tracker.leader.channel
+        for frame in more.frames:
+            words = [word for word in more.words if word.frame == frame.frame]
+            done.words += self._surveys.settle(words)
         self._reason = next((frame.reason for frame in reversed(more.frames) if frame.reason), self._reason)
-        done.add(more)
-
-    def _successor(self, lost: Transmission) -> Transmission | None:
-        """Return the transmission of a waiting sync that began while the lost one seemed to go on, if there is one."""
-        waiting, self._waiting = self._waiting, None
-        if waiting is None or (lost.confirmed and waiting[1] < lost.heard):
-            return None
-        return self._begun(*waiting)
-
-    def _begun(self, found: synchronisation.SyncFound, position: float) -> Transmission:
-        """Return the transmission that begins with a sync at a position of the grid."""
-        self._doubt = self._doubt.following()
-        return Transmission(self._tool, self._grid, found, position, self._frame, self._doubt)
+        done.frames += more.frames
+        done.provisional += more.provisional
 
     @property
     def _beyond(self) -> int:
         """Pressure after a hop that its syncs need, TU."""
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
-    def _oldest(self) -> int:
-        needed = self._active.keeps() if self._active is not None else self._grid.end
-        return int(min(needed, STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU)))
-
-    def _search(self, done: Reception) -> None:
+    def _search(self) -> None:
         pace = STEPS_PER_TU // SAMPLES_PER_TU
         begin_tu, end_tu = self._hop * _HOP_TU, (self._hop + 1) * _HOP_TU
         first_tu = max(begin_tu - self._noise_tu, -(-self._grid.first // STEPS_PER_TU), 0)
         count = SAMPLES_PER_TU * (end_tu + self._beyond - first_tu)
-        pressure, known = self._grid.samples(float(STEPS_PER_TU * first_tu), float(pace), count)
+        start = float(STEPS_PER_TU * first_tu)
+        pressure, known = self._grid.samples(start, float(pace), count)
+        angles = self._grid.angles(start, float(pace), count)
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
-        active = self._active
-        # Before a transmission has words, its noise model may have treated noise as pulses, so also search with a new
-        # noise model.
-        known_noise = () if active is None else (active.channel.stepwise,)
-        learnt = (None,) if active is None or not active.confirmed else ()
+        # Within a transmission, noise learnt anew would contain the pulses.
+        leader = self._tracker.leader
+        whitener = None if leader is None else leader.channel.stepwise
+        least = synchronisation.EXPECTED_THRESHOLD if self._expected(end_tu) else synchronisation.THRESHOLD
         spans = (low - guard, high + guard)
-        searches = (synchronisation.search(pressure, known, self._tool, *spans, w) for w in (*known_noise, *learnt))
-        found = max((one for one in searches if one is not None), key=lambda one: one.score, default=None)
-        if found is None:
-            return
-        # A start farther after the hop may be the flank of a sync beyond the range; the next hop finds that sync.
-        least, most = self._last_sync + STEPS_PER_TU * _GUARD_TU, STEPS_PER_TU * (end_tu + _GUARD_TU // 2)
-        start = float(STEPS_PER_TU * first_tu)
-        position = start + found.at * pace
-        if not least <= position < most:
-            return
-        other = None if found.other is None else (found.other, start + found.other.at * pace)
-        other = other if other is not None and least <= other[1] < most else None
-        self._last_sync = position
-        self._syncs += 1
-        self.last_sync_s = self._grid.seconds(position)
-        if active is not None and active.expects_sync(position):
-            active.offer_sync()
-        elif active is not None and active.replaced_by(position, found.score):
-            waiting = self._waiting
-            self._begin(found, position, other)
-            if waiting is not None and abs(waiting[1] - position) >= STEPS_PER_TU * _GUARD_TU:
-                self._wait(*waiting)
-        elif active is not None and (active.sound or found.score <= _SURER * active.score):
-            # Data can look like a sync by chance: keep it for the case that the transmission breaks off.
-            self._wait(found, position)
-        else:
-            if active is not None:
-                self._add(done, active.close())
-                self._frame = active.frame
-            self._begin(found, position, other)
+        found = synchronisation.search(pressure, known, self._tool, *spans, whitener, angles, least)
+        for one in (found, None if found is None else found.other):
+            # A start farther after the hop may be the flank of a sync beyond the range; the next hop finds it.
+            if one is None or start + one.at * pace >= STEPS_PER_TU * (end_tu + _GUARD_TU // 2):
+                continue
+            position = start + one.at * pace
+            if one.score >= synchronisation.THRESHOLD:
+                self._syncs += 1
+                self.last_sync_s = max(self.last_sync_s, self._grid.seconds(position))
+            self._tracker.offer(one, position)
 
-    def _begin(self, found: synchronisation.SyncFound, position: float, other: Waiting | None) -> None:
-        """Begin a transmission with a sync at a position of the grid; keep the next best sync waiting."""
-        self._active, self._waiting = self._begun(found, position), other
-
-    def _wait(self, found: synchronisation.SyncFound, position: float) -> None:
-        """Keep the best waiting sync until the transmission breaks off."""
-        if self._waiting is None or found.score > self._waiting[0].score:
-            self._waiting = (found, position)
+    def _expected(self, end_tu: int) -> bool:
+        """Return whether the tool is expected to send its sync in a hop, because of the flow-on before."""
+        end_s = self._grid.seconds(STEPS_PER_TU * end_tu)
+        late_s = end_s - self._flow.on_since(end_s) - self._tool.transmit_delay_s
+        return -_BEFORE_S <= late_s <= _AFTER_S + _HOP_TU * self._tool.tu_s
 
 
 def decode(

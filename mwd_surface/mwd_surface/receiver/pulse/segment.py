@@ -38,6 +38,11 @@ _KEPT = 0.5  # share of the previous sample that is subtracted before noise mode
 _ROUNDS, _ROUNDS_AGAIN = 4, 2
 _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
+# Probability that the pulse of a packet is missing, before any is seen, and that its window holds a second pulse.
+MISSING, _EXTRA = 0.003, 0.0005
+# Share of the windows of a wrong table that hold a pulse at one of their places: 8 TU of 12.
+_BY_CHANCE = 2.0 / 3.0
+_ENOUGH = 20.0  # pulses from which a response is estimated without that from before an interruption
 
 
 @dataclasses.dataclass
@@ -59,6 +64,8 @@ class Channel:
         Components of the response (`channel_estimate.basis`).
     memory : float
         1 sigma of the average over the pump lines, samples.
+    posterior : (ndarray, ndarray) or None
+        Coefficients of the components and their precision, from the pulses of the last stretch.
     """
 
     response: Array
@@ -67,6 +74,7 @@ class Channel:
     stepwise: Array
     components: Array
     memory: float
+    posterior: tuple[Array, Array] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,6 +103,11 @@ class Stretch:
     pace_error : float
         1 sigma of the relative error of the tool's clock: the timing error of a pulse is this times its distance from
         the pulses that gave the response.
+    carried : (ndarray, ndarray), optional
+        Coefficients of the response and their precision, from before an interruption that left too few pulses in this
+        stretch.
+    missing : float
+        Probability that the pulse of a packet is missing.
     """
 
     pressure: Array
@@ -107,6 +120,8 @@ class Stretch:
     probability: Array | None = None
     angles: Array | None = None
     pace_error: float = 0.0
+    carried: tuple[Array, Array] | None = None
+    missing: float = MISSING
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,6 +135,10 @@ class Decision:
         Metrics, weights and common energies, as in `trellis.forward_backward`.
     probability : ndarray, shape (k, values)
         Probability of each packet value, using the parity.
+    present : ndarray, shape (k, values)
+        Probability that the pulse of each value is present, if the packet has that value.
+    fits : ndarray, shape (k,)
+        Log likelihood ratio of each packet against a table whose windows hold pulses only by chance.
     channel : Channel
         Channel estimated from the other pulses, with the noise model of this stretch.
     ebn0_db : float
@@ -139,6 +158,8 @@ class Decision:
     level: Array
     common: Array
     probability: Array
+    present: Array
+    fits: Array
     channel: Channel
     ebn0_db: float
     timing: tuple[float, float, float]
@@ -171,6 +192,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     common = np.zeros(1)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     even, evidence = np.empty(count), 0.0
+    present, fits = np.ones((count, values)), np.zeros(count)
     pumps = (
         _pumps(stretch, state, probability)
         if again
@@ -179,8 +201,9 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     for turn in range(_ROUNDS_AGAIN if again else _ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
         _whitened_shapes(state, shapes)
-        train = _train(stretch, probability)
-        unsure = _estimate(stretch, state, shapes, whitened, (weight, train, _places(stretch, probability)))
+        pulses = probability * present
+        train = _train(stretch, pulses)
+        unsure = _estimate(stretch, state, shapes, whitened, (weight, train, _places(stretch, pulses)))
         g = _whitened(state.response, state.whitener)
         sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
@@ -190,14 +213,18 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         level = _levels(packets, energy, common[0])
         others = np.round((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU)
         near = (others > -len(common)) & (others < span + len(common))
-        shared = np.empty((count, values))
-        trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, probability, shared)
+        shared, beside, none = np.empty((count, values)), np.empty((count, values)), np.empty(0)
+        trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, pulses, False, shared)
         unary = sure[:, None] * (_unary(packets, out, energy) - shared)
         level = sure * level
+        if not packets[0, trellis.RISING]:
+            trellis.mean_interference(packets, none, none, common, level, pulses, True, beside)
+            unary, present, fits = _any_pulses(packets, unary - beside, common, level, stretch.missing)
+            unary += beside
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS_AGAIN - 1):
-            pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
+            pumps = _new_noise(stretch, _train(stretch, probability * present), state, weight)
     g = _whitened(state.response, state.whitener)
     ways = trellis.log_ways(packets)
     own = slice(max(stretch.start - BEFORE, 0), stretch.end)
@@ -205,8 +232,48 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
     expected = 0.5 * float(g @ g * level.sum()) - ways
-    timing = (0.0, 1.0, 0.0) if again and stretch.end else _timing(stretch, probability, state, weight, pumps)
-    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways, expected, disturbed)
+    again = again and stretch.end > 0
+    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
+    return Decision(
+        *(unary, level, common, probability, present, fits, state, float(ebn0), timing),
+        *(evidence - ways, expected, disturbed),
+    )
+
+
+def _any_pulses(
+    packets: Indices, unary: Array, common: Array, level: Array, missing: float
+) -> tuple[Array, Array, Array]:
+    """
+    Return the metrics of the values with pulses that may be missing or doubled; presence and fits as in `Decision`.
+
+    unary: metrics without the energy shared with any other packet. The windows of a combinatorial word overlap, so this
+    does not apply to that code.
+
+    A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
+    window. Both bound how sure a packet can be: a window without its pulse tells nothing of the value.
+    """
+    values = unary.shape[1]
+    real = np.arange(values)[None, :] < packets[:, trellis.COUNT, None]
+    count = packets[:, trellis.COUNT].astype(float)
+    at = trellis.places_of(packets)
+    gap = np.minimum(np.abs(at[:, :, None] - at[:, None, :]), len(common) - 1)
+    both = unary[:, None, :] - level[:, None, None] * common[gap]
+    both = np.where(real[:, None, :] & (gap > 1), both, -np.inf)
+    second = unary + _log_sum(both) + np.log(_EXTRA / count)[:, None]
+    alone = unary + math.log(1.0 - missing - _EXTRA)
+    pulse = np.logaddexp(alone, second)
+    total = np.logaddexp(pulse, math.log(missing))
+    hit = _log_sum(np.where(real, unary, -np.inf)) - np.log(count)
+    fits = np.logaddexp(hit + math.log(1.0 - missing), math.log(missing)) - np.logaddexp(
+        hit + math.log(_BY_CHANCE), math.log(1.0 - _BY_CHANCE)
+    )
+    return total, np.exp(pulse - total), fits
+
+
+def _log_sum(logs: Array) -> Array:
+    """Return the logarithm of the sum of exponentials along the last axis."""
+    top = np.maximum(logs.max(axis=-1), -1e300)
+    return np.asarray(top + np.log(np.sum(np.exp(logs - top[..., None]), axis=-1) + 1e-300))
 
 
 def _train(stretch: Stretch, probability: Array) -> Array:
@@ -282,9 +349,14 @@ def _estimate(
     pairs = np.empty(_LAGS)
     place_pairs(places, others, pairs)
     # The unknown places of pulses enlarge the covariance, so that such pulses do not sharpen the response.
+    if stretch.carried is not None:
+        lacking = max(1.0 - float(np.sum(train * (others > 0.0))) / _ENOUGH, 0.0)
+        matrix += lacking * stretch.carried[1]
+        right += lacking * stretch.carried[1] @ stretch.carried[0]
     _, _, covariance = coefficients(matrix, right, state.scale)
     u, state.scale, _ = coefficients(matrix + spread(pairs, shapes), right, state.scale)
     state.response = u @ state.components
+    state.posterior = u, matrix
     return uncertainty(u, covariance, shapes) + _unknown_noise(state.whitener, weight)
 
 

@@ -35,7 +35,9 @@ _TAIL = 20
 # Noise exceeds a score x with a probability below exp(-x) at each independent place, of which an hour has some ten
 # thousand. At 6 dB per bit a sync scores 20 on average and 9 in one case of fifty. A false sync costs a trial: the
 # packets after it decide whether it is a transmission.
-_THRESHOLD = 8.0
+THRESHOLD = 8.0
+# The same where the tool is expected to send a sync: a few hundred places after each flow-on.
+EXPECTED_THRESHOLD = 3.5
 # Soon after flow-on there is too little pressure before the sync to estimate the noise, and pulses in that data are
 # taken for noise. A candidate with at least the first score is subtracted and the noise is estimated again.
 _PROMISING, _ROUNDS = 2.0, 2
@@ -91,7 +93,14 @@ class SyncFound:
 
 
 def search(
-    pressure: Array, known: Array, tool: ToolConfiguration, begin: int, end: int, whitener: Array | None = None
+    pressure: Array,
+    known: Array,
+    tool: ToolConfiguration,
+    begin: int,
+    end: int,
+    whitener: Array | None = None,
+    angles: Array | None = None,
+    least: float = THRESHOLD,
 ) -> SyncFound | None:
     """
     Find the best sync that starts within a range of samples.
@@ -106,6 +115,10 @@ def search(
         Range of the first sample of the sync; the data before it give the noise model.
     whitener : ndarray, optional
         Prediction error filter of the noise, where a better one is known.
+    angles : ndarray, shape (pumps, n), optional
+        Crank angles of pumps with stroke counters, rad.
+    least : float
+        Least score of a sync.
 
     Returns
     -------
@@ -115,16 +128,17 @@ def search(
     early = whitener is None and begin < _LEAST_NOISE
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
-    pressure = pressure - pump_noise(pressure, known)
+    angles = None if angles is None else angles[:, moved:]
+    pressure = pressure - pump_noise(pressure, known, angles=angles)
     if whitener is None:
         quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
     if whitener is None:
         return None
-    first, *others = (*[_PROMISING] * _ROUNDS, _THRESHOLD) if early else (_THRESHOLD,)
+    first, *others = (*[_PROMISING] * _ROUNDS, least) if early else (least,)
     found = _found(pressure, known, tool, (begin, end), whitener, first)
-    for least in others:
-        found = None if found is None else _refined(pressure, known, tool, (begin, end), found, least)
+    for one in others:
+        found = None if found is None else _refined(pressure, known, tool, (begin, end), found, one)
     return None if found is None else found.later(moved)
 
 

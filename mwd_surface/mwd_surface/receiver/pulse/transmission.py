@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One transmission followed from its sync: its sequences, its words stretch by stretch, and the tool's clock."""
+"""
+One hypothesis of a transmission, followed from its sync: its sequences, its words stretch by stretch, and the clock.
+
+Where no pulses are found, sequence and clock go on with the channel from before, so that an interruption is bridged.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import copy
 import dataclasses
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +21,10 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.pulse import passes, segment, trellis
-from mwd_surface.receiver.pulse.alignment import Aligned, align
+from mwd_surface.receiver.pulse import passes, segment
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.pulse.passes import Part, Pass, parts_of, rows_from_sync, soft_words, stretch_of
-from mwd_surface.receiver.pulse.presence import FADED, Evidence, Presence
+from mwd_surface.receiver.pulse.presence import Evidence, Presence
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pulse.tool_clock import ToolClock
 from mwd_surface.receiver.pump_lines import STEADY_S
@@ -33,13 +37,16 @@ _AFTER_TU = 14
 _LOST = 0.95
 _DOUBTFUL = 0.2
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
+FADED = "no pulses any more: flow off, too weak, or the tool began anew"
+# Weight of the prior of the share of missing pulses, and the largest share, packets.
+_PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
 # Factor by which a toolface after a sync needs more evidence per TU than a survey.
 _CLEARER = 1.2
 
 
 class Transmission:
     """
-    A transmission from a sync to its loss.
+    A transmission from a sync on.
 
     Parameters
     ----------
@@ -49,18 +56,25 @@ class Transmission:
     found : SyncFound
     position : float
         Position where the sync starts, steps of the grid.
-    frame : int
-        Number of the first pass.
     doubt : Doubt
         Doubt about the configuration after the transmissions before.
+
+    Attributes
+    ----------
+    begin, score : float
+        Position and score of the sync.
+    presence : Presence
+    lost : str
+        Reason why the hypothesis has ended by itself; empty while it goes on.
+    frames, base : int
+        Number of passes so far; number of the first pass among all that are published.
+    published : bool
+        Whether words of it were published.
     """
 
-    def __init__(
-        self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int, doubt: Doubt
-    ) -> None:
+    def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, doubt: Doubt) -> None:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
-        self._aligned = False
         self._settled = -found.settled
         self._places = passes.sync_places(tool, 0)
         response = np.zeros(response_length(tool.tu_s))
@@ -73,25 +87,47 @@ class Transmission:
             response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
         )
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
-        self._presence = Presence(found.score)
-        self._heard_at = 0
-        self._held: list[ReceivedWord] = []
-        self.frame = frame
-        self.lost = ""
-        self.score = found.score
-        self._pass: Pass | None = None
+        self.presence = Presence(found.score)
         self._boundary = SAMPLES_PER_TU * tool.sync.length_tu
+        self._gains = [(position, 0.0), (self._clock.at(self._boundary), found.score)]
+        self._heard_at = 0
+        self._carried: tuple[Array, Array] | None = None
+        self._missing = [segment.MISSING * _PRIOR_PACKETS, _PRIOR_PACKETS]
+        self._off_s = math.inf
+        self._held: list[ReceivedWord] = []
+        self._pending = Reception()
+        self.begin, self.score = position, found.score
+        self.frames = self.base = 0
+        self.published = False
+        self.lost = ""
+        self._pass: Pass | None = None
         self._offered = False
         self._parity = int(tool.parity == "odd")
+
+    @property
+    def total(self) -> float:
+        """Log likelihood ratio of all pulses so far against no pulses."""
+        return self._gains[-1][1]
+
+    @property
+    def end(self) -> float:
+        """Position of the grid up to which pulses were sought."""
+        return self._gains[-1][0]
+
+    @property
+    def at(self) -> float:
+        """Position of the grid at which the next step begins."""
+        return self._clock.at(self._boundary if self._pass is None else self._pass.at)
+
+    def gained(self, begin: float, end: float) -> float:
+        """Return the log likelihood ratio of the pulses between two positions of the grid."""
+        places, sums = zip(*self._gains, strict=True)
+        return float(np.interp(end, places, sums) - np.interp(begin, places, sums))
 
     def expects_sync(self, position: float) -> bool:
         """Return whether a sync at a position of the grid starts where the next pass would."""
         at = (position - self._clock.start) / self._clock.pace
         return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
-
-    def replaced_by(self, position: float, score: float) -> bool:
-        """Return whether a sync found within the sync of this transmission is more likely the true one."""
-        return self._pass is None and position < self._clock.at(self._boundary) and score > self.score
 
     def offer_sync(self) -> None:
         """Let the next pass begin with a sync if the data support it."""
@@ -116,8 +152,6 @@ class Transmission:
         """Return the position of the grid up to which the sync search must have come before the next step."""
         if self._pass is None:
             return self._clock.at(self._boundary)
-        if self._presence.faint:
-            return self.ends()
         return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
 
     def keeps(self) -> float:
@@ -125,66 +159,77 @@ class Transmission:
         start = self._boundary if self._pass is None else self._pass.start
         return self._clock.at(start - SAMPLES_PER_TU * _HISTORY_TU)
 
-    def step(self, waiting: bool = False) -> Reception:
+    def step(self, off_s: float) -> None:
         """
-        Decode the next stretch; return provisional words, and all words of the pass once it is complete.
+        Decode the next stretch.
 
-        waiting: whether another sync was found meanwhile.
+        off_s: time from which the flow is off, s; the pressure after it is not used.
         """
+        self._off_s = off_s
         if self._pass is None or self._pass.complete:
             self._begin_pass()
-        now = self._pass
+        now, presence = self._pass, self.presence
         if now is None:
-            return Reception()
+            return
         items = now.following()
         rows, length = self._rows(items)
-        clock, presence = self._clock, self._presence
+        clock, began, was_faint = self._clock, now.at, presence.faint
         decision = self._decode(rows, length, now.at)
-        whole = now.done + len(items) == len(now.items)
-        self.lost = presence.judge(
-            Evidence(decision.evidence, decision.expected, len(rows), len(items)), whole, waiting
-        )
-        if self.lost or presence.faint:
-            self._heard_at = min(self._heard_at, now.take_back(presence.faint_words))
-        if self.lost:
-            return self.close()
+        presence.judge(Evidence(decision.evidence, decision.expected, len(rows), len(items)))
+        self._gains.append((self._clock.at(began + SAMPLES_PER_TU * length), self.total + decision.evidence))
         soft = soft_words(decision, rows, items, self._parity)
         now.add(items, decision, soft, self._tool.code)
         if presence.faint:
             # Clock and channel must not be updated from data without pulses; the words are shown if the pulses come
             # back.
+            self._heard_at = min(self._heard_at, now.take_back(presence.faint_words + len(items)))
             self._clock = clock
-            now.take_back(len(items))
-            return Reception() if not now.complete else self.close()
+            self._carried = self._carried if was_faint else self._channel.posterior
+            if now.complete:
+                self._complete()
+            return
         self._heard_at = now.at
         self._channel = decision.channel
+        self._missing[0] += float(len(rows) - np.sum(decision.probability * decision.present))
+        self._missing[1] += len(rows)
         self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
             self.lost = _PARITIES_FAIL
         provisional = self._held + self._words(now, now.done - len(items), self._at_once, 0)
         # Words after a doubtful sync are held back until it is confirmed.
         self._held = [] if presence.confirmed else provisional
-        provisional = provisional if presence.confirmed else []
+        self._pending.provisional += provisional if presence.confirmed else []
         now.shown = now.done if presence.confirmed else 0
-        if not (now.complete or self.lost):
-            return Reception(provisional=provisional)
-        done = self.close()
-        return Reception(done.words, done.frames, provisional)
+        if now.complete:
+            self._complete()
 
-    def close(self) -> Reception:
-        """Return the words of the pass so far, decoded again with all its pulses and judged by all its parities."""
+    def taken(self) -> Reception:
+        """Return the words that are ready to be published, with the numbers of their passes among all published."""
+        ready, self._pending = self._pending, Reception()
+        for rows in (ready.words, ready.frames, ready.provisional):
+            rows[:] = [dataclasses.replace(one, frame=one.frame + self.base) for one in rows]  # type: ignore[type-var]
+        return ready
+
+    def close(self, until: float, reason: str) -> None:
+        """End the transmission at a position of the grid, for a reason."""
+        now = self._pass
+        self.lost = self.lost or reason
+        if now is not None and math.isfinite(until):
+            sample = (until - self._clock.start) / self._clock.pace
+            now.take_back(sum(part.at + SAMPLES_PER_TU * part.length > sample for part in now.parts))
+        self._complete()
+
+    def _complete(self) -> None:
+        """Decode the words of the pass again with all its pulses, and judge them by all its parities."""
         now = self._pass
         if now is None or not now.parts or not self.confirmed:
-            return Reception()
+            return
         heard = now.heard
         if self.lost or not now.complete:
             del now.parts[max([now.shown, *(k + 1 for k, part in enumerate(now.parts) if part.pulses)]) :]
         if not (heard or now.shown):
             self._forget(now)
-            return Reception()
-        if now.complete and heard and not self._aligned:
-            self._align(now)
-        self._aligned = True
+            return
         self._decode_again(now, heard)
         self.doubt.learn([part.soft for part in heard])
         words = self._words(now, 0, self.doubt, 1)
@@ -196,16 +241,16 @@ class Transmission:
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
         reason = self.lost or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
-        report = FrameReport(self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
-        self.frame += 1
+        report = FrameReport(self.frames, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
+        self.frames += 1
         self._forget(now)
-        return Reception(words, [report])
+        self._pending.add(Reception(words, [report]))
 
     def _words(self, now: Pass, first: int, doubt: Doubt, revision: int) -> list[ReceivedWord]:
         words = []
         for k, part in enumerate(now.parts[first:], first):
             span = (self._seconds(part.at), self._seconds(part.at + SAMPLES_PER_TU * part.length))
-            place = WordPlace(self.frame, k, now.kind, revision)
+            place = WordPlace(self.frames, k, now.kind, revision)
             words.append(received(self._tool, part.item, doubt.judge(part.soft), span, place))
         return words
 
@@ -216,27 +261,9 @@ class Transmission:
             stretch = self._stretch(part.rows, part.at, stop, part)
             decision = segment.decode(stretch, self._channel)
             self._channel = decision.channel
-            part.probability, part.ebn0_db = decision.probability, decision.ebn0_db
+            part.probability, part.present = decision.probability, decision.present
+            part.ebn0_db = decision.ebn0_db
             part.soft = soft_words(decision, part.rows, (part.item,), self._parity)[0]
-
-    def _align(self, now: Pass) -> None:
-        """Shift the pulses of the first pass if sync and words decoded together support it."""
-        rows, length = now.rows_from_sync(self._tool)
-        words = np.concatenate([part.probability for part in now.heard])
-        first = len(rows) - len(words)
-        given = np.concatenate([trellis.uniform(rows[:first]), words])
-
-        def decode(clock: ToolClock, probability: Array, channel: segment.Channel) -> segment.Decision:
-            self._clock, none = clock, np.zeros((0, 3))
-            stretch = self._stretch(rows, 0, SAMPLES_PER_TU * length, None)
-            joint = dataclasses.replace(stretch, pulses=none, probability=probability, end=0)
-            return segment.decode(joint, channel)
-
-        found = align(decode, rows, Aligned(self._clock, self._channel, given))
-        self._clock, self._channel = found.clock, found.channel
-        for part in now.heard:
-            part.probability = found.probability[first : first + len(part.rows)]
-            first += len(part.rows)
 
     def _forget(self, now: Pass) -> None:
         """Keep only the pulses of a pass that later passes need."""
@@ -253,12 +280,12 @@ class Transmission:
     @property
     def sound(self) -> bool:
         """Whether parities hold, so that only its own end should end the transmission."""
-        return self._at_once.failing < _DOUBTFUL and self.confirmed and not self._presence.faint
+        return self._at_once.failing < _DOUBTFUL and self.confirmed and not self.presence.faint
 
     @property
     def confirmed(self) -> bool:
         """Whether words were found after the sync."""
-        return self._presence.confirmed
+        return self.presence.confirmed
 
     @property
     def heard(self) -> float:
@@ -274,7 +301,7 @@ class Transmission:
         """Return the packets of some words, and their duration, TU."""
         return packet_rows(items, self._tool.code)
 
-    def _seconds(self, sample: float) -> float:
+    def _seconds(self, sample: Any) -> Any:
         return self._grid.seconds(self._clock.at(sample))
 
     def _pass_end(self, one: Pass) -> int:
@@ -374,6 +401,8 @@ class Transmission:
         begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
         count = stop + SAMPLES_PER_TU * _AFTER_TU - begin
         pressure, known = self._grid.samples(self._clock.at(begin), self._clock.pace, count)
+        if math.isfinite(self._off_s):
+            known[self._seconds(begin + np.arange(count)) >= self._off_s] = 0.0
         pulses = np.array(self._pulses(before)).reshape(-1, 3)
         end = count if before is None else start - begin + SAMPLES_PER_TU * before.length
         return segment.Stretch(
@@ -387,4 +416,6 @@ class Transmission:
             None if before is None else before.probability,
             self._grid.angles(self._clock.at(begin), self._clock.pace, count),
             math.sqrt(self._clock.variance),
+            self._carried,
+            min(self._missing[0] / self._missing[1], _MOST_MISSING),
         )

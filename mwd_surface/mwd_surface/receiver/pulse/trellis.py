@@ -194,10 +194,17 @@ def marginals(packets: Indices, forward: Array, backward: Array, out: Array, eve
 
 @compiled
 def mean_interference(
-    packets: Indices, known: Array, chance: Array, common: Array, level: Array, probability: Array, out: Array
+    packets: Indices,
+    known: Array,
+    chance: Array,
+    common: Array,
+    level: Array,
+    probability: Array,
+    neighbours: bool,
+    out: Array,
 ) -> None:
     """
-    Fill the mean common energy of each place of a packet with the pulses that are not its neighbours.
+    Fill the mean common energy of each place of a packet with the pulses that are, or are not, its neighbours.
 
     Parameters
     ----------
@@ -207,6 +214,8 @@ def mean_interference(
         Edges of pulses before and after these packets, TU, and the probability of each.
     probability : ndarray, shape (n, values)
         Probability of each packet value.
+    neighbours : bool
+        Whether to fill the energy of the packets before and after it, or of all others.
     out : ndarray, shape (n, values)
         Amount to subtract from the metric of each value.
     """
@@ -219,7 +228,7 @@ def mean_interference(
             for j in range(len(known)):
                 total += chance[j] * _pair(common, abs(at - int(known[j])), level[k])
             for other in range(n):
-                if abs(other - k) < 2:
+                if other == k or (abs(other - k) == 1) != neighbours:
                     continue
                 if abs(packets[other, 0] - packets[k, 0]) > len(common) + out.shape[1]:
                     continue

@@ -13,9 +13,7 @@ from mwd_sensors.simulator.mud_channel import MudChannel, Noise
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import encode
-from mwd_surface.receiver.pulse import pulse_receiver
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver, decode
-from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.words import BELIEVED, pulse_edges
 
 TOOL, FAST = TOOLS["0.8"], TOOLS["0.5"]
@@ -84,46 +82,6 @@ def test_of_two_places_for_a_sync_the_words_choose(seed):
     sent = transmit(FAST, ((0.0, 140.0),), seed)
     words = decode(FAST, *white(FAST, sent, 6.0, seed=seed)).words
     assert words[0].start_s == pytest.approx(sent.words[0].start_s, abs=FAST.tu_s)
-
-
-def begun(monkeypatch, syncs):
-    """Scores of the syncs with which transmissions begin in noise; syncs: (TU, score) that the searches find."""
-    scores = []
-    hops = iter(syncs)
-
-    def search(pressure, known, tool, low, high, whitener=None):
-        best = None
-        # The range begins 8 TU before the hop.
-        for at, score in reversed(next(hops, ())):
-            best = SyncFound(low + 4 * (8 + at), score, np.ones(30), 1.0, np.eye(42)[0], 0, best)
-        return best
-
-    class Begun(pulse_receiver.Transmission):
-        def __init__(self, *given):
-            scores.append(given[2].score)
-            super().__init__(*given)
-
-    monkeypatch.setattr(pulse_receiver, "Transmission", Begun)
-    monkeypatch.setattr(pulse_receiver.synchronisation, "search", search)
-    time = np.arange(0.0, 300.0, 0.02)
-    decode(FAST, time, 2e7 + np.random.default_rng(1).normal(size=len(time)))
-    return scores
-
-
-@pytest.mark.parametrize(
-    ("syncs", "scores"),
-    [
-        ([(), (), (), ((4, 10.0), (20, 9.0))], [10.0, 9.0]),
-        ([(), (), (), ((10, 10.0), (26, 9.0)), ((2, 12.0), (20, 8.0))], [10.0, 12.0, 9.0]),
-        ([(), (), (), ((10, 10.0),), ((2, 12.0), (20, 8.0))], [10.0, 12.0, 8.0]),
-        ([(), (), (), ((4, 10.0), (37, 9.0))], [10.0]),
-        ([(), (), (), ((30, 10.0),), ((20, 15.1), (-4, 9.0))], [10.0, 15.1]),
-    ],
-    ids=["second", "stronger one waits", "next one waits", "beyond the hop", "the one before"],
-)
-def test_the_best_of_the_other_syncs_waits(monkeypatch, syncs, scores):
-    """Places in TU from the begin of a hop of 32 TU; noise has no words, so that each that waits has its turn."""
-    assert begun(monkeypatch, syncs) == scores
 
 
 def test_each_word_is_provisional_before_it_is_final():

@@ -8,6 +8,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse import synchronisation
 from mwd_surface.receiver.pulse.synchronisation import search
 
+EDGES = ToolConfiguration().sync.edges_tu
 RESPONSE = np.convolve(np.ones(8), [1.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.3])
 
 
@@ -22,7 +23,7 @@ def data(edges, seed=1, size=4.0, n=900):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_sync_is_found_through_an_unknown_channel(sign):
-    found = search(sign * data([400 + 4 * e for e in (0, 5, 15, 20, 30)]), np.ones(900), ToolConfiguration(), 300, 550)
+    found = search(sign * data([400 + 4 * e for e in EDGES]), np.ones(900), ToolConfiguration(), 300, 550)
     assert found is not None
     assert abs(found.at - 400) <= 4
     assert found.score > 8.0
@@ -45,7 +46,7 @@ def test_weak_syncs_are_found_and_noise_is_not():
     """
     passed = 0
     size = np.sqrt(50.0 / (5 * 8) * 2.0)
-    tool, edges = ToolConfiguration(), [400 + 4 * e for e in (0, 5, 15, 20, 30)]
+    tool, edges = ToolConfiguration(), [400 + 4 * e for e in EDGES]
     pulse = np.ones(8)
     for seed in range(40):
         noise = np.random.default_rng(seed).normal(size=900)
@@ -60,7 +61,7 @@ def test_weak_syncs_are_found_and_noise_is_not():
 
 @pytest.mark.parametrize("pulse", range(5))
 def test_a_stall_on_one_pulse_of_a_sync_hides_no_sync(pulse):
-    edges = [400 + 4 * e for e in (0, 5, 15, 20, 30)]
+    edges = [400 + 4 * e for e in EDGES]
     pressure = data(edges, size=3.0)
     begin = edges[pulse] - 4
     pressure[begin : begin + 24] += 60.0 * np.sin(np.linspace(0.0, np.pi, 24))
@@ -72,7 +73,7 @@ def test_a_stall_on_one_pulse_of_a_sync_hides_no_sync(pulse):
 def test_pumps_that_start_spoil_no_search_whose_noise_is_known():
     """Lines of the pumps are averaged over what comes after their start, also behind a sync that was none."""
     tool, known, rising = ToolConfiguration(), np.ones(900), np.arange(900)
-    pressure = data([500 + 4 * e for e in (0, 5, 15, 20, 30)]) + 20.0 * np.cos(1.79 * rising)
+    pressure = data([500 + 4 * e for e in EDGES]) + 20.0 * np.cos(1.79 * rising)
     whitener = search(pressure, known, tool, 300, 620).whitener
     pressure += 5000.0 * (1.0 - np.exp(-np.maximum(rising - 20.0, 0.0) / 8.0))
     found = search(pressure, known, tool, 300, 620, whitener)
@@ -82,7 +83,7 @@ def test_pumps_that_start_spoil_no_search_whose_noise_is_known():
 
 @pytest.mark.parametrize("size", [150.0, 5000.0])
 def test_pumps_that_start_shortly_before_hide_no_sync(size):
-    pressure = data([400 + 4 * e for e in (0, 5, 15, 20, 30)], size=2.0)
+    pressure = data([400 + 4 * e for e in EDGES], size=2.0)
     pressure += size * (1.0 - np.exp(-np.maximum(np.arange(900) - 20.0, 0.0) / 8.0))
     found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
     assert found is not None
@@ -91,7 +92,7 @@ def test_pumps_that_start_shortly_before_hide_no_sync(size):
 
 def test_no_second_place_is_found_where_the_best_is_no_sync(monkeypatch):
     """Of the places whose pulses are unlike each other, none is passed over for the next best one."""
-    pressure = data([400 + 4 * e for e in (0, 5, 15, 20, 30)])
+    pressure = data([400 + 4 * e for e in EDGES])
     places = []
 
     def alike(whitened, weight, response, edges, at):

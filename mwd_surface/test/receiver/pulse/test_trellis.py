@@ -64,7 +64,7 @@ def test_pulses_far_away_enter_by_their_mean():
     probability[:, 0] = 1.0
     out = np.empty((4, 8))
     long = np.linspace(1.0, 0.0, 60)
-    trellis.mean_interference(ROWS, np.array([-10.0]), np.ones(1), long, np.ones(4), probability, out)
+    trellis.mean_interference(ROWS, np.array([-10.0]), np.ones(1), long, np.ones(4), probability, False, out)
     places = [int(row[0]) + (1 << int(row[1])) - 1 for row in ROWS]
     assert out[0, 0] == pytest.approx(long[places[0] + 10] + long[places[2] - places[0]] + long[places[3] - places[0]])
 

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Tracker of what a pulse tool sends: several hypotheses of the sync are followed in parallel.
+
+A hypothesis is a sync at a place, with the words, the clock and the channel that follow from it (`transmission.py`).
+Each collects the log likelihood ratio of its pulses against no pulses: that of its sync, and that of each stretch of
+words. Two hypotheses are compared on the pressure that both explain. One is dropped when another explains it clearly
+better, when no words follow its sync, when its parities fail, or when the flow goes off. Silence alone does not end it,
+because clock and sequence of the tool go on. Words are published from the leading hypothesis, once no other one
+explains the same pressure nearly as well.
+
+Source: D. B. Reid, An algorithm for tracking multiple targets, IEEE Trans. Autom. Control 24 (1979) 843 (hypotheses
+scored by their likelihood, decided later).
+"""
+
+from __future__ import annotations
+
+import math
+
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.belief import Doubt
+from mwd_surface.receiver.flow_spans import FlowSpans
+from mwd_surface.receiver.grid import STEPS_PER_TU, Grid
+from mwd_surface.receiver.pulse.synchronisation import SyncFound
+from mwd_surface.receiver.pulse.transmission import FADED, Transmission
+from mwd_surface.receiver.words import Reception
+
+# Log likelihood ratio by which another explanation must be better, and its share of the evidence: an error of the
+# model grows with the signal.
+_BETTER, _SHARE = 12.0, 0.1
+_MOST = 6  # hypotheses at a time
+# Packets after which a leader with good parities is established: later syncs are then only kept, TU, until its pulses
+# have been seen well beyond them.
+_ESTABLISHED, _BEYOND_TU = 30, 200
+# The pressure falls for some seconds before a span without flow is seen; spans are known two seconds later.
+_FALLS_S, _SEEN_S = 4.0, 2.0
+
+
+class Tracker:
+    """
+    Hypotheses about one tool.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+    grid : Grid
+    flow : FlowSpans
+    doubt : Doubt
+        Doubt about the configuration.
+
+    Attributes
+    ----------
+    leader : Transmission or None
+        Hypothesis whose words are published.
+    """
+
+    def __init__(self, tool: ToolConfiguration, grid: Grid, flow: FlowSpans, doubt: Doubt) -> None:
+        self._tool, self._grid, self._flow = tool, grid, flow
+        self._all: list[Transmission] = []
+        self._frames = 0
+        self.doubt = doubt
+        self.leader: Transmission | None = None
+
+    def offer(self, found: SyncFound, position: float) -> None:
+        """Add the hypothesis of a sync at a position of the grid, unless one that is followed expects it there."""
+        expecting = [one for one in self._all if one.expects_sync(position)]
+        for one in expecting:
+            one.offer_sync()
+        near = [one for one in self._all if abs(one.begin - position) <= STEPS_PER_TU]
+        if expecting or (near and max(one.score for one in near) >= found.score):
+            return
+        for one in near:
+            if one.presence.packets == 0:
+                self._all.remove(one)
+        self._all.append(Transmission(self._tool, self._grid, found, position, self.doubt.following()))
+        if len(self._all) > _MOST:
+            self._all.remove(min((one for one in self._all if one is not self.leader), key=lambda one: one.total))
+
+    def due(self, searched: int, beyond: float) -> tuple[float, Transmission | None]:
+        """
+        Return the hypothesis whose next step needs pressure up to the lowest position, and that position.
+
+        searched: position up to which syncs were sought; beyond: pressure that the search needs after a position.
+        """
+        rows = [
+            (max(one.needs(), one.begins() + beyond if one.begins() > searched else 0.0), k)
+            for k, one in enumerate(self._all)
+            if not self._waits(one)
+        ]
+        if not rows:
+            return math.inf, None
+        needs, k = min(rows)
+        return needs, self._all[k]
+
+    def oldest(self) -> float:
+        """Return the first position of the grid that a hypothesis needs."""
+        return min((one.keeps() for one in self._all), default=math.inf)
+
+    def step(self, one: Transmission) -> Reception:
+        """Take the next step of a hypothesis; return what can now be published."""
+        done = Reception()
+        off_s = self._off(one)
+        if self._grid.seconds(one.at) >= off_s:
+            self._end(one, done)
+            return done
+        one.step(off_s)
+        if one.lost:
+            self._end(one, done)
+        elif one.presence.hopeless:
+            self._all.remove(one)
+        else:
+            self._compare(one, done)
+        self._publish(done)
+        return done
+
+    def finish(self) -> Reception:
+        """End all hypotheses; return the words of the best."""
+        done = Reception()
+        while self._all:
+            best = self.leader or max(self._all, key=lambda one: (one.presence.confirmed, one.total))
+            self.leader = self.leader or best
+            self._end(best, done)
+            self._all = [one for one in self._all if one.begin > best.heard]
+        return done
+
+    def _off(self, one: Transmission) -> float:
+        """Return when the flow went off during a hypothesis, as far as its next step may know, s; inf if not."""
+        until = self._grid.seconds(one.needs()) - _SEEN_S
+        begin = self._grid.seconds(one.begin)
+        return min((x.start_s for x in self._flow.spans if begin < x.start_s <= until), default=math.inf) - _FALLS_S
+
+    def _waits(self, one: Transmission) -> bool:
+        """Return whether a hypothesis is only kept, in case the leader breaks off before it."""
+        leader = self.leader
+        return leader is not None and leader is not one and self._established(leader) and one.begin > leader.begin
+
+    def _established(self, one: Transmission) -> bool:
+        return one.sound and one.presence.packets >= _ESTABLISHED
+
+    def _compare(self, one: Transmission, done: Reception) -> None:
+        """Drop the hypotheses that explain the pressure clearly worse than another one."""
+        others = [other for other in self._all if other is not one and other.presence.packets]
+        for other in others:
+            better, worse = (one, other) if self._ahead(one, other) >= 0.0 else (other, one)
+            if self._ahead(better, worse) > _BETTER + _SHARE * better.total and better.presence.confirmed:
+                self._end(worse, done, better)
+                if worse is one:
+                    return
+        if self._established(one) and one is self.leader:
+            beyond = one.heard - STEPS_PER_TU * _BEYOND_TU
+            self._all = [other for other in self._all if other is one or not one.begin < other.begin < beyond]
+
+    def _ahead(self, one: Transmission, other: Transmission) -> float:
+        """Return by how much a hypothesis explains the pressure better than another, where both explain it."""
+        late, length = max(one.begin, other.begin), STEPS_PER_TU * self._tool.sync.length_tu
+        begin = min(one.begin, other.begin)
+        # What a later sync does not explain before its begin is no fault of it, unless both are about the same sync.
+        begin = begin if late - begin < length else late
+        end = min(one.end, other.end)
+        return one.gained(begin, end) - other.gained(begin, end)
+
+    def _end(self, one: Transmission, done: Reception, better: Transmission | None = None) -> None:
+        """End a hypothesis: publish its words if it leads and was not replaced by another reading of its own pulses."""
+        self._all.remove(one)
+        if one is not self.leader and (self.leader is not None or better is not None or not one.confirmed):
+            return
+        self.leader = None
+        replaced = better is not None and better.begin < one.begin + STEPS_PER_TU * self._tool.sync.length_tu
+        if replaced and not one.published:
+            return
+        one.close(math.inf if better is None else better.begin, FADED if better is not None else "")
+        self._flush(one, done)
+        self._frames = one.base + one.frames if one.published else self._frames
+
+    def _publish(self, done: Reception) -> None:
+        """Choose the leader, and publish its words unless another hypothesis explains the same nearly as well."""
+        if self.leader is None:
+            ready = [one for one in self._all if one.confirmed]
+            self.leader = max(ready, key=lambda one: one.total, default=None)
+        leader = self.leader
+        if leader is None:
+            return
+        rivals = [one for one in self._all if one is not leader and one.begin < leader.end]
+        if not self._established(leader) and not leader.published:
+            ahead = next((one for one in rivals if one.confirmed and self._ahead(one, leader) > 0.0), None)
+            if ahead is not None:
+                self.leader = ahead
+                return
+            if any(self._ahead(leader, one) < _BETTER for one in rivals):
+                return
+        self._flush(leader, done)
+
+    def _flush(self, one: Transmission, done: Reception) -> None:
+        """Move the pending words of a hypothesis to what is published."""
+        if not one.published:
+            one.base, one.published = self._frames, True
+        done.add(one.taken())
+        self.doubt = one.doubt
