@@ -20,7 +20,8 @@ msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
 if not hasattr(msg, "Survey"):
     # From the root of the sources the folder of the .msg files passes for a package.
     pytest.skip("mwd_msgs is not built", allow_module_level=True)
-make = pytest.importorskip("mwd_sensors.ros.messages").make
+pytest.importorskip("rclpy")
+from mwd_sensors.ros.messages import make  # noqa: E402 needs ROS
 
 
 @pytest.mark.parametrize("kind", [Survey, SurveyRecord, AzimuthEstimate])
