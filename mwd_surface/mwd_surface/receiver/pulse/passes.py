@@ -128,12 +128,6 @@ class Pass:
         """Words decoded so far in which pulses were found."""
         return [part for part in self.parts if part.pulses]
 
-    def rows_from_sync(self, tool: ToolConfiguration) -> tuple[Indices, int]:
-        """Return the packets of a complete pass as `rows_from_sync` does, without the words that had no pulses."""
-        rows, length = rows_from_sync(tool, self.items)
-        heard = np.repeat([part.pulses for part in self.parts], [len(part.rows) for part in self.parts])
-        return rows[np.append(np.ones(len(rows) - len(heard), dtype=bool), heard)], length
-
     def following(self) -> tuple[SequenceItem, ...]:
         """Return the words to decode next."""
         return stretch_of(self.items, self.done)

@@ -206,9 +206,12 @@ class Transmission:
     def taken(self) -> Reception:
         """Return the words that are ready to be published, with the numbers of their passes among all published."""
         ready, self._pending = self._pending, Reception()
-        for rows in (ready.words, ready.frames, ready.provisional):
-            rows[:] = [dataclasses.replace(one, frame=one.frame + self.base) for one in rows]  # type: ignore[type-var]
-        return ready
+        first = self.base
+        return Reception(
+            [dataclasses.replace(word, frame=word.frame + first) for word in ready.words],
+            [dataclasses.replace(report, frame=report.frame + first) for report in ready.frames],
+            [dataclasses.replace(word, frame=word.frame + first) for word in ready.provisional],
+        )
 
     def close(self, until: float, reason: str) -> None:
         """End the transmission at a position of the grid, for a reason."""
