@@ -140,7 +140,7 @@ class AttitudeStream:
 
     def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
         """Invalidate waiting magnetic samples that would be used at one of these IMU samples, ns, that is `out`."""
-        MagneticSamples(*self._mag, self._alignment.mag_lag_ns).leave_out(stamps, out)
+        MagneticSamples(*self._mag, self._alignment.mag_lag_ns, stamps).leave_out(out)
 
     def follow(
         self,

@@ -37,7 +37,7 @@ _DISAGREES = 3.0
 # If the mean innovation of good magnetic azimuths over the second number, s, is above the first, sigma, the gyro bias
 # is changing (for example while warming up). The biases then walk as if they lost all their information in that time.
 _BIASED_MEAN, _MEAN_TIME = 1.5, 5.0
-# Time of rejected good azimuths after which they are as probable as the carried one, s: longer than a tool joint passes.
+# Time of rejected good azimuths after which they are as probable as the carried one, s: a tool joint passes sooner.
 _BELIEVED = 10.0
 # A magnetic sigma within this share of the last one belongs to the same slow error.
 _SAME_SIGMA = 0.9

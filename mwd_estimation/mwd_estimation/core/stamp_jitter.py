@@ -37,14 +37,14 @@ class JitterState:
     off_square: float  #: mean square of that, s^2
 
 
-_STATE = dtype_of(JitterState)
+JITTER_STATE = dtype_of(JitterState)
 
 
 class StampJitter:
     """Error of the stamps of one stream, sample by sample; any cut of the stream gives the same."""
 
     def __init__(self) -> None:
-        self._state = np.zeros(1, dtype=_STATE)
+        self._state = np.zeros(1, dtype=JITTER_STATE)
 
     def sigma(self, stamps: Stamps) -> Array:
         """Return the error of each stamp, 1 sigma, s, shape (n,); stamps: ns, shape (n,)."""
@@ -62,10 +62,10 @@ def _run(s: JitterState, stamps: Stamps) -> Array:
             s.last_ns = stamps[i]
         elif step > 0.0:
             s.last_ns = stamps[i]
-            _take(s, step)
+            take_step(s, step)
         if s.count < _FIRST:
             continue
-        if s.off > _UNEVEN or s.period < _SHORTEST * s.mean:
+        if follows_no_period(s):
             sigma[i] = math.sqrt(max(s.square - s.mean * s.mean, 0.0))
         else:
             # The step has the errors of two stamps.
@@ -74,7 +74,13 @@ def _run(s: JitterState, stamps: Stamps) -> Array:
 
 
 @compiled
-def _take(s: JitterState, step: float) -> None:
+def follows_no_period(s: JitterState) -> bool:
+    """Return whether the stamps do not lie whole periods apart."""
+    return bool(s.off > _UNEVEN or s.period < _SHORTEST * s.mean)
+
+
+@compiled
+def take_step(s: JitterState, step: float) -> None:
     """Take one step, s."""
     if s.count == 0 or step < 0.6 * s.period:
         # What was taken for one period so far was two, or more, with samples missing.

@@ -63,7 +63,7 @@ class GravityWithFallback:
     def run(
         self,
         unusable: int,
-        stamps: Stamps,
+        time: tuple[Stamps, Stamps],
         gyro: Array,
         accel: Array,
         clipped: NDArray[np.uint8],
@@ -76,13 +76,16 @@ class GravityWithFallback:
         ----------
         unusable : int
             Unusable sensors, bits as in the health checks.
-        stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
-            Stamps, ns, rates, rad/s, and forces, m/s^2, in tool axes.
+        time : tuple of ndarray of int64, shape (n,) each
+            Stamps, and the times at which the samples were measured (`core.stream_clock`), ns.
+        gyro, accel : ndarray, shape (n, 3)
+            Rates, rad/s, and forces, m/s^2, in tool axes.
         clipped : ndarray of uint8, shape (n,)
             Bits of `core.clip_flags`.
         followed : Track, optional
             Gravity found in another way (by a smoother), returned if both sensors are usable.
         """
+        stamps, times = time
         unusable, before = unusable & (GYRO | ACCEL), self._unusable
         self._unusable = unusable
         if unusable or followed is not None or not self._method.uses_field:
@@ -92,7 +95,7 @@ class GravityWithFallback:
         if unusable & GYRO:
             if before != unusable:
                 self._remaining_state = accelerometer_only.initial(self._remaining)
-            found = accelerometer_only.run(self._remaining, self._remaining_state, stamps, np.zeros_like(gyro), accel)
+            found = accelerometer_only.run(self._remaining, self._remaining_state, times, np.zeros_like(gyro), accel)
             # Without gyros nothing says of a single sample whether the tool turns.
             found.status[:] &= ~_NOT_TURNING
             return found
@@ -101,10 +104,12 @@ class GravityWithFallback:
         if followed is not None:
             return followed
         if self._method.uses_field:
-            track: Track = self._method.run(self._params, self._state, stamps, gyro, accel, clipped, self.mag)
+            track: Track = self._method.run(
+                self._params, self._state, times, gyro, accel, clipped, self.mag._replace(due_ns=stamps)
+            )
             self._drop_mag(self._state.field_used)
             return track
-        return self._method.run(self._params, self._state, stamps, gyro, accel)
+        return self._method.run(self._params, self._state, times, gyro, accel)
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Accept magnetic samples, T, in tool axes; they wait for the samples of their time."""

@@ -31,6 +31,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG
 from mwd_estimation.core.stamp_jitter import StampJitter
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.stream_clock import StreamClock
 from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
 from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
@@ -104,7 +105,7 @@ class Estimate:
         self.bin_stage = BinStage(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
         self._jumps, self._precision_jumps = RateJumps(), RateJumps()
-        self._jitter = StampJitter()
+        self._jitter, self._clock = StampJitter(), StreamClock()
         self._attitude = AttitudeStream(
             derivation.time_alignment_params(settings),
             derivation.interference_params(settings),
@@ -292,9 +293,10 @@ class Estimate:
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
         # Gravity.
         faulty_mag = (stretch.suspect | np.uint8(unusable)) & MAG != 0
-        self._gravity.mag.leave_out(stamps, faulty_mag)
+        self._gravity.mag._replace(due_ns=stamps).leave_out(faulty_mag)
         given = followed.part(stretch.part) if followed is not None else None
-        track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
+        times = self._clock.times(stamps)
+        track = self._gravity.run(unusable, (stamps, times), stretch.gyro, accel, clipped[stretch.part], given)
         toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
         # Keep nothing of samples whose time does not advance: there may be endless many.
         later = advances(stamps, self._newest_ns)

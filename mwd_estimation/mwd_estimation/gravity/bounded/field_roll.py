@@ -41,18 +41,19 @@ class MagneticSamples(NamedTuple):
     stamp_ns: Stamps  #: shape (m,)
     b_t: Array  #: field, T, shape (m, 3)
     lag_ns: int  #: a sample is used at the first sample of the conventional unit this much later than its stamp
+    due_ns: Stamps  #: stamps of the samples of the conventional unit for that, shape (n,); empty: their times
 
     @classmethod
     def none(cls, lag_ns: int = 0) -> MagneticSamples:
         """Return no samples."""
-        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns)
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns, np.zeros(0, dtype=np.int64))
 
-    def leave_out(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
-        """Replace the samples that would be used at one of these samples, ns, that is `out`, by NaN, in place."""
+    def leave_out(self, out: NDArray[np.bool_]) -> None:
+        """Replace the samples that would be used at one of `due_ns` that is `out`, shape (n,), by NaN, in place."""
         if not out.any():
             return
-        turn = np.searchsorted(np.maximum.accumulate(stamps), np.maximum.accumulate(self.stamp_ns) + self.lag_ns)
-        left = turn < len(stamps)
+        turn = np.searchsorted(np.maximum.accumulate(self.due_ns), np.maximum.accumulate(self.stamp_ns) + self.lag_ns)
+        left = turn < len(self.due_ns)
         left[left] = out[turn[left]]
         self.b_t[left] = math.nan
 

@@ -131,7 +131,7 @@ def _run(
                 field_roll.begin_anew(s.field, stamps[i])
             non_gravity = _take(p, s, dt, w, f, flags[i], stamps[i])
             field_roll.follow_turn(s, stamps[i])
-            _take_mag(s.field, mag, stamps[i])
+            _take_mag(s.field, mag, mag.due_ns[i] if len(mag.due_ns) > 0 else stamps[i])
             tick = TICK if s.clipping.sign == 0.0 else CLIPPED_TICK
             if s.started and s.sums.time >= tick - 1e-6:
                 _update(p, s, s.last_w, i, log)

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Clock of a stream: the times of evenly measured samples, from stamps with jitter.
+
+A sensor measures evenly, but its samples may be stamped when a host reads them, rounded, or in batches. A straight line
+of the stamps over the number of the sample has the period as its slope; it is fitted with a memory that grows to
+`_MEMORY` samples. Stamps far from the line are missing samples or a clock that was set: the line then continues from
+there with the same period. Stamps that lie whole periods apart, with samples missing or not, are left as they are, to
+the last bit; so are batches of whole periods, which cannot be told from missing samples.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_estimation.core.stamp_jitter import JITTER_STATE, JitterState, follows_no_period, take_step
+from mwd_sensors.core.arrays import Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
+
+_MEMORY = 1000  # number of samples of the line: the jitter of a stamp becomes 16 times smaller
+_FIRST = 50  # number of samples until the line is used
+_EVEN = 1e-4  # s, jitter below which stamps are left as they are: at 120 r/min 0.07 deg of toolface
+_FAR = 4.0  # distance from the line, in sigmas beyond half a period, above which samples are missing or late
+_CONFIRMED = 4  # number of samples in a row that far from the line from which it is not a late one
+_SILENCE = 0.5  # s, a longer step is a data gap
+_LATE = 10.0  # periods; a sample farther from the line is behind a data gap
+
+
+class ClockState:
+    """State of the clock of one stream."""
+
+    last_ns: int  #: latest stamp, ns
+    time_ns: int  #: latest time that was returned, ns
+    line_s: float  #: time by the line at the latest sample, minus its stamp, s
+    period: float  #: s
+    count: int  #: number of samples since the line began, at most `_MEMORY`
+    square: float  #: mean squared distance from the line, s^2
+    far: int  #: number of samples in a row that were far from the line
+
+
+_STATE = dtype_of(ClockState)
+
+
+class StreamClock:
+    """Times of the samples of one stream; any cut of the stream gives the same."""
+
+    def __init__(self) -> None:
+        self._state, self._steps = np.zeros(1, dtype=_STATE), np.zeros(1, dtype=JITTER_STATE)
+
+    def times(self, stamps: Stamps) -> Stamps:
+        """
+        Return the times at which samples were measured, ns, shape (n,); stamps: ns, shape (n,).
+
+        A sample whose stamp does not advance gets a time that does not advance either.
+        """
+        times = np.empty_like(stamps)
+        _run(self._state[0], self._steps[0], stamps, times)
+        return times
+
+
+@compiled
+def _run(s: ClockState, j: JitterState, stamps: Stamps, times: Stamps) -> None:
+    for i in range(len(stamps)):
+        stamp = stamps[i]
+        if s.last_ns == 0:
+            s.last_ns = s.time_ns = stamp
+        elif stamp > s.last_ns:
+            step = 1e-9 * (stamp - s.last_ns)
+            if step < _SILENCE:
+                take_step(j, step)
+            s.last_ns = stamp
+            time = stamp
+            if not follows_no_period(j) and 0.5 * j.off_square < _EVEN * _EVEN:
+                # Even stamps, with samples missing or not.
+                s.count = 0
+            else:
+                _follow(s, j, step)
+            if s.count >= _FIRST:
+                time = stamp + round(1e9 * s.line_s)
+            # A line that begins anew may lie behind the last one for some samples.
+            s.time_ns = max(time, s.time_ns + 1)
+        else:
+            times[i] = min(stamp, s.time_ns)
+            continue
+        times[i] = s.time_ns
+
+
+@compiled
+def _follow(s: ClockState, j: JitterState, step: float) -> None:
+    """Continue the line to a sample whose stamp is step s later; j: statistics of the steps."""
+    if s.count == 0:
+        if j.count >= _FIRST:
+            s.count, s.period, s.square = _FIRST, j.mean, j.square - j.mean * j.mean
+            s.line_s, s.far = 0.0, 0
+        return
+    # Distance of the stamp from the line.
+    off, sigma = step - s.line_s - s.period, math.sqrt(max(s.square, 0.0))
+    if abs(off) > 0.5 * s.period + _FAR * sigma or step > _SILENCE:
+        s.far += 1
+        if s.far < _CONFIRMED and step < _LATE * s.period:
+            # A single late sample was measured where the line has it.
+            s.line_s = -off
+            return
+        # Another clock, or a data gap: the period is the same.
+        s.line_s = 0.0
+        s.count, s.far = _FIRST, 0
+        return
+    s.far = 0
+    s.count = min(s.count + 1, _MEMORY)
+    n = float(s.count)
+    # Gains of a straight line fitted by least squares to n points, at its end.
+    s.line_s = -off + 2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)) * off
+    s.period += 6.0 / (n * (n + 1.0)) * off
+    s.square += max(1.0 / n, 1.0 / 200.0) * (off * off - s.square)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Times of evenly measured samples, from stamps of a host that reads late, rounds, or reads in batches."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_estimation.core.stream_clock import StreamClock
+
+START = 1_700_000_000 * 10**9
+
+
+def rising(stamps):
+    """Stamps of a host that handles one sample after the other, 20 us each."""
+    each = 20_000 * np.arange(len(stamps))
+    return np.maximum.accumulate(stamps - each) + each
+
+
+def measured(hz, n=3000, drift=0.0):
+    return START + np.round(np.arange(n) * 1e9 / hz * (1.0 + drift)).astype(np.int64)
+
+
+def uneven(kind, true, rng):
+    if kind == "host":
+        return rising(true + np.round(np.abs(rng.normal(0.0, 1e6, len(true)))).astype(np.int64))
+    if kind == "late":
+        late = np.where(rng.random(len(true)) < 0.02, rng.exponential(8e6, len(true)), 3e5 * rng.random(len(true)))
+        return rising(true + np.round(late).astype(np.int64))
+    if kind == "rounded":
+        return true // 4_000_000 * 4_000_000
+    return rising(-(-true // 16_000_000) * 16_000_000)
+
+
+@pytest.mark.parametrize("hz", [80.0, 100.0, 104.0])
+@pytest.mark.parametrize("drift", [0.0, 1e-4])
+@pytest.mark.parametrize("kind", ["host", "late", "rounded", "batches"])
+def test_the_steps_of_uneven_stamps_become_those_of_the_sensor(hz, drift, kind):
+    true = measured(hz, drift=drift)
+    stamps = uneven(kind, true, np.random.default_rng(5))
+    kept = np.diff(stamps, prepend=stamps[0] - 1) > 0
+    true, stamps = true[kept], stamps[kept]
+    late = slice(len(true) // 2, None)
+    found = np.diff(StreamClock().times(stamps)[late] - true[late])
+    given = np.diff(stamps[late] - true[late])
+    assert np.std(found) < max(0.15 * np.std(given), 5e4)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.05, 0.5])
+def test_even_stamps_are_left_as_they_are_to_the_last_bit(missing):
+    stamps = measured(100.0)[np.random.default_rng(1).random(3000) >= missing]
+    assert StreamClock().times(stamps).tobytes() == stamps.tobytes()
+
+
+@pytest.mark.parametrize("lost_ns", [300_000_000, 5_000_000_000])
+def test_a_data_gap_stays_a_gap(lost_ns):
+    true = measured(100.0)
+    true[1500:] += lost_ns
+    stamps = uneven("host", true, np.random.default_rng(3))
+    times = StreamClock().times(stamps)
+    assert times[1500] - times[1499] == pytest.approx(lost_ns, abs=15_000_000)
+    assert np.abs(times - stamps).max() < 20_000_000
+
+
+@given(st.lists(st.integers(1, 399), max_size=6).map(sorted))
+def test_any_cut_of_the_stream_gives_the_same(cuts):
+    stamps = uneven("late", measured(100.0, 400), np.random.default_rng(3))
+    stamps[[100, 200]] = stamps[[99, 150]]
+    cut = StreamClock()
+    parts = [cut.times(stamps[a:b]) for a, b in itertools.pairwise([0, *cuts, 400])]
+    assert np.concatenate(parts).tobytes() == StreamClock().times(stamps).tobytes()
+
+
+def test_a_stamp_that_does_not_advance_gives_no_later_time():
+    stamps = uneven("host", measured(100.0, 400), np.random.default_rng(3))
+    stamps[200], stamps[300:310] = stamps[199], stamps[290:300]
+    steps = np.diff(StreamClock().times(stamps))
+    assert steps[199] <= 0
+    assert steps[299] <= 0
