@@ -19,8 +19,8 @@ _HELD, _SIGMAS = 0.99, 2.576
 _LEAST = 0.003
 # A smaller 1 sigma of what is not in the density, rad, is none.
 _EXACT = 1e-9
-# The circle in steps of .05 deg: the coarse grid has every so many of them; about each of its peaks the fine one has all
-# within 2.5 deg, and every fifth within 12 deg.
+# The circle in steps of .05 deg: the coarse grid has every so many of them. About each of its peaks the fine one has
+# all within 2.5 deg and every fifth within 12 deg.
 STEPS, _EVERY = 7200, 40
 _COARSE = np.arange(0, STEPS, _EVERY)
 _ABOUT = np.unique(np.concatenate([np.arange(-50, 51), np.arange(-240, 241, 5)]))

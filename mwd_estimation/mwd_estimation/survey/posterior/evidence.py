@@ -196,42 +196,20 @@ def gains(
     """
     phi, gyro = circle_of
     r, S = terms
-    s, i, e, x = np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4)
-    first, second, whole = np.zeros((2, 4)), np.zeros((2, 4, 4)), np.zeros(2)
+    s, i, x = np.zeros((4, 4)), np.zeros((4, 4)), np.zeros((2, 4))
+    whole, first, second = np.zeros(2), np.zeros((2, 4)), np.zeros((2, 4, 4))
     for n in range(len(phi)):
         for k in range(len(r)):
-            whole[:], first[:], second[:], laid_out = 0.0, 0.0, 0.0, False
-            for h in range(len(extra) - 1):
-                for j in range(3):
-                    value = share[n, k, h, j]
-                    if value <= least[k]:
-                        continue
-                    if not laid_out:
-                        laid_out = True
-                        _spread(phi[n], S[k], s)
-                        for a in range(4):
-                            e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
-                        e[3] += gyro[n]
-                    _inverse(s, extra[h], extra[-1] if j == 1 else (OUT if j == 2 else 0.0), i)
-                    c = 1 if j == 1 else 0
-                    whole[c] += value
-                    for a in range(4):
-                        x[a] = i[a, 0] * e[0] + i[a, 1] * e[1] + i[a, 2] * e[2] + i[a, 3] * e[3]
-                        first[c, a] += value * x[a]
-                    for a in range(4):
-                        for b in range(4):
-                            second[c, a, b] += value * (x[a] * x[b] - i[a, b])
+            if not share[n, k].max() > least[k]:
+                continue
+            _spread(phi[n], S[k], s)
+            for a in range(4):
+                x[0, a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
+            x[0, 3] += gyro[n]
+            _gains_at(share[n, k], least[k], extra, (s, i, x), (whole, first, second))
             for c in range(2):
-                if whole[c] > 0.0:
-                    weight[k, c] += whole[c]
-                    for m in range(3):
-                        for a in range(4):
-                            mean[k, c, 4 * m + a] += phi[n, m] * first[c, a]
-                        for q in range(3):
-                            both = phi[n, m] * phi[n, q]
-                            for a in range(4):
-                                for b in range(4):
-                                    spread[k, c, 4 * m + a, 4 * q + b] += both * second[c, a, b]
+                weight[k, c] += whole[c]
+                _add_angle(phi[n], first[c], second[c], mean[k, c], spread[k, c])
     for k in range(len(r)):
         for c in range(2):
             if weight[k, c] > 0.0:
@@ -240,6 +218,48 @@ def gains(
                 for a in range(12):
                     for b in range(12):
                         spread[k, c, a, b] -= mean[k, c, a] * mean[k, c, b]
+
+
+@compiled
+def _gains_at(
+    share: Array, least: float, extra: Array, work: tuple[Array, Array, Array], sums: tuple[Array, Array, Array]
+) -> None:
+    """
+    Fill weight (2,), first (2, 4) and second (2, 4, 4) moments of the inverse innovations of a filter at an angle.
+
+    share (h, 3): of its points; least and extra: as of `gains`; work: innovation covariance (4, 4), space for its
+    inverse (4, 4), and in the first row (2, 4) the innovation.
+    """
+    s, i, x = work
+    whole, first, second = sums
+    whole[:], first[:], second[:] = 0.0, 0.0, 0.0
+    for h in range(share.shape[0]):
+        for j in range(3):
+            value = share[h, j]
+            if value <= least:
+                continue
+            c = 1 if j == 1 else 0
+            _inverse(s, extra[h], extra[-1] if j == 1 else (OUT if j == 2 else 0.0), i)
+            whole[c] += value
+            for a in range(4):
+                x[1, a] = i[a, 0] * x[0, 0] + i[a, 1] * x[0, 1] + i[a, 2] * x[0, 2] + i[a, 3] * x[0, 3]
+                first[c, a] += value * x[1, a]
+            for a in range(4):
+                for b in range(4):
+                    second[c, a, b] += value * (x[1, a] * x[1, b] - i[a, b])
+
+
+@compiled
+def _add_angle(phi: Array, first: Array, second: Array, mean: Array, spread: Array) -> None:
+    """Add the moments at an angle, (4,) and (4, 4), to those over the circle, (12,) and (12, 12); phi (3,): basis."""
+    for m in range(3):
+        for a in range(4):
+            mean[4 * m + a] += phi[m] * first[a]
+        for q in range(3):
+            both = phi[m] * phi[q]
+            for a in range(4):
+                for b in range(4):
+                    spread[4 * m + a, 4 * q + b] += both * second[a, b]
 
 
 @compiled
