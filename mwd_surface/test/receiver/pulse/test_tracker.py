@@ -43,7 +43,7 @@ def outcome(sent, words, tool, after_s=0.0):
 def test_an_interruption_is_bridged(kind, seconds):
     end = FROM_S + seconds
     away = (lambda at: (at > FROM_S) & (at < end)) if kind == "quiet" else (lambda at: at < 0.0)
-    sent, time, pressure = sent_and_heard(seconds=end + 200.0, silent=away)
+    sent, time, pressure = sent_and_heard(seconds=end + 400.0, silent=away)
     inside = (time > FROM_S) & (time < end)
     if kind == "cut out":
         time, pressure = time[~inside], pressure[~inside]
