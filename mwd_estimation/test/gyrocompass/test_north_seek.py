@@ -126,6 +126,27 @@ def test_half_a_turn_cancels_a_bias_that_hides_north_from_a_still_tool() -> None
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("azimuth", [0.5, 2.6])
+def test_a_bias_that_drifts_by_degrees_an_hour_within_a_minute_is_in_sigma_or_refused(azimuth: float) -> None:
+    """A ramp two hundred times the stated one, either way on each axis, over two positions."""
+    params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, gyro_ramp_deg_h2=3.0)
+    clean, rng = motion(67.5, 34.0 * DEG, 1.0, azimuth, two_positions, RATE), np.random.default_rng(36)
+    hours, given = (clean.stamp_ns - clean.stamp_ns[0]) / 3.6e12, []
+    for _ in range(30):
+        gyro, accel = measured(
+            clean, rng, 0.05, 0.05, params.accel_noise_ug_rthz, 5.0 * DEG_PER_HOUR * rng.normal(size=3)
+        )
+        ramp = 600.0 * DEG_PER_HOUR * rng.choice([-1.0, 1.0], 3)
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro + hours[:, None] * ramp, accel)
+        found = north_seek.solution(params, state)
+        if found.success:
+            given.append(abs(float(wrap_pi(found.azimuth - azimuth))) / found.sigma)
+    assert len(given) > 10
+    assert max(given) < 3.0
+
+
+@pytest.mark.slow
 def test_x_leakage_times_speed_wobble_is_regressed_out() -> None:
     # 500 urad of leakage and 1 % wobble at 60 r/min are 31 urad/s locked to the turn: half the Earth rate.
     params = settings("rotating", 0.01, 34.0)
