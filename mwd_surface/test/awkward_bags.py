@@ -68,7 +68,7 @@ def surveys(path: Path, day: str = DAY, **given: object) -> list[tuple[object, .
     found = [(survey, survey.station) for survey, _ in summary.surveys]
     return [
         (
-            *(survey.stamp_ns, one.verdict, one.inclination, one.azimuth, one.dip, survey.samples),
+            *(survey.stamp_ns, one.verdict, one.inclination, one.azimuth, one.dip, survey.record().samples),
             *one.covariance.ravel().tolist(),
         )
         for survey, one in found

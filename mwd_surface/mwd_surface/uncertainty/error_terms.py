@@ -127,8 +127,10 @@ def tool_codes() -> tuple[str, ...]:
     try:
         return tool_code.names()
     except ImportError as error:
+        # Either welleng itself, or a package that it needs.
+        missing = (error.name or "welleng").partition(".")[0]
         raise CovarianceUnavailableError(
-            "position covariance needs the Python package welleng, which is not installed: pip install welleng"
+            f"position covariance needs the Python package {missing}, which is not installed: pip install {missing}"
         ) from error
 
 
