@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start of the `mwd` command: run it, or say which package this Python lacks. Imports nothing else at its top."""
+"""Entry point of the `mwd` command, which names a missing package. No other module is imported at the top."""
 
 from __future__ import annotations
 
 import sys
 
-# Names under which packages are installed, where they are not those under which they are imported.
+# Import name and installation name of the packages where the two differ.
 _PACKAGES = {"yaml": "PyYAML", "fpdf": "fpdf2", "serial": "pyserial", "PIL": "pillow", "dateutil": "python-dateutil"}
 
 
 def main() -> None:
-    """Run one command and end the process: as `cli.main`, and status 2 if a package is missing or cannot be loaded."""
+    """Run `cli.main` and end the process; exit with status 2 if a package is missing or cannot be loaded."""
     try:
         from mwd_surface import cli
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Addresses that servers listen on: which of them only this machine can reach, and why one cannot be opened."""
+"""Checks of the addresses on which servers listen: reachable by this machine only, and reasons why a port fails."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import socket
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only programs on this machine reach an address; a name other than localhost may lead anywhere."""
+    """Return whether only this machine can reach an address; False for any name other than localhost."""
     if host.lower() == "localhost":
         return True
     try:
@@ -29,7 +29,7 @@ def _is_name(host: str) -> bool:
 
 
 def refused_host(host: str, *, allow_network: bool) -> str:
-    """Return why a server may not listen on this host by its settings; empty if it may."""
+    """Return why the settings do not allow a server to listen on this host; empty if they do."""
     if not _is_name(host):
         return f"host: {host!r} is not an address; write one such as 127.0.0.1 or ::1, and the port in its own setting"
     if allow_network or is_loopback(host):

@@ -253,7 +253,7 @@ def test_nothing_that_a_file_says_colours_a_terminal_or_hides_text(text):
         remark(text)
         facts([("name", text)])
         output().print(table([text]), text, markup=False)
-    # Heads of tables are dim, which is our own colour.
+    # Remove the dim style of table headings, which the program itself writes.
     shown = terminal.getvalue().replace("\x1b[2m", "").replace("\x1b[0m", "")
     assert "\x1b" not in shown
     assert "\u202e" not in shown

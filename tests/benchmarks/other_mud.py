@@ -2,13 +2,12 @@
 """
 A second mud channel for benchmarks of the pulse receiver, which shares no code with the simulator's own.
 
-It differs on purpose. The line is a chain of scattering junctions (two sizes of drill pipe, heavy-weight pipe, collars)
-with losses that grow as the root of the frequency, instead of Womersley's impedances. The
-surface end is a reflector with the resonance of a dampener and a lossy manifold. The valve closes and opens at
-different speeds, and its pulses differ in size and time. Pumps are sums of harmonics with sizes of their own, whose
-phase and size wander, plus a knock of a valve at each stroke. Drilling noise is a coloured, heavy-tailed process whose
-level changes by the minute. The flow-on has an overshoot and a slow relaxation of gelled mud. The stroke counter has
-jitter and misses strokes.
+The model differs on purpose. The line is a chain of scattering junctions (two sizes of drill pipe, heavy-weight pipe,
+collars) with losses that grow as the root of the frequency, instead of Womersley's impedances. The surface end is a
+reflector with the resonance of a dampener and a lossy manifold. The valve closes and opens at different speeds, and its
+pulses differ in size and time. Pumps are sums of harmonics with sizes of their own, whose phase and size wander, plus a
+knock of a valve at each stroke. Drilling noise is a coloured, heavy-tailed process whose level changes by the minute.
+The flow-on has an overshoot and a slow relaxation of gelled mud. The stroke counter has jitter and misses strokes.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ def _transfer(mud: OtherMud, frequency: Array) -> NDArray[np.complex128]:
     f = np.maximum(frequency, 0.25 * frequency[1])
     area = np.array([0.0092, 0.0078, 0.0046, 0.0040])  # upper and lower pipe, heavy-weight pipe, collars, m^2
     length = np.array([0.6, 0.4, 0.0, 0.0]) * (mud.depth_m - 350.0) + np.array([0.0, 0.0, 200.0, 150.0])
-    # Neper per metre; the loss that grows as the root delays as much as it attenuates, so that no wave is early.
+    # Neper per metre. The loss that grows as the root has equal real and imaginary parts, so the response is causal.
     loss = (1.0 + 1.0j) * np.sqrt(f) * 2.3e-4 * np.sqrt(0.009 / area[:, None]) + 1.2e-4
     wave = np.exp(-(loss + 2j * math.pi * f / mud.speed) * length[:, None])
     # Reflector at the surface: dampener (closed below its resonance, open above) with a lossy manifold.
@@ -152,10 +151,10 @@ def _noise(mud: OtherMud, time: Array, flow: Array, random: np.random.Generator)
 
 def valve_pa(mud: OtherMud, tool: ToolConfiguration, error: float, hours: int = 4) -> float:
     """
-    Pressure drop of the valve with which a receiver that knows the channel errs in this share of words.
+    Return the pressure drop of the valve, Pa, at which an ideal receiver decodes this share of words wrongly.
 
-    That receiver knows response, time, all other pulses and the mean spectrum of the noise, and uses parities softly.
-    Its errors are counted in the noise itself, whose level changes, so they are more than in stationary noise.
+    The ideal receiver knows response, time, all other pulses and the mean spectrum of the noise; it uses soft parities.
+    Its errors are counted in simulated noise whose level changes, so there are more of them than in stationary noise.
     """
     size = round(3600.0 * RATE_HZ)
     time = np.arange(size) / RATE_HZ
@@ -188,7 +187,7 @@ def _word_errors(metric: Array, whole: Array, valve: float, tool: ToolConfigurat
     wrong: list[bool] = []
     random = np.random.default_rng(5)
     while at < len(metric) - 10000:
-        # Best metric of all words, and of the word sent, by the parity of their difference.
+        # Best metric of words that differ from the sent word in an even and in an odd number of bits; its metric.
         best, truth = np.array([0.0, -np.inf]), 0.0
         for size in packets(bits):
             sent = int(random.integers(1 << size))

@@ -49,7 +49,7 @@ def test_button_key_and_the_browser_s_back_button_lead_into_a_full_tab_and_out(b
         body.send_keys(Keys.ESCAPE)
         wait(browser, lambda: view_of(browser) == "all")
         assert browser.find_element(By.ID, "dial-panel").is_displayed()
-        # A letter that is typed is no key.
+        # A letter typed into a text field does not act as a shortcut key.
         tab(browser, "controls")
         browser.find_element(By.ID, "operator-name").send_keys("fd")
         assert view_of(browser) == "all"
@@ -113,7 +113,7 @@ def test_an_alarm_has_another_look_in_each_state_and_active_ones_come_first(brow
         wait(browser, lambda: strip(browser) == {"severity": "critical", "state": "unacknowledged"})
         rig.book.clear("sonde", time.time_ns())
         rig.publish()
-        # It is gone, critical and not acknowledged: still listed, after the warning that is active.
+        # The critical alarm has ended unacknowledged: it is still listed, after the active warning.
         states = "return [...document.querySelectorAll('#tab-alarms .alarm')].map((e) => e.dataset.state)"
         wait(browser, lambda: browser.execute_script(states) == ["unacknowledged", "returned"])
         rig.book.acknowledge("mag.field", "A. Berg", time.time_ns())
@@ -121,7 +121,7 @@ def test_an_alarm_has_another_look_in_each_state_and_active_ones_come_first(brow
         wait(browser, lambda: browser.execute_script(states) == ["acknowledged", "returned"])
         rig.book.clear("mag.field", time.time_ns())
         rig.publish()
-        # No alarm is active: the strip is no longer coloured as one, and says what nobody has acknowledged.
+        # No alarm is active: the strip loses the colour of an alarm and names the alarms that wait to be acknowledged.
         wait(browser, lambda: strip(browser) == {"severity": "none", "state": "returned"})
         assert "no sonde" in text(browser, ".alarm-remedy")
         rig.book.acknowledge("", "A. Berg", time.time_ns())
@@ -145,7 +145,7 @@ def test_the_sound_repeats_until_the_alarm_is_acknowledged_or_silenced_here(brow
         before = tones()
         rig.book.raise_alarm("sonde", Severity.CRITICAL, "no sonde", "check", time.time_ns())
         rig.publish()
-        # What is silenced stays silent; a new alarm sounds.
+        # A silenced alarm stays silent; a new alarm sounds.
         wait(browser, lambda: tones() > before)
         rig.book.acknowledge("sonde", "A. Berg", time.time_ns())
         rig.publish()

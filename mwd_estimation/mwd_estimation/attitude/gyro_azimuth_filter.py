@@ -37,7 +37,8 @@ _DISAGREES = 3.0
 # If the mean innovation of good magnetic azimuths over the second number, s, is above the first, sigma, the gyro bias
 # is changing (for example while warming up). The biases then walk as if they lost all their information in that time.
 _BIASED_MEAN, _MEAN_TIME = 1.5, 5.0
-# Time of rejected good azimuths after which they are as probable as the carried one, s: a tool joint passes sooner.
+# If good magnetic azimuths are rejected for this time, s, they are as probable as the carried azimuth. A tool joint
+# passes the sensor in less time.
 _BELIEVED = 10.0
 # A magnetic sigma within this share of the last one belongs to the same slow error.
 _SAME_SIGMA = 0.9
@@ -228,8 +229,9 @@ def _doubt(s: State, innovation: float) -> float:
     """
     Return the variance, rad^2, to add to the azimuth because a good magnetic azimuth differs by `innovation`, rad.
 
-    Either may be right, if they differ by more than their sigma. A single rejected sample is probably wrong; a new
-    estimate of the tool's own field, or azimuths that differ for `_BELIEVED`, s, are not.
+    If the two azimuths differ by more than their sigma, either may be right. A single rejected sample is probably
+    wrong. The magnetic azimuth is as probable as the carried azimuth if the tool's own field was estimated anew, or if
+    good magnetic azimuths have differed for `_BELIEVED` seconds.
     """
     share = 1.0 if s.contested else min(s.rejected_s / _BELIEVED, 1.0)
     return 0.5 * share * innovation * innovation * max(1.0 - 1.0 / max(s.innovation_ratio**2, 1e-9), 0.0)
@@ -250,7 +252,7 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
         s.have_azimuth = s.have_station = False
         s.innovation_mean = 0.0
     if measured.new_start:
-        # One hypothesis about the azimuth; the carried azimuth is the other one.
+        # The new magnetic azimuth and the carried azimuth are two hypotheses; neither replaces the other yet.
         fade_slow_error(s, 0.0)
         s.slow_sigma, s.contested = 0.0, True
     slow = _scale_of_slow_error(s, measured)
@@ -265,7 +267,8 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
         used = True
     elif correct(s, azimuth, slow, constant, variance, extra):
         used = True
-        # A new start goes on being doubted for a while; azimuths that agree again are not.
+        # After a new start the additional variance is computed for each azimuth. Otherwise it decays, because the
+        # magnetic azimuths agree with the carried azimuth again.
         decayed = s.doubt * math.exp(-since / p.reset_time_s) if s.rejected_s == 0.0 else 0.0
         s.doubt = _doubt(s, off) if s.contested else decayed
     else:

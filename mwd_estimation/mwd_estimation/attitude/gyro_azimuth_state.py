@@ -161,7 +161,7 @@ class State:
     since_used_s: float
     since_seen_s: float
     rejected_s: float  #: time for which good magnetic azimuths have been rejected
-    contested: bool  #: whether a new estimate of the tool's own field has not yet agreed with the azimuth
+    contested: bool  #: whether the tool's own field was estimated anew and has not yet agreed with the azimuth
     doubt: float  #: variance added to the azimuth because good magnetic azimuths disagree with it, rad^2
     #: `innovation_ratio`, `innovation_mean`: last innovation over its sigma, and its running mean over good azimuths.
     innovation_ratio: float
@@ -199,7 +199,7 @@ class MagneticAzimuth:
     sigma_constant: float
     usable: bool  #: whether its field passes the check; otherwise it is never used
     restart: bool  #: True if earlier rows are withdrawn, so that the azimuth restarts
-    new_start: bool  #: True if the tool's own field is estimated anew from here on, so that its error is another
+    new_start: bool  #: True if the tool's own field is estimated anew from here on; its error is then independent
     status: np.uint32  #: bits of `Status`
     #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; NaN if it is not known.
     interference: Annotated[Array, 3]

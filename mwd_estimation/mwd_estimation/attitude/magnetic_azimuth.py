@@ -72,7 +72,7 @@ class MagneticAzimuths:
         self._disturbed_ns = -_SETTLED_NS
 
     def start_anew(self) -> None:
-        """Restart the estimate of the interference, as one hypothesis beside the azimuth so far."""
+        """Restart the estimate of the interference; its azimuth and the carried azimuth are then two hypotheses."""
         self.set_reference(self._reference)
         self._new_start = True
 
@@ -120,7 +120,7 @@ class MagneticAzimuths:
         else:
             self._read_corrected(self._state, pairs, in_force, rows)
         rows["usable"] = rows["status"] & _DISTURBED == 0
-        # A withdrawal or a new start counts once.
+        # Report a withdrawal or a new start with one row only.
         rows["restart"][0] |= self.withdrawn
         rows["new_start"][0] |= self._new_start
         self.withdrawn = self._new_start = False

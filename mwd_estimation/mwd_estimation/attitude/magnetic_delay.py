@@ -120,7 +120,7 @@ class MagneticDelay:
 
     def _follow(self, until_ns: int) -> None:
         """Process the bins that end before a stamp."""
-        # The columns are gravity across the tool (2) and the rate about x; field across the tool (2) and along it.
+        # Columns of g: gravity across the tool (2), rate about x. Columns of b: field across the tool (2) and along it.
         stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
@@ -172,7 +172,9 @@ class MagneticDelay:
 
     def _walk_with(self, field: Array) -> None:
         """
-        Widen the angle by what the field changed since the last bin; field: its strength across the axis and along, T.
+        Increase the variance of the angle by the change of the field since the last bin.
+
+        field: strength of the field across the axis and component along the axis, T.
 
         A disturbance beside the hole turns the field across the axis by about as much as it changes the field there.
         """

@@ -75,7 +75,7 @@ def _run(s: JitterState, stamps: Stamps) -> Array:
 
 @compiled
 def follows_no_period(s: JitterState) -> bool:
-    """Return whether the stamps do not lie whole periods apart."""
+    """Return whether the intervals between stamps are not multiples of one period."""
     return bool(s.off > _UNEVEN or s.period < _SHORTEST * s.mean)
 
 

@@ -2,11 +2,12 @@
 """
 Clock of a stream: the times of evenly measured samples, from stamps with jitter.
 
-A sensor measures evenly, but its samples may be stamped when a host reads them, rounded, or in batches. A straight line
-of the stamps over the number of the sample has the period as its slope; it is fitted with a memory that grows to
-`_MEMORY` samples. Stamps far from the line are missing samples or a clock that was set: the line then continues from
-there with the same period. Stamps that lie whole periods apart, with samples missing or not, are left as they are, to
-the last bit; so are batches of whole periods, which cannot be told from missing samples.
+A sensor measures at equal intervals, but a host may stamp the samples late, round the stamps, or read in batches. A
+straight line is fitted to the stamps over the sample number; its slope is the period, and its memory grows to `_MEMORY`
+samples. Stamps far from the line mean that samples are missing or that the clock was set; the line then continues from
+these stamps with the same period. If all intervals are multiples of the period, the stamps are returned unchanged, bit
+for bit, whether samples are missing or not. Batches of whole periods are also returned unchanged, because they look
+like missing samples.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from mwd_sensors.core.arrays import Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-_MEMORY = 1000  # number of samples of the line: the jitter of a stamp becomes 16 times smaller
+_MEMORY = 1000  # longest memory of the line, samples: the jitter of a stamp becomes 16 times smaller
 _FIRST = 50  # number of samples until the line is used
 _EVEN = 1e-4  # s, jitter below which stamps are left as they are: at 120 r/min 0.07 deg of toolface
-_FAR = 4.0  # distance from the line, in sigmas beyond half a period, above which samples are missing or late
-_CONFIRMED = 4  # number of samples in a row that far from the line from which it is not a late one
+_FAR = 4.0  # sigmas beyond half a period: a stamp farther from the line is late, or samples are missing
+_CONFIRMED = 4  # so many samples in a row that far from the line show another clock, not late samples
 _SILENCE = 0.5  # s, a longer step is a data gap
 _LATE = 10.0  # periods; a sample farther from the line is behind a data gap
 
@@ -45,7 +46,7 @@ _STATE = dtype_of(ClockState)
 
 
 class StreamClock:
-    """Times of the samples of one stream; any cut of the stream gives the same."""
+    """Times of the samples of one stream, which do not depend on how the stream is cut into blocks."""
 
     def __init__(self) -> None:
         self._state, self._steps = np.zeros(1, dtype=_STATE), np.zeros(1, dtype=JITTER_STATE)
@@ -80,7 +81,7 @@ def _run(s: ClockState, j: JitterState, stamps: Stamps, times: Stamps) -> None:
                 _follow(s, j, step)
             if s.count >= _FIRST:
                 time = stamp + round(1e9 * s.line_s)
-            # A line that begins anew may lie behind the last one for some samples.
+            # After a restart the line may give earlier times for some samples; the returned times must still increase.
             s.time_ns = max(time, s.time_ns + 1)
         else:
             times[i] = min(stamp, s.time_ns)
@@ -101,10 +102,10 @@ def _follow(s: ClockState, j: JitterState, step: float) -> None:
     if abs(off) > 0.5 * s.period + _FAR * sigma or step > _SILENCE:
         s.far += 1
         if s.far < _CONFIRMED and step < _LATE * s.period:
-            # A single late sample was measured where the line has it.
+            # A single sample with a late stamp was measured at the time that the line gives.
             s.line_s = -off
             return
-        # Another clock, or a data gap: the period is the same.
+        # The clock was set, or there is a data gap; keep the period.
         s.line_s = 0.0
         s.count, s.far = _FIRST, 0
         return

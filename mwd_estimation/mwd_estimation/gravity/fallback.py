@@ -96,7 +96,7 @@ class GravityWithFallback:
             if before != unusable:
                 self._remaining_state = accelerometer_only.initial(self._remaining)
             found = accelerometer_only.run(self._remaining, self._remaining_state, times, np.zeros_like(gyro), accel)
-            # Without gyros nothing says of a single sample whether the tool turns.
+            # Without gyros a single sample cannot show whether the tool turns.
             found.status[:] &= ~_NOT_TURNING
             return found
         if before:
@@ -112,12 +112,12 @@ class GravityWithFallback:
         return self._method.run(self._params, self._state, times, gyro, accel)
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Accept magnetic samples, T, in tool axes; they wait for the samples of their time."""
+        """Accept magnetic samples, T, in tool axes, and keep them until the IMU samples of their time arrive."""
         mag = self.mag
         self.mag = mag._replace(stamp_ns=np.concatenate([mag.stamp_ns, stamps]), b_t=np.concatenate([mag.b_t, b_t]))
 
     def shift_mag(self, late_ns: int, lag_ns: int) -> None:
-        """Correct the stamps of waiting magnetic samples, which are late_ns late; lag_ns: see `MagneticSamples`."""
+        """Correct the stamps, late by late_ns, of the magnetic samples not used yet; lag_ns: see `MagneticSamples`."""
         self.mag = self.mag._replace(stamp_ns=self.mag.stamp_ns - late_ns, lag_ns=lag_ns)
 
     def _drop_mag(self, count: int) -> None:

@@ -24,8 +24,8 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
 
-# Scales of the stated bias, from 1/256, which is below the noise, and of the stated drift, in logarithmic steps, with
-# a ramp that moves a bias by degrees per hour within a minute: the change within each position shows it. The
+# Scale factors of the stated bias and of the stated drift, in logarithmic steps. The least bias is below the noise. The
+# largest drift moves a bias by degrees per hour within a minute, which the change within each position shows. The
 # shares of units that are better than stated, as stated, and worse are a guess. Few are assumed to be better, because
 # some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
@@ -104,7 +104,7 @@ def _as_stated(params: SeekParams, weight: Array, bias_kind: Indices, drift_kind
 
 def _beforehand(scales: Array) -> Array:
     better = _BETTER / np.count_nonzero(scales < 1.0)
-    # Of those that are worse, the much worse ones are the rarer.
+    # Among units that are worse than stated, a unit is rarer the worse it is.
     rarer = np.where(scales > 1.0, 1.0 / scales, 0.0)
     return np.where(scales < 1.0, better, np.where(scales > 1.0, _WORSE * rarer / rarer.sum(), _AS_STATED))
 

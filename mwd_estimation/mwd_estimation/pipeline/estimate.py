@@ -127,7 +127,7 @@ class Estimate:
         self._statuses = StatusHistory(BIN_NS)
 
     def _use_gravity(self, known: float | None, mag: MagneticSamples) -> None:
-        """Use this local gravity, m/s^2, None if not known, in all parts that need it; `mag`: samples that wait."""
+        """Use the local gravity `known`, m/s^2 or None, in all parts; `mag`: magnetic samples not used yet."""
         settings = self.settings
         self._gravity = GravityWithFallback(
             gravity.method(settings.gravity.method),
@@ -280,7 +280,7 @@ class Estimate:
             self.watch.shift_mag(late_ns, wait_ns)
             self._attitude.shift_mag(late_ns, wait_ns)
             self._gravity.shift_mag(late_ns, self._mag_lag_ns + wait_ns)
-            # Interference was learnt with fields paired with wrong toolfaces.
+            # The interference so far was learnt from fields that were paired with wrong toolfaces.
             self._attitude.restart_field()
 
     def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:

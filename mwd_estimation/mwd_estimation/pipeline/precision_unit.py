@@ -85,7 +85,7 @@ class PrecisionUnit:
         unsure = suspect & (GYRO | ACCEL) != 0
         if unsure.any():
             values = np.where(unsure[:, None], np.nan, values)
-        # How far the units are pulled apart is unknown while the string turns faster than its gyro reads.
+        # While the rate exceeds the range of the gyro, the centripetal difference between the two units is unknown.
         fast = np.abs(values[:, 0]) >= AT_RANGE * self._gyro_range
         if fast.any():
             values = values.copy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A survey inside the estimator: its average and its station (the evidence), and the record that leaves."""
+"""A survey inside the estimator: its mean readings, its station, and its conversion to the record that is sent."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.survey import STATIC, AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core.unknown import or_nan
 
-# Names a survey by its time and readings, so that a replay gives it the same name whatever its number (RFC 4122,
-# version 5).
+# Namespace of the identifiers of surveys (RFC 4122, version 5). They depend on time and readings, so a survey has the
+# same identifier in a replay, even if its number differs.
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 
 
 @dataclasses.dataclass(frozen=True)
 class DecidedSurvey:
-    """A survey as the estimator decided it; complete, nothing is changed in it afterwards."""
+    """A survey as the estimator decided it. It is complete and does not change afterwards."""
 
     average: StillAverage  #: mean readings
     sequence: int  #: from 1
@@ -50,11 +50,11 @@ class DecidedSurvey:
 
     @property
     def uuid(self) -> str:
-        """Name of the survey, from its time and readings."""
+        """Identifier of the survey, computed from its time and readings."""
         return str(uuid.uuid5(_SURVEYS, f"{self.stamp_ns} {[float(v) for v in self.average.imu.mean]}"))
 
     def record(self, frame_id: str = "sonde_link") -> Survey:
-        """Return the survey as it leaves the estimator; frame_id: of the tool's axes."""
+        """Return the record that the estimator sends; frame_id: frame of the tool axes."""
         average = self.average
         rates = average.precision if average.precision is not None else average.imu
         mag = np.full((3, 3), math.nan) if average.mag is None else average.mag.covariance
@@ -87,9 +87,9 @@ def record_of(station: Station, weights: Mapping[str, float], **about: Any) -> S
     ----------
     station : Station
     weights : mapping of str to float
-        Share of each of its methods in its azimuth.
+        Share of each method of the station in its azimuth.
     **about
-        Other fields of the record: when the survey was taken, its name and number, noise of the readings.
+        Other fields of the record: time, identifier and number of the survey, and noise of the readings.
     """
     north, reference = North[station.north.upper()], station.reference
     covariance = np.array(station.covariance, dtype=float)

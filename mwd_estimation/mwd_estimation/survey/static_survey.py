@@ -23,9 +23,10 @@ _BIN_S = BIN_NS * 1e-9
 # Mean and standard deviation of the angular rate, rad/s, and standard deviation of the specific force, m/s^2, above
 # which the tool moves, times `SurveySettings.motion`; and change of that force between bins, m/s^2.
 MAX_RATE, MAX_FORCE_NOISE, MAX_FORCE_STEP = 0.03, 0.25, 0.1
-# Change of the mean field between bins, and its standard deviation in a bin, T, above which a tool without a gyro
-# turns, times `SurveySettings.motion`. The change is what MAX_RATE makes of 20 uT across the axis, and must exceed so
-# many sigma of the noise of the two means. The deviation is above the noise of any magnetometer.
+# Limits, multiplied by `SurveySettings.motion`, above which a tool without a gyro is turning: change of the mean field
+# between bins, and standard deviation of the field in a bin, T. A rotation at MAX_RATE in 20 uT across the axis causes
+# this change. The change must also exceed the third number times the sigma of the two means. The limit of the
+# deviation is above the noise of any magnetometer.
 MAX_FIELD_STEP, MAX_FIELD_NOISE, _FIELD_SIGMAS = MAX_RATE * _BIN_S * 20e-6, 2e-6, 4.0
 
 
@@ -194,7 +195,7 @@ class StillSurvey:
         return None
 
     def _turning_field(self, mag: Bin | None, last: Bin | None) -> Reason | None:
-        """Return how far the field has turned, in the bin or since the one before; None if it stands or is unknown."""
+        """Return how far the field has turned in the bin or since the last bin; None if it has not, or is unknown."""
         if mag is None or last is None:
             return None
         most, spread = MAX_FIELD_NOISE * self.settings.motion, math.sqrt(mag.scatter.trace() / max(mag.count - 1, 1))

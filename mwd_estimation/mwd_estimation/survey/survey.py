@@ -142,7 +142,7 @@ class Survey(MessageRecord):
         return [(HYPOTHESES.get(name, name), odds) for odds, name in known]
 
     def alternatives_from(self, north: North) -> list[tuple[float, float]]:
-        """Return other azimuths that fit, rad, and their odds; from the survey's own north if `north` is unknown."""
+        """Return other azimuths that fit, rad, and their odds; if `north` is unknown, from the survey's own north."""
         pairs = zip(self.alternatives, self.alternative_odds, strict=True)
         turned = ((self.turned(azimuth, North(self.north), north), azimuth, odds) for azimuth, odds in pairs)
         return [(own % math.tau if found is None else found, odds) for found, own, odds in turned]

@@ -226,7 +226,7 @@ def test_a_magnetic_azimuth_that_is_withdrawn_lets_the_azimuth_begin_anew() -> N
 def test_a_new_magnetic_start_and_the_carried_azimuth_are_two_hypotheses(
     off_deg: float, carried_is_wrong: bool
 ) -> None:
-    """Nothing tells which of them is right, so that sigma must cover both until the magnetic azimuth has lasted."""
+    """Sigma must cover both azimuths until the magnetic azimuth has lasted, because either may be right."""
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(6))
     mag[slice(1000) if carried_is_wrong else slice(1000, None)] += off_deg * DEG
@@ -235,7 +235,7 @@ def test_a_new_magnetic_start_and_the_carried_azimuth_are_two_hypotheses(
     error = np.abs(wrap_pi(rows["azimuth"][contested] - well.azimuth[contested]))
     assert (error < 3.0 * rows["sigma"][contested]).all()
     if off_deg < 1.0:
-        # Both agree: what the gyro carried counts on.
+        # The two azimuths agree, so sigma stays that of the carried azimuth.
         assert rows["sigma"][1100] < 1.1 * MAG_SIGMA
 
 

@@ -57,7 +57,7 @@ def estimated(imu, mag, cuts=(), settings=None):
 
 @pytest.mark.parametrize("steel_ut", [(6.0, 5.0, 4.0), (-4.0, 6.0, 6.0), (5.0, -8.0, 2.0)])
 def test_steel_that_comes_near_while_the_speed_changes_is_not_taken_for_a_delay(steel_ut):
-    # The string drills past it: the field turns as the speed rises, by up to 20 deg.
+    # The string passes steel while its speed rises, and the field turns by up to 20 deg.
     imu, mag = drilled()
     near = np.clip(imu["angular_velocity"][:, 0], 0.0, 11.0)[:, None] / 11.0
     turned = np.cumsum(imu["angular_velocity"][:, 0]) * 0.01

@@ -14,7 +14,7 @@ START = 1_700_000_000 * 10**9
 
 
 def rising(stamps):
-    """Stamps of a host that handles one sample after the other, 20 us each."""
+    """Return the stamps of a host that needs 20 us for each sample of a batch."""
     each = 20_000 * np.arange(len(stamps))
     return np.maximum.accumulate(stamps - each) + each
 

@@ -132,7 +132,7 @@ def test_a_fault_is_named_within_ten_seconds(schedule, component, word, axis, ki
 @pytest.mark.fault_case(21)
 @pytest.mark.parametrize("rpm", [200.0, 250.0])
 def test_two_units_apart_in_a_string_that_turns_fast_have_no_wrong_axes(rpm):
-    """Stick-slip to some 600 r/min pulls the units apart by more than gravity, beyond the range of the x gyro too."""
+    """In stick-slip up to 600 r/min, where the x gyro clips, the forces of the units differ by more than gravity."""
     schedule = [{"kind": "still", "seconds": 5.0}, {"kind": "drill", "seconds": 30.0, "rpm": rpm, "rop_m_h": 0.0}]
     apart = {
         "schedule": schedule,

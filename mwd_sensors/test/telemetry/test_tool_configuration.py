@@ -76,7 +76,7 @@ def test_a_broken_file_is_named(tmp_path):
 
 
 def test_the_usual_sync_does_not_resemble_its_own_copy():
-    """Distances that differ by 2 TU or more, the width of a pulse, let one pulse of five meet its copy at any shift."""
+    """If all distances differ by a pulse width (2 TU) or more, a shifted copy shares at most one of five pulses."""
     edges = ToolConfiguration().sync.edges_tu
     apart = sorted(b - a for k, a in enumerate(edges) for b in edges[k + 1 :])
     assert all(b - a >= 2 for a, b in itertools.pairwise(apart))

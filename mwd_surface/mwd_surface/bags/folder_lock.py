@@ -33,8 +33,8 @@ class FolderLock:
         folder.mkdir(parents=True, exist_ok=True)
         self._handles: list[int] = []
         try:
-            # The folder itself is locked, because somebody may delete the file while its owner works. A network file
-            # system may not lock folders; there the file alone is locked.
+            # Lock the folder too, because somebody may delete the file while its owner works. Some network file systems
+            # cannot lock folders; then only the file is locked.
             self._lock(os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC), needed=False)
             file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             self._lock(file, needed=True)

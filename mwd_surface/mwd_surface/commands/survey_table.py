@@ -107,7 +107,7 @@ def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
 
 
 def correction_sentences(references: Sequence[Reference | None]) -> list[str]:
-    """Return a sentence with the correction from magnetic north for each north of the rows, with both its parts."""
+    """Return one sentence for each correction from magnetic north, with its declination and convergence."""
     found: dict[str, None] = {}
     for reference in references:
         north = best_north(reference)

@@ -23,9 +23,10 @@ class PrintableStream:
     """
     Standard output or error that escapes hidden characters.
 
-    Names of topics and files, and data from peers, may contain control sequences for a terminal. Only colours pass, on
-    a terminal, because the help of the commands has them: text that may hold foreign colours goes through `output` and
-    `remarks`. The bar of `progress`, which moves the cursor, does not use this stream.
+    Names of topics and files, and data from peers, may contain control sequences for a terminal. On a
+    terminal, colours are not escaped, because the help of the commands uses them. Text from others may also contain
+    colours; print such text with `output` and `remarks`, which escape them. The bar of `progress` moves the cursor and
+    therefore does not use this stream.
     """
 
     _COLOUR = re.compile(r"(\x1b\[[0-9;]*m)")
@@ -52,7 +53,7 @@ class PrintableStream:
 
 
 class _Escaped:
-    """Something to print whose text has its hidden characters escaped, foreign colours among them; its style stays."""
+    """Renderable whose text has all hidden characters escaped, including colour codes; its own style remains."""
 
     def __init__(self, made: ConsoleRenderable) -> None:
         self._made = made

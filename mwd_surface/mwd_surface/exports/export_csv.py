@@ -43,7 +43,7 @@ def definitive_csv(table: SurveyTable) -> str:
 
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
     """
-    Return every survey of the list, used or not, by number; azimuths are from each survey's own north.
+    Return all surveys of the list in order of number, used or not; azimuths are from each survey's own north.
 
     header, notes: labels and values of the head block, and comment lines below it.
     """

@@ -126,7 +126,7 @@ class AlarmBook:
         return alarm, False
 
     def clear(self, alarm_id: str, stamp_ns: int) -> bool:
-        """Say that a cause has gone; True if it was there. A critical alarm that nobody has acknowledged stays."""
+        """Record that a cause has ended; return whether its alarm was active. Unacknowledged critical alarms stay."""
         old = self._alarms.get(alarm_id)
         if old is None or not old.active:
             return False

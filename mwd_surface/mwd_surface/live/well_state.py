@@ -286,7 +286,7 @@ class WellState:
     clock_offset : float or None
         Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
     history, trend, depth_log : Chart
-        Over the last minutes, over the last hours in larger steps, and over the depth of the sensor.
+        Charts over the last minutes, over the last hours (in larger steps), and over the depth of the sensor.
     changes : mapping of str to Change
         By the name of the part (a field of this class); a part that never changed is missing.
     """

@@ -22,7 +22,7 @@ def add_export_routes(router: web.UrlDispatcher, folder: Path, allowed: Allowed)
     """
     Add `/exports`, the list of exported files, newest first, and `/exports/NAME`, one of them as a download.
 
-    allowed: called with each request before it is answered; raises `web.HTTPException` for one without the token.
+    allowed: function that is called with each request first; it raises `web.HTTPException` if the token is missing.
     """
 
     async def listed(request: web.Request) -> web.StreamResponse:
@@ -34,7 +34,7 @@ def add_export_routes(router: web.UrlDispatcher, folder: Path, allowed: Allowed)
         name = request.match_info["name"]
         path = folder / name
         if not_a_file_name(name) or name.startswith(".") or path.is_symlink() or not path.is_file():
-            raise web.HTTPNotFound(text=f"there is no exported file {name[:60]!r}")
+            raise web.HTTPNotFound(text=f"{name[:60]!r} is not one of the exported files")
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
         return web.FileResponse(path, headers=headers)
 

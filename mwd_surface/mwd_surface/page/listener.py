@@ -28,10 +28,10 @@ def listener(host: str, port: int) -> socket.socket:
 
 class QuietPeer(asyncio.Protocol):
     """
-    Protocol of a connection whose peer has little to say: it is cut when it sends more than `most` bytes in a minute.
+    Protocol that closes a connection when its peer sends more than `most` bytes in a minute.
 
-    The web server sees whole messages alone, so that parts of one that never ends, or frames without content, would
-    occupy it for good. Everything else goes to the protocol that the connection had before.
+    The web server sees complete messages only. A message that never ends, or frames without content, would occupy it
+    for good. All events are passed on to the protocol that the connection had before.
     """
 
     def __init__(self, transport: asyncio.Transport, most: int, clock: Callable[[], float]) -> None:

@@ -71,7 +71,7 @@ class PageServer:
     now : callable, optional
         Clock of the snapshots' `now` if it is not `clock`, as for a recording.
     exports : Path, optional
-        Folder of the exported files, which whoever has the token can download.
+        Folder of the exported files, which anybody with the token can download.
 
     Raises
     ------
@@ -345,7 +345,7 @@ class PageServer:
         await talk.prepare(request)
         if not isinstance(request.transport, asyncio.Transport):
             return talk
-        # A browser sends nothing but answers to the pings, of six bytes, which follow each state.
+        # A ping follows each state; a browser sends only the answers to these pings, six bytes each.
         answers = round(60.0 * self.settings.max_rate * 16)
         QuietPeer(request.transport, budgets.PAGE.size + answers, time.monotonic)
         client = Client(talk, request.transport)
@@ -360,7 +360,7 @@ class PageServer:
         sender.add_done_callback(ended)
         try:
             async for message in talk:
-                # Any other message than a control frame ends the connection.
+                # A text or binary message ends the connection.
                 if message.type == WSMsgType.PONG:
                     client.answered()
                 elif message.type == WSMsgType.PING:

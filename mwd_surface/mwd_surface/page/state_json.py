@@ -186,8 +186,8 @@ def _alarms(state: WellState) -> Table:
     """
     Return the alarms.
 
-    raised_at: s of the steady clock, None if the clock of their stamps is unknown. epoch: the time since the epoch when
-    the steady clock was zero, s, or None.
+    raised_at: time on the steady clock, s; None if the clock of the stamps is unknown. epoch: time since the epoch, s,
+    at which the steady clock was zero, or None.
     """
     offset = state.clock_offset
     ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]

@@ -26,7 +26,7 @@ from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 _ON_PATH = {signal.name for signal, _ in LISTED}
 _ROW = page_fields("surveys")
-# Kind of a number on the page (units.js), by its unit in files.
+# Kind of number on the page (units.js) for each unit used in files.
 _KINDS = {
     "m": "length",
     "deg": "angle",

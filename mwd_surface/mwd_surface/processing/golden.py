@@ -30,7 +30,7 @@ def is_golden(folder: Path) -> bool:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether the path is a recording, or the folder of a run with one, rather than results of one."""
+    """Return whether the path is a recording or the folder of a run with a recording; False for results."""
     path = recording_of(path)
     if path.is_file():
         return path.suffix in (".mcap", ".db3")

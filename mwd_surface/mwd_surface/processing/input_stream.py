@@ -352,9 +352,9 @@ def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
     """
     Return the recorder's clock minus that of a topic's stamps for each message of a block, shape (n,), s.
 
-    What the recorder's clock gains on that of the IMU in the course of the block is left out: a run at twice its pace
-    gains a second a second. So offsets of different topics are comparable although their messages come at different
-    times, as where one of them has a gap.
+    The drift of the recorder's clock relative to the IMU's clock within the block is subtracted; in a run at half speed
+    the recorder's clock gains half a second per second. Offsets of different topics can then be compared although their
+    messages arrive at different times, for example when one topic has a gap.
     """
     log_ns, samples = block[name]
     seconds = 1e-9 * (log_ns - block[imu][0][0])
@@ -364,10 +364,10 @@ def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
 
 def _gain(block: Block, imu: str) -> float:
     """
-    Return what the recorder's clock gains on that of the IMU in a block, s per s.
+    Return the drift of the recorder's clock relative to the IMU's clock in a block, s per s.
 
-    The median over pairs of messages a tenth of the block apart: neither messages in bursts nor a clock that is set
-    once within the block change it.
+    It is the median over pairs of messages a tenth of the block apart. Messages in bursts, or a clock that is set once
+    within the block, do not change it.
     """
     log_ns, samples = block[imu]
     apart = max(1, len(log_ns) // 10)

@@ -157,7 +157,7 @@ def inspect(
     progress : callable
         Called with the completed share of a pass, 0 to 1.
     recorded : settings, optional
-        Settings in the recording, which `mwd process` uses without being told.
+        Settings in the recording, which `mwd process` uses without options.
 
     Raises
     ------
@@ -400,7 +400,7 @@ def _day(reading: _Reading, imu: str) -> str:
 
 
 def _other_place(given: Place, recorded: Place) -> str:
-    """Return in words what differs between the given place and that of the recording, if it has one."""
+    """Return the differences between the given place and the place in the recording; empty if it has none."""
     if recorded.field == "none":
         return ""
     names = [field.name for field in dataclasses.fields(given)]
@@ -409,7 +409,7 @@ def _other_place(given: Place, recorded: Place) -> str:
 
 
 def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path, own: EstimatorSettings) -> str:
-    """Return the command that processes the bag as it was read; own: settings that it uses without being told."""
+    """Return the command that processes the bag as it was read; own: settings that it uses without options."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
     for name, usual in vars(InputSettings()).items():
         if (value := getattr(reading.given, name)) != usual and name != "partial":

@@ -2,9 +2,9 @@
 """
 Probability that a decoded word is right, and that the tool configuration is the one the tool uses.
 
-With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time, pulses lie
-between the windows of the table, and no word may be believed. The probability of this case is estimated from how often
-the parities hold and the pulses fit; the true words are not needed.
+With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time and pulses lie
+between the windows of the table. No word can be trusted then. The probability of this case is estimated from the
+parities that hold and the pulses that lie in their windows; the true words are not needed.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Soft:
         Probability that the parity of the word holds, computed without using the parity; None for a word without
         parity.
     fits : float
-        Log likelihood ratio of its pulses in the windows of the table against pulses that lie in them by chance.
+        Log likelihood ratio of two cases: the table is right, or its windows hold pulses only by chance.
     """
 
     candidates: tuple[Candidate, ...]

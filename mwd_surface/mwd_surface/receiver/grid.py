@@ -12,7 +12,7 @@ from mwd_surface.receiver.strokes import Strokes
 STEPS_PER_TU = 8
 # Values after the last one wanted that the interpolation needs; without them a later call would give other results.
 REACH = 4
-# Equal values in a row from which a gauge counts as frozen: four pulse widths without any noise.
+# A gauge counts as frozen after this number of equal values in a row: four pulse widths without any noise.
 _FROZEN = 8 * STEPS_PER_TU
 
 
@@ -41,7 +41,7 @@ class Grid:
         return self.first + len(self._values)
 
     def append(self, values: Array, known: Array) -> None:
-        """Append values; a gap is filled with the last known value. A gauge that stands for long is a gap, too."""
+        """Append values; a gap is filled with the last known value. A gauge that is frozen counts as a gap."""
         filled, known = values.copy(), known.copy()
         last = self._values[-1] if len(self._values) else (values[known > 0.0][0] if np.any(known > 0.0) else 0.0)
         for k in range(len(filled)):

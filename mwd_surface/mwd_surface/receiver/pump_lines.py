@@ -164,11 +164,11 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angle
     plain = _lines(noise, known, memory, np.zeros((0, len(noise))))
     if angles is None or not len(angles):
         return plain
-    # A counter with jitter, or a pump that beats, makes the subtraction worse than that of the lines found without it.
+    # If the counter has jitter, or the pumps beat, subtraction with the strokes can be worse than without them.
     counted = _lines(noise, known, memory, angles)
     taps, root = np.empty(_ORDER + 2), np.sqrt(known)
     unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR, taps) for one in (plain, counted)]
-    # The harmonics follow some of the noise itself: so many coefficients explain this share of its variance.
+    # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)
     return counted if unexplained[1] ** 2 < share * unexplained[0] ** 2 else plain

@@ -12,8 +12,8 @@ from mwd_sensors.core.arrays import Array
 # A pause of this many usual intervals means that the pump stands or its switch failed.
 _PAUSE = 2.5
 _LEAST = 8  # least strokes to determine a pump's rate
-# Error of a harmonic's angle above which the strokes are smoothed, rad; number of that harmonic; most strokes (1 sigma)
-# over which they are smoothed, because a pump changes its rate within some ten seconds.
+# The strokes are smoothed if the angle of this harmonic (second number) has a larger error than the first number, rad.
+# The third number limits the smoothing (1 sigma, strokes), because a pump changes its rate within some ten seconds.
 _ANGLE, _HARMONIC, _MOST_SMOOTHED = 0.3, 6.0, 6.0
 # Significance level at which a line is attributed to a pump.
 _BY_CHANCE = 0.05
@@ -112,7 +112,7 @@ def _without_jitter(time: Array, turns: Array) -> Array:
     """
     Return stroke times smoothed by a local line over as many strokes as their jitter requires; shape (n,).
 
-    The second difference of the times shows the jitter of the switch, and hardly the slow changes of the rate.
+    The jitter is estimated from the second difference of the times, which contains little of a slow change of the rate.
     """
     step = np.diff(turns)
     late = np.diff(time) / step

@@ -246,7 +246,7 @@ def checked_host(host: str, allow_network: bool) -> str:
     Raises
     ------
     InterfaceError
-        It is not an address, or other machines can reach it and the settings do not allow that.
+        The text is not an address, or other machines can reach the address and the settings do not allow this.
     """
     if why := refused_host(host, allow_network=allow_network):
         raise InterfaceError(why)

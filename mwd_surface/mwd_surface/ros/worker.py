@@ -46,7 +46,7 @@ class BackgroundWorker:
         """
         Call the callbacks of finished jobs; called by the node's timer.
 
-        If one of them raises, the others are called the next time: each ends a wait that nothing else would end.
+        If a callback raises, the remaining callbacks run in the next call, because each of them ends a wait.
         """
         finished: list[_Job] = []
         running: list[_Job] = []

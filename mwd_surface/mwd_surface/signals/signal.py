@@ -175,7 +175,7 @@ class Signal:
 
     @property
     def listed_scale(self) -> Scale:
-        """Unit in the tables of surveys: that for people, and deg/h for the rate of a gyro at rest."""
+        """Unit in the tables of surveys: the unit for people, or deg/h for the rate of a gyro at rest."""
         return DEG_PER_H if self.listed and self.listed.key.endswith("_degph") else self.people
 
     @property

@@ -133,7 +133,7 @@ def check_shots(
 def _compared(
     md: Array, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
-    """Compare the shots at one depth; md, shape (n,), m: the hole turns between shots that are not quite there."""
+    """Compare the shots at one depth; md, shape (n,), m: their measured depths, between which the hole may turn."""
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])
     differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversion between the graph's messages and the survey list, its path and the advice; records convert themselves.
+Conversion between ROS messages and the survey list, its path and the advice; records have their own conversion.
 
 No ROS code is imported: a message is any object with the fields of its .msg file, and `make` makes one by its name.
 Both sides hold the same SI numbers (`mwd_sensors.core.message_record`).

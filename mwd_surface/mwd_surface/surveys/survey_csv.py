@@ -44,7 +44,7 @@ _UNKNOWN = AzimuthEstimate("")
 
 class Line:
     """
-    A survey as a line of a table; the signal table names the attributes that its columns show.
+    Values of a survey for a line of a table; the signal table names the attribute that each column shows.
 
     All azimuths of a line have the same north, which `north_word` names.
 
@@ -148,12 +148,12 @@ class Line:
 
     @property
     def judged_field(self) -> float | None:
-        """Total field as the verdict takes it, T."""
+        """Total field with which the verdict was made, T."""
         return totals(self.survey)[1].value
 
     @property
     def judged_dip(self) -> float | None:
-        """Dip as the verdict takes it, rad."""
+        """Dip with which the verdict was made, rad."""
         return totals(self.survey)[2].value
 
     @property
@@ -163,7 +163,7 @@ class Line:
 
     @property
     def coordinates(self) -> str:
-        """Whether the place of the station rests on an assumption."""
+        """Text "assumed" if the position of the station rests on an assumption; otherwise empty."""
         return "assumed" if self.record.assumed else ""
 
     @property
@@ -194,7 +194,7 @@ class Line:
 
     @property
     def judged(self) -> str:
-        """When a person decided, UTC."""
+        """Time at which a person decided, UTC; empty if nobody decided."""
         return utc(self.record.judged_ns)
 
     @property
@@ -207,7 +207,7 @@ class Line:
 
     def _by(self, method: str) -> AzimuthEstimate:
         found = next((one for one in self.survey.azimuths if one.method == method), _UNKNOWN)
-        # A refused multi-station analysis found nothing that is worth comparing.
+        # The azimuth of a refused multi-station analysis is not worth comparing.
         if method == AzimuthMethod.MULTI_STATION and found.reason:
             return _UNKNOWN
         return dataclasses.replace(found, azimuth=self._turned(found.azimuth))
@@ -221,7 +221,7 @@ class _Limits:
 
 
 def cells(record: SurveyRecord, north: North = North.UNKNOWN) -> dict[str, str]:
-    """Return the texts of the columns of a survey, by name; those of the position's sigma and the plan are empty."""
+    """Return the column texts of a survey by name; columns of the position's sigma and of the plan are empty."""
     line = Line(record, north)
     return {
         listed.key: _cell(signal, listed, line.value(signal.record)) if signal.record else ""
@@ -261,7 +261,7 @@ def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -
 
 
 def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = ()) -> str:
-    """Return a table with its header; more: columns behind those of every table. Missing cells are empty."""
+    """Return a table with its header; more: names of additional columns at the end. Missing cells are empty."""
     names = (*COLUMNS, *more)
     quote = TEXTS | set(more)
     rows = [",".join(names)]

@@ -242,7 +242,7 @@ def test_a_watcher_that_reads_nothing_is_dropped_without_memory_growing_or_other
         assert ask(server, "/state.json")[0] == 200
 
 
-# Frames of a browser carry a mask, here of zeros: the begin of a text, then parts without content; pings; answers.
+# Frames from a browser, masked with zeros: first the start of a text (or nothing), then the frame that is repeated.
 _ENDLESS = {
     "empty parts of a text": (b"\x01\x80\0\0\0\0", b"\x00\x80\0\0\0\0"),
     "parts of a text between answers": (b"\x01\x80\0\0\0\0", b"\x8a\x80\0\0\0\0\x00\x80\0\0\0\0"),

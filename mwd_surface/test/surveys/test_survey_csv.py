@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A station as a line: the columns others rely on, empty where nothing is known."""
+"""A survey as a line of a table: columns that other programs rely on, and empty cells for unknown values."""
 
 import csv
 import dataclasses
@@ -46,7 +46,7 @@ def test_the_promised_columns_come_first():
 
 
 def record(one, measured_depth=math.nan):
-    """A record of a station, as of a table of readings."""
+    """Return the record of a station from a table of readings."""
     (row,) = table_surveys([TableStation(measured_depth, "", one)])
     return row.record
 

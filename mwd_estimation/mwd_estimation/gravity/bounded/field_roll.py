@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Roll of the bounded filter by the magnetic field: it follows a rotation that the x gyro cannot show.
+Roll of the bounded filter from the magnetic field, which shows a rotation that the x gyro cannot measure.
 
-Across the tool axis, the field and gravity are a constant angle apart, whatever the tool turns. While the roll is known
-from gyro and forces, that angle is learnt, and the magnetometer does not touch the attitude. When the x gyro clips,
-when samples are missing, or after a start, the field shows the roll by the learnt angle (equation (13) of the method's
-page). A sample of the magnetometer is used a fixed time after its stamp, and is compared with the roll of its own time.
+In the plane across the tool axis, the angle between the field and gravity does not change when the tool rotates. While
+the roll is known from the gyro and the forces, this angle is learnt, and the magnetometer does not change the attitude.
+When the x gyro clips, when samples are missing, or after a start, the field and the learnt angle give the roll
+(equation (13) of the method's page). A magnetic sample is used a fixed time after its stamp, and is compared with the
+roll at the time of its stamp.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import wrap_angle
 
-ANGLE_WALK = 1e-5  # rad^2/s, random walk of the angle: the hole turns by 0.6 deg in 10 s where it is drilled fast
+ANGLE_WALK = 1e-5  # rad^2/s, random walk of the angle: fast drilling turns the hole by 0.6 deg in 10 s
 TILT_TIME = 3.0  # s, correlation time of the error of the roll from which the angle is learnt
 STRENGTH_TIME = 10.0  # s, averaging time of the strength across the axis
-STAMP_ERROR = 1e-3  # s, error of the stamps between gyro and magnetometer that stays unknown (`magnetic_delay`)
-UNCERTAIN = 4.0  # ratio of the variance of the roll to that of the field's roll, from which the field is used
-YOUNG = 3.0  # s since a start, while its first direction may have a wrong roll
+STAMP_ERROR = 1e-3  # s, remaining error of the delay between gyro and magnetometer (`magnetic_delay`)
+UNCERTAIN = 4.0  # the field is used if the variance of the roll exceeds that of the field's roll by this factor
+YOUNG = 3.0  # s after a start, during which the first roll may be wrong
 SURPRISE = 25.0  # squared innovation over its variance that shows a lost roll (5 sigma)
-FRESH_NS = 500_000_000  # age of the last magnetic sample up to which the field is at hand
+FRESH_NS = 500_000_000  # ns, greatest age of the last magnetic sample with which the field can show the roll
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
 
@@ -41,7 +42,9 @@ class MagneticSamples(NamedTuple):
     stamp_ns: Stamps  #: shape (m,)
     b_t: Array  #: field, T, shape (m, 3)
     lag_ns: int  #: a sample is used at the first sample of the conventional unit this much later than its stamp
-    due_ns: Stamps  #: stamps of the samples of the conventional unit for that, shape (n,); empty: their times
+    #: Stamps of the samples of the conventional unit, shape (n,), to which the lag applies; if empty, it applies to the
+    #: times at which these samples were measured.
+    due_ns: Stamps
 
     @classmethod
     def none(cls, lag_ns: int = 0) -> MagneticSamples:
@@ -49,7 +52,7 @@ class MagneticSamples(NamedTuple):
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns, np.zeros(0, dtype=np.int64))
 
     def leave_out(self, out: NDArray[np.bool_]) -> None:
-        """Replace the samples that would be used at one of `due_ns` that is `out`, shape (n,), by NaN, in place."""
+        """Replace by NaN, in place, the samples that would be used at a stamp of `due_ns` whose `out` is true."""
         if not out.any():
             return
         turn = np.searchsorted(np.maximum.accumulate(self.due_ns), np.maximum.accumulate(self.stamp_ns) + self.lag_ns)
@@ -60,14 +63,14 @@ class MagneticSamples(NamedTuple):
 
 @compiled
 def follow_turn(s: Record, stamp_ns: int) -> None:
-    """Keep the rotation about the axis at an accepted sample."""
+    """Store the rotation about the axis at an accepted sample."""
     row = s.field.turns.rows[ring.next_place(s.field.turns)]
     row.stamp_ns, row.turn = stamp_ns, s.turn
 
 
 @compiled
 def begin_anew(f: Field, stamp_ns: int) -> None:
-    """Use only magnetic samples from here on: the rotation before is not known by the gyro."""
+    """Use only magnetic samples after this stamp, because the gyro did not measure the rotation before it."""
     f.since_ns = stamp_ns
     f.turns.head = f.turns.length = 0
 
@@ -83,7 +86,7 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
     """
     Compare the roll with the newest magnetic sample, right after an update; return whether the roll was corrected.
 
-    Learns the angle between gravity and field across the axis, or corrects the roll with it.
+    The function either learns the angle between gravity and field across the axis, or corrects the roll with it.
     """
     f = s.field
     strength = math.sqrt(f.b_t[1] ** 2 + f.b_t[2] ** 2)
@@ -104,12 +107,14 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
         # A disturbance of the field turns it by as much as it changes its strength.
         noise += (strength / f.strength - 1.0) ** 2
     roll2, total = s.sigma_toolface**2, f.variance + noise
-    # A roll that was not lost, and is uncertain nevertheless, has another cause: a faulty gyro must not be hidden.
+    # Do not correct a roll that is uncertain although no rotation was lost: the cause may be a faulty gyro, which the
+    # correction would hide.
     lost = s.clipping.seen or s.settled < YOUNG
     if s.clipping.sign != 0.0 or (lost and roll2 > UNCERTAIN * total):
         if f.variance == 0.0:
             return False
-        # The variance of the field's roll is not inflated like the noises of the filter.
+        # This factor scales the published sigma. It must not fall below 1, because the variance of the field's roll is
+        # already realistic.
         s.innovations.across.power = max(s.innovations.across.power, 1.0)
         _correct_roll(s, off, total, min(1e-9 * (stamp_ns - f.stamp_ns), s.clipping.time))
         return True
@@ -118,7 +123,7 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
         return False
     if roll2 < total:
         s.clipping.seen = False
-    # The roll and the field do not agree: the angle has changed.
+    # If the roll and the field disagree by more than 5 sigma, the angle has changed.
     f.variance += off * off if off * off > SURPRISE * (roll2 + total) else 0.0
     gain = f.variance / (f.variance + roll2 * max(2.0 * TILT_TIME / max(dt, 1e-3), 1.0) + noise)
     f.angle -= gain * off
@@ -130,16 +135,16 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
 @compiled
 def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> None:
     """
-    Rotate the tool about its axis by what the field shows, equation (13).
+    Rotate the tool about its axis by the roll error that the field shows, equation (13).
 
-    off : difference of the roll, rad; variance : that of the field's roll, rad^2; clipped : time between the magnetic
-    sample and now during which the x gyro clipped, s.
+    off: roll error, rad; variance: variance of the field's roll, rad^2; clipped: time between the magnetic sample and
+    now during which the x gyro clipped, s.
     """
     P, C, e, PH = s.P, s.C, s.correction, s.work
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     nx, ny = C[0, 0] / across2, C[1, 0] / across2
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
-    # The rate missed since the sample has turned the tool further.
+    # The rate that the gyro has missed since the magnetic sample has turned the tool further.
     late, later = (clipped, 0.5 * clipped * clipped) if size == ERRORS else (0.0, 0.0)
     for j in range(size):
         PH[j] = nx * P[TILT, j] + ny * P[TILT + 1, j]
@@ -168,7 +173,7 @@ def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> Non
     cosine, sine = math.cos(heading), math.sin(heading)
     for v in (s.vel, s.pos):
         v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]
-    # All samples share the error of the angle, so that the roll is not known better than by one of them.
+    # All samples share the error of the angle, so many samples do not give a better roll than one sample.
     missing = variance - (nx * nx * P[TILT, TILT] + 2.0 * nx * ny * P[TILT, TILT + 1] + ny * ny * P[TILT + 1, TILT + 1])
     if missing > 0.0:
         for a in range(2):

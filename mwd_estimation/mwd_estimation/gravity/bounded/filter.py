@@ -69,7 +69,8 @@ def run(
     clipped : array_like of uint8, shape (n,), optional
         Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
     mag : MagneticSamples, optional
-        Magnetic samples that wait. `State.field_used` of them were used; give the rest again with the next block.
+        Magnetic samples not used yet. Afterwards the first `State.field_used` of them are used; pass the others again
+        with the next block.
 
     Raises
     ------
@@ -126,7 +127,7 @@ def _run(
                 dt = 0.0
                 field_roll.begin_anew(s.field, stamps[i])
             elif backward >= gaps.BACKWARD:
-                # The clock was set back, and these samples were rejected while the tool turned on.
+                # The clock was set back: the tool went on turning while these samples were rejected.
                 _miss(p, s, backward * s.period, w[0])
                 field_roll.begin_anew(s.field, stamps[i])
             non_gravity = _take(p, s, dt, w, f, flags[i], stamps[i])
@@ -193,7 +194,7 @@ def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log
 
 @compiled
 def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
-    """Continue after rejected samples of lapse s, while the tool turned on at this rate, rad/s."""
+    """Continue after `lapse` seconds of rejected samples, during which the tool turned at `rate`, rad/s."""
     if s.started:
         variance = (lapse * rate) ** 2
         gaps.widen_roll(s, variance)

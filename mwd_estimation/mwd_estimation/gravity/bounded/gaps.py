@@ -20,7 +20,7 @@ STANDS_OUT = 4.0  # factor on the usual step for that
 MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a walk does
 SMALL_ROLL = 1e-3  # rad^2, variance up to which a correction of the roll is a small tilt
 LOST_ROLL = 0.25  # rad^2, variance of the roll above which it counts as lost
-CLOCK_SET = 0.005  # share of the steps of this length that are a clock which was set: no time passed (assumed)
+CLOCK_SET = 0.005  # assumed probability that a long step is a clock that was set, so that no time passed
 BACKWARD = 3  # samples in a row with earlier stamps that show such a clock, as in `time_jumps.CONFIRMED`
 
 
@@ -32,7 +32,7 @@ def stands_out(s: Record, dt: float) -> bool:
 
 @compiled
 def widen_roll(s: Record, variance: float) -> None:
-    """Add a variance, rad^2, to the roll, of which the forces or the field correct the whole angle, not only a tilt."""
+    """Add a variance, rad^2, to the roll; a large one lets forces or field correct the whole angle, not only a tilt."""
     s.clipping.seen |= variance > SMALL_ROLL
     for j in range(2):
         for m in range(2):

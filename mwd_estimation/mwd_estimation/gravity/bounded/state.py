@@ -138,13 +138,13 @@ class TurnRing(Ring):
 
 
 class Field:
-    """State of the roll by the magnetic field."""
+    """State of the estimate of the roll from the magnetic field."""
 
     turns: TurnRing
     stamp_ns: int
     """Stamp of the newest magnetic sample that may be used, ns."""
     b_t: Annotated[Array, 3]
-    """That sample, tool axes, T."""
+    """Field of this newest sample in tool axes, T."""
     last_ns: int
     """Stamp of the last magnetic sample that was compared with the roll, ns."""
     since_ns: int

@@ -19,8 +19,8 @@ _HELD, _SIGMAS = 0.99, 2.576
 _LEAST = 0.003
 # A smaller 1 sigma of what is not in the density, rad, is none.
 _EXACT = 1e-9
-# The circle in steps of .05 deg: the coarse grid has every so many of them. About each of its peaks the fine one has
-# all within 2.5 deg and every fifth within 12 deg.
+# The circle has 7200 steps of 0.05 deg. The coarse grid uses every 40th step. The fine grid adds, around each peak of
+# the coarse grid, all steps within 2.5 deg and every fifth step within 12 deg.
 STEPS, _EVERY = 7200, 40
 _COARSE = np.arange(0, STEPS, _EVERY)
 _ABOUT = np.unique(np.concatenate([np.arange(-50, 51), np.arange(-240, 241, 5)]))
@@ -55,7 +55,7 @@ def beyond(angles: Array, density: Array, centre: float, width: float, smear: fl
 
 
 def coarse() -> Array:
-    """Angles, rad, two degrees apart."""
+    """Return the angles of the coarse grid, rad, which are 2 deg apart."""
     return np.asarray(_COARSE * (math.tau / STEPS))
 
 
@@ -63,7 +63,7 @@ def refined(log_density: Array, *centres: float) -> Array:
     """
     Angles, rad, in order: the coarse ones with fine ones about every peak and about further centres.
 
-    log_density : of the coarse angles, shape (180,); centres : rad, nan where there is none.
+    log_density: log density at the coarse angles, shape (180,); centres: rad, NaN for no centre.
     """
     peaks = np.flatnonzero((log_density >= np.roll(log_density, 1)) & (log_density > np.roll(log_density, -1)))
     peaks = peaks[log_density[peaks] > log_density.max() + math.log(_WORTH)]
@@ -77,7 +77,7 @@ def refined(log_density: Array, *centres: float) -> Array:
 
 
 def places(angles: Array) -> Indices:
-    """Steps of the circle, 0 to `STEPS`, at which angles of `coarse` or `refined` lie."""
+    """Return the steps of the circle, 0 to `STEPS`, of angles that come from `coarse` or `refined`."""
     return np.rint(angles * (STEPS / math.tau)).astype(np.intp)
 
 

@@ -26,13 +26,13 @@ _STEP = math.radians(1.75), 0.75
 # A wrong gyro azimuth has errors of any size (wrapped Cauchy; Mardia and Jupp, Directional Statistics, section 3.5.7):
 # half of them are larger than this, rad.
 _WRONG = math.radians(10.0)
-# Most that a gyro azimuth adds to a log density, which is that of 1 sigma of 1e-3 rad.
+# Greatest amount that a gyro azimuth can add to a log density: the peak for a sigma of 1e-3 rad.
 _SHARP = 6.0
-# Points whose log density is farther below the highest have no share that a number could hold (1e-16).
+# A point whose log density is farther than this below the highest has a share below floating-point resolution (1e-16).
 _NOTHING = 37.0
 # Variance that leaves an observation out, in its own units squared.
 OUT = 1e8
-# A density that is smeared by `TURNED` needs so few angles; of each of them the smear at every step of the circle.
+# Number of angles that suffice for a density smeared by `TURNED`, and the smearing kernel at every step of the circle.
 _FEW = 72
 _SMEAR = np.exp(-0.5 * (wrap_pi(np.arange(circle.STEPS) * math.tau / circle.STEPS) / TURNED) ** 2)
 _SMEAR /= TURNED * math.sqrt(math.tau)
@@ -125,7 +125,7 @@ def fill_evidence(
     """
     prior, states = weights
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
-    # The highest log density so far; that of a gyro azimuth is at most `_SHARP` higher than the field's.
+    # Highest log density so far. A gyro azimuth makes a density at most `_SHARP` higher than the field alone.
     best = -math.inf
     log[:] = -math.inf
     for n in range(len(phi)):
@@ -137,7 +137,7 @@ def fill_evidence(
             _spread(phi[n], S[k], s)
             for a in range(4):
                 e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
-            # An external field only widens the innovation: without one its determinant is the least.
+            # An external field can only increase the determinant of the innovation covariance.
             least = 0.0
             for h in range(len(extra) - 1):
                 a, b, c = s[0, 0] + extra[h], s[1, 1] + extra[h], s[2, 2] + extra[h]
@@ -188,11 +188,13 @@ def gains(
     """
     Fill the moments of the gains of every filter, M (basis x inverse innovation), over its probable points.
 
-    share (n, k, h, 3): as `Evidence.share`; least (k,): points with a smaller one are left out; circle_of: basis (n, 3)
-    and gyro residual (n,) of each angle; terms: r (k, 3, 4) and S (k, 3, 3, 4, 4), as of `fill_evidence`; extra
-    (h + 1,): variances of each external field, uT^2, and of a step of the gyro, rad^2. Filled, all zero before, apart
-    for points where the gyro's bias did not step (0) and where it did (1): weight (k, 2); mean (k, 2, 12), that of
-    basis x inverse innovation; spread (k, 2, 12, 12), its covariance less the mean inverse.
+    Inputs: share (n, k, h, 3) as in `Evidence.share`; least (k,), smallest share of a point that is used; circle_of,
+    basis (n, 3) and gyro residual (n,) of each angle; terms, r (k, 3, 4) and S (k, 3, 3, 4, 4) as in `fill_evidence`;
+    extra (h + 1,), variances of each external field, uT^2, and of a step of the gyro, rad^2.
+
+    Outputs, which must be zero before: weight (k, 2); mean (k, 2, 12) of basis x inverse innovation; spread
+    (k, 2, 12, 12), the covariance of basis x inverse innovation minus the mean inverse. Index 0 of the second axis is
+    for points at which the gyro's bias did not step, index 1 for points at which it did.
     """
     phi, gyro = circle_of
     r, S = terms
@@ -227,8 +229,8 @@ def _gains_at(
     """
     Fill weight (2,), first (2, 4) and second (2, 4, 4) moments of the inverse innovations of a filter at an angle.
 
-    share (h, 3): of its points; least and extra: as of `gains`; work: innovation covariance (4, 4), space for its
-    inverse (4, 4), and in the first row (2, 4) the innovation.
+    share (h, 3): shares of the points; least and extra: as in `gains`; work: innovation covariance (4, 4), space for
+    its inverse (4, 4), and the innovation in the first row of (2, 4).
     """
     s, i, x = work
     whole, first, second = sums

@@ -36,13 +36,14 @@ from mwd_sensors.core.arrays import Array
 
 # No filter loses more than this share of its prior probability for ever.
 _FLOOR = 1e-3
-# Points with a smaller share than this of a filter's largest, and second filters of the first, move no states.
+# A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
+# same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
 # A filter with a smaller probability on a coarse grid is left out of the fine one.
 _HOPELESS = 1e-6
 # Share of a field from outside at one station that is there at the next.
 _GOES_ON = 0.5
-# What is believed beforehand of the gyro and of fields from outside counts as so many stations.
+# Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
 # A kind that is more probable than this is counted.
 _DECIDED = 0.9
@@ -155,7 +156,7 @@ class RunFilter:
         M = np.transpose(M, (0, 2, 1, 3)).reshape(k, SIZE, 12)
         mean, covariance = np.repeat(branched.mean[:, None], 2, 1), np.repeat(branched.covariance[:, None], 2, 1)
         M = np.repeat(M[:, None], 2, 1)
-        # Where the gyro's bias stepped, the states are updated from a wider prior of it.
+        # At points where the gyro's bias stepped, the prior of this bias is wider.
         covariance[:, 1, -1, -1] += (step / one["gyro_lasting"]) ** 2 if one["gyro_lasting"] > 0.0 else 0.0
         M[:, 1, -1, 3] += step**2 / one["gyro_lasting"] if one["gyro_lasting"] > 0.0 else 0.0
         mean += (M @ moved[..., None])[..., 0]
@@ -196,9 +197,9 @@ class RunFilter:
 
     def _join(self, weight: Array, mean: Array, covariance: Array) -> None:
         """
-        Take over the filters, each with its second one.
+        Replace the filters by the merged filters, each together with its second filter.
 
-        weight, mean, covariance: of the parts of each, shapes (k, p), (k, p, 22) and (k, p, 22, 22).
+        weight (k, p), mean (k, p, 22), covariance (k, p, 22, 22): the p parts of each of the k filters.
         """
         state, count = self.state, len(self.filters.weight)
 
@@ -297,7 +298,7 @@ class RunFilter:
 
 
 def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Mean and covariance of mixtures; of their parts: shapes (..., p), (..., p, n) and (..., p, n, n)."""
+    """Return mean and covariance of mixtures of p parts with shapes (..., p), (..., p, n) and (..., p, n, n)."""
     whole = weight.sum(axis=-1, keepdims=True)
     share = np.where(whole > 0.0, weight / np.maximum(whole, 1e-300), 1.0 / weight.shape[-1])
     merged = (share[..., None] * mean).sum(axis=-2)

@@ -3,30 +3,24 @@
 
 import numpy as np
 import pytest
+from turned_tool import START, noisy_rates, turned
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
-STEP = 0.01
-START = 1_700_000_000 * 10**9
-FINE = 20
-
 
 def turning(speed, seconds=40.0, seed=3):
     """Samples and true toolface of a tool at 50 deg that turns as `speed(t)`, rad/s, says, on 2 m/s^2 of shaking."""
-    n = round(seconds / STEP)
-    t = np.arange(n * FINE) * STEP / FINE
-    angle = np.concatenate([[0.0], np.cumsum(speed(t + 0.5 * STEP / FINE)) * STEP / FINE])[::FINE][:n]
-    rng = np.random.default_rng(seed)
-    gyro = 1e-3 * rng.normal(size=(n, 3))
-    gyro[1:, 0] += np.diff(angle) / STEP
+    stamps, angle = turned(speed, seconds)
+    n, rng = len(stamps), np.random.default_rng(seed)
+    gyro = noisy_rates(angle, rng)
     gyro[0, 0] += speed(np.zeros(1))[0]
     mat = mat_nt(np.radians(50.0), np.zeros(n), angle)
     shaking = rng.normal(size=(n + 1, 3))
     accel = np.einsum("kji,j->ki", mat, [0.0, 0.0, -9.81]) + 2.0 * np.diff(shaking, axis=0) / np.sqrt(2.0)
-    return START + np.round(np.arange(n) * STEP * 1e9).astype(np.int64), gyro, accel, angle
+    return stamps, gyro, accel, angle
 
 
 def steady(t):

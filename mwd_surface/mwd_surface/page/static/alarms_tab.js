@@ -11,12 +11,12 @@ const REPEAT = 4000; // ms between two tones while an alarm waits
 
 let sound = null;
 let waiting = []; // active alarms that nobody has acknowledged
-let silenced = new Set(); // those that somebody has silenced at this screen
+let silenced = new Set(); // active alarms that somebody has silenced at this screen
 
 const keyOf = (a) => `${a.id} ${a.raised_ns} ${a.severity}`;
 const sounding = () => waiting.some((key) => !silenced.has(key));
 
-// The button turns the sound on, silences what sounds now, or turns the sound off. It needs no token: it is this screen's.
+// The button turns the sound on, silences the present alarms, or turns the sound off. It needs no token.
 export function toggleSound() {
   if (!sound) sound = new AudioContext();
   else if (sounding()) silenced = new Set(waiting);

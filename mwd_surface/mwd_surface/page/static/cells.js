@@ -16,12 +16,12 @@ export function stateOf(cell, now, silent) {
   return "live";
 }
 
-// Values of a wired tool and of the rig come once a second or more often; their age is not worth a word.
+// Values of a wired tool and of the rig come once a second or more often; their age need not be shown.
 const USUAL = 3; // s
 
 // Age of the measurement; over a telemetry link, the age of the word that brought it.
 export const ageOf = (cell, now) => units.age(secondsOf(cell, now));
-// The same, empty while a value is as new as usual.
+// Age of the measurement, or an empty text if it is less than USUAL.
 export const unusualAge = (cell, now) => (secondsOf(cell, now) < USUAL ? "" : ageOf(cell, now));
 
 const secondsOf = (cell, now) => Math.max(0, now - (cell.measured_at ?? cell.at));

@@ -1,4 +1,4 @@
-// Parts of the charts over time: small strips of the last minutes, and what the large chart shares with them.
+// Charts over time: small strips of the last minutes, and functions that the large chart also uses.
 
 import { byId, el, scale, setText } from "./dom.js";
 import { SIGNALS } from "./signals.js";
@@ -8,7 +8,7 @@ import * as units from "./units.js";
 const VIBRATION = ["Vibration", [["vibration", "─ peak", "--trace", []], ["lateral_vibration", "╌ lat.", "--text", [6, 4]], ["axial_vibration", "┈ axial", "--good", [2, 3]]]];
 const one = (name) => [SIGNALS[name][0], [[name, "", "--trace", []]]];
 const TOOL = [VIBRATION, ...["rotary_speed", "stick_slip", "shocks", "temperature", "total_field", "axial_interference", "inclination", "azimuth"].map(one)];
-// Over a telemetry link the tool sends only a few of them, and rarely; the rig's own come all the time.
+// Over a telemetry link the tool sends few of these signals, and rarely, but the rig sends its own continuously.
 const LINK = ["pressure", "flow", "top_drive_speed", "top_drive_torque", "weight_on_bit", "rate_of_penetration", "bit_depth", "inclination", "azimuth"].map(one);
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -92,7 +92,7 @@ export function sizeTo(plot, box) {
   if (width > 60 && height > 40 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
 }
 
-// Values of a signal in rows, a bearing without jumps at north.
+// Values of a signal in rows; a bearing is unwrapped, so that it does not jump at north.
 export function traceOf(chart, rows, name) {
   const k = chart.columns.indexOf(name);
   const trace = rows.map((row) => row[k]);

@@ -7,7 +7,7 @@ import { LargeChart } from "./large_chart.js";
 import { SIGNALS } from "./signals.js";
 import { fills } from "./view.js";
 
-// Signals that were chosen before; what is no signal any more is left out.
+// Signals that were chosen before, without names that are not signals any more.
 const known = (text) => (text || "").split(",").filter((name) => name in SIGNALS);
 
 export class ChartsTab {

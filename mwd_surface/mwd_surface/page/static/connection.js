@@ -84,7 +84,7 @@ export class Connection {
   }
 
   openAgain() {
-    // A socket that says nothing for so long may be held by a proxy: poll at once.
+    // A proxy may be holding a socket that has been silent for this long: poll at once.
     this.failures = Math.max(this.failures, 1);
     this.failed();
     this.open();

@@ -20,7 +20,7 @@ export const el = (name, attributes = {}, ...children) => fill(document.createEl
 export const svg = (name, attributes = {}, ...children) =>
   fill(document.createElementNS(SVG, name), attributes, children);
 
-// How much larger the page is drawn than at 1920 x 1080; for what is drawn in pixels.
+// Factor by which the page is larger than at 1920 x 1080; use it for sizes in pixels.
 export const scale = () => parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
 
 export const byId = (id) => document.getElementById(id);

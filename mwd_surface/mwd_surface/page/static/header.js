@@ -20,7 +20,7 @@ export function showBanner(connection, silent) {
   if (gone !== Infinity) document.title = "DISCONNECTED · MWD";
 }
 
-// Clock of what is shown: UTC and, where the rig's time zone is set, the time there. epoch: s, null if not known.
+// Clock: UTC and, if the rig's time zone is set, local time at the rig. epoch: s, null if not known.
 export function showClock(now, epoch, zone) {
   if (epoch === null || epoch === undefined) return setText(byId("clock"), "");
   const at = new Date((now + epoch) * 1000);
@@ -145,15 +145,15 @@ export function notEvaluated(alarms) {
   return alarms.not_evaluated.length ? `not evaluated: ${alarms.not_evaluated.join(", ")}` : "";
 }
 
-// Alarms in the order of their urgency: active before gone, unacknowledged before acknowledged, then by severity and age.
+// Alarms by urgency: active before ended, unacknowledged before acknowledged, then by severity, then newest first.
 export function byUrgency(rows) {
   return [...rows].sort((a, b) => b.active - a.active || a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
 }
 
-// State of an alarm as ISA-18.2 has it; each has a look of its own.
+// State of an alarm in terms of ISA-18.2; the page draws each state differently.
 export const alarmState = (a) => (!a.active ? "returned" : a.acknowledged ? "acknowledged" : "unacknowledged");
 
-// Line that is always shown: the most urgent active alarm; without one, the alarms that are gone and nobody acknowledged.
+// Line that is always shown: the most urgent active alarm or, if none is active, the ended alarms not acknowledged yet.
 export function showAlarmStrip({ alarms }, now) {
   if (!alarms) return;
   const rows = byUrgency(alarms.rows);

@@ -11,7 +11,7 @@ const FIRST = ["inclination", "azimuth", "vibration", "rotary_speed"];
 const FIRST_OVER_LINK = ["pressure", "flow", "inclination", "azimuth"];
 
 export class LargeChart {
-  // chosen: names of the signals, or null for the usual ones; onChoice is told what a person chose.
+  // chosen: names of the signals, or null for the default ones; onChoice is called with the signals a person chooses.
   constructor(place, chosen, onChoice) {
     this.chosen = chosen;
     this.onChoice = onChoice;
@@ -54,7 +54,7 @@ export class LargeChart {
     return this.window || [-this.range, 0];
   }
 
-  // Show `factor` times as much time, keeping the moment at `share` of the width where it is; then move by `by` s.
+  // Zoom the time axis by `factor` around the point at `share` of the width (0 to 1), then move it by `by` s.
   zoom(factor, share = 1, by = 0) {
     const [from, to] = this.view();
     const longest = RANGES[RANGES.length - 1][0];
@@ -147,7 +147,7 @@ export class LargeChart {
       this.overLink = overLink;
       this.rebuild();
     }
-    // The last minutes are known second by second, what was before in larger steps.
+    // The last minutes have one row per second; older rows are in larger steps.
     const fine = history.rows.length ? history.rows[0][0] : Infinity;
     this.columns = history.columns;
     this.rows = [...trend.rows.filter((row) => row[0] < fine), ...history.rows];
@@ -161,7 +161,7 @@ export class LargeChart {
     this.whole.hidden = !this.window;
     const [from, to] = this.view();
     const times = this.rows.map((row) => row[0] - this.now);
-    // One row beyond either edge, so that the lines reach it.
+    // Include one row beyond each edge, so that the lines reach the edges.
     const first = Math.max(0, times.findIndex((t) => t >= from) - 1);
     const after = times.findIndex((t) => t > to);
     const rows = this.rows.slice(first, after < 0 ? undefined : after + 1);

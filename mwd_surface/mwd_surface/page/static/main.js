@@ -44,7 +44,7 @@ byId("big").append(
     label: (s) => `Azimuth, ${s.attitude?.north ? `${s.attitude.north} north` : "north unknown"}`,
   }),
 );
-// A wired tool measures all the time. Over a telemetry link it sends little, and the rig's own values are of more use.
+// A wired tool sends values continuously. Over a telemetry link it sends few, so the rig's values are more useful.
 const OF_TOOL = [
   valueBox("drilling.rotary_speed", "Rotary", "rotation"),
   valueBox("drilling.vibration", "Vibration", "vibration"),

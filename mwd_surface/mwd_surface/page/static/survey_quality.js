@@ -26,8 +26,8 @@ export function showProgress({ survey_progress: progress, quality, rig, links },
   // Without new samples no survey can be running, whatever the last report said.
   const held = progress.active && Boolean(links) && stateOfStream(links.estimator, now, silent) !== "live";
   mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
-  // Between surveys, the instruction of one that was not accepted takes the whole room, so that it is never cut off;
-  // unless an attempt after it has a result to be read.
+  // Between surveys, if the last survey was not accepted, its instruction fills the box, so that it is not cut off. The
+  // result of a later attempt has priority over the instruction.
   const newest = !progress.result || progress.result.startsWith(`survey ${quality?.sequence}:`);
   const instructs = !silent && !progress.active && newest && quality?.known && quality.verdict !== "accept";
   const instruction = instructs ? quality.headline : "";

@@ -72,11 +72,11 @@ const SPECIAL = {
   g_total: (r) => or(r.g_total, (v) => units.number("gravity", v, -1)),
 };
 
-// Deviation of a total from its reference, beside its column: place in `totals`, heading and unit kind.
+// Deviation of a total from its reference, next to the column of the total: place in `totals`, heading and unit kind.
 const DEVIATIONS = { g_total: [0, "ΔG", "gravity_deviation"], b_total: [1, "ΔB", "field"], dip: [2, "ΔDip", "angle"] };
 
 // Columns with heading, unit kind, text of a row, and least width at which they are shown (0 always, 1 tablet, 2 wide).
-// Which there are, the server says from its table of signals.
+// The server chooses the columns from its table of signals.
 function columns(listed, north) {
   const bearing = (r) => or(r.azimuth, (v) => units.bearing(v, 2)) + (r.azimuth !== null && r.azimuth_north !== north ? ` ${r.azimuth_north}` : "");
   return listed.flatMap(({ field, title, kind, width }) => {

@@ -14,7 +14,7 @@ const ALWAYS = ["surveys", "path"];
 let tab = "surveys";
 let onSelect = () => {};
 
-// Whether a panel is shown beside the tabs, whichever of them is selected.
+// Whether a panel is always shown next to the tabs, whichever tab is selected.
 const always = (key) => wide.matches && !fills() && ALWAYS.includes(key);
 
 export function select(name, focus = false) {

@@ -19,7 +19,7 @@ function show(next) {
   onView();
 }
 
-// replace: the Back button leaves the view before it, too.
+// replace: replace the history entry, so that the Back button does not return to the previous view.
 export function setView(next, { replace = false } = {}) {
   if (next !== view) {
     const address = new URL(location.href);
@@ -30,7 +30,7 @@ export function setView(next, { replace = false } = {}) {
   show(next);
 }
 
-// names: of the views; shown is called whenever another one becomes visible.
+// names: names of the views; shown is called whenever another view becomes visible.
 export function startView(names, shown) {
   onView = shown;
   const wanted = () => (names.includes(asked()) ? asked() : "all");

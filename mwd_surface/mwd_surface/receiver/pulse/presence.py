@@ -11,7 +11,8 @@ import numpy as np
 # Least log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
 # each of ten thousand places per hour. Starting pumps can look like a sync, but not like the words after it.
 _LEAST_EVIDENCE = 18.0
-# Number of packets that are judged together (some 30 bits); number without words after which a sync was noise.
+# Number of packets that are judged together (about 30 bits), and number of packets without words after which a sync is
+# rejected as noise.
 _JUDGED_PACKETS, _NO_WORDS_PACKETS = 10, 40
 # Share of the expected evidence below which stretches hold no pulses.
 _FAINT = 0.3
@@ -21,7 +22,7 @@ class Evidence(NamedTuple):
     """
     Log likelihood ratio of the pulses of a stretch against no pulses, with its numbers of packets and words.
 
-    expected: mean of the ratio if pulses as before were present in the present noise.
+    expected: mean of the ratio if the usual pulses were present in the noise of this stretch.
     """
 
     evidence: float
@@ -32,7 +33,7 @@ class Evidence(NamedTuple):
 
 class Presence:
     """
-    Judge of one hypothesis, from the evidence of its stretches.
+    Decision whether pulses are present, for one hypothesis, from the evidence of its stretches.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ class Presence:
         self.packets += stretch.packets
         self._total += stretch.evidence
         if not self.confirmed:
-            # A clear sync does not replace words, and words do not replace a sync.
+            # The sync counts at most as much as the words, so a clear sync without words is never confirmed.
             self.confirmed = min(self._score, self._total) + self._total >= _LEAST_EVIDENCE
             if self.confirmed:
                 self._accept(self._total / self.packets)

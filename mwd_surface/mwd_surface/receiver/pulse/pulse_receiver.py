@@ -23,7 +23,8 @@ from mwd_surface.receiver.words import Reception
 # The search for syncs advances in hops; each also needs data before it for the noise model and after it for the pulses.
 _HOP_TU = 32
 _GUARD_TU = 8
-# Time around flow-on and transmit delay in which a sync is expected: the valve, the wave, and the tool's own switch.
+# Time before and after flow-on plus transmit delay in which a sync is expected. It allows for the valve, the travel
+# time of the wave, and the flow switch of the tool.
 _BEFORE_S, _AFTER_S = 5.0, 15.0
 # Data before a hop for the noise model: at most the time between flow-on and sync. Its coefficients need many samples,
 # but data of starting pumps would spoil them.
@@ -173,14 +174,14 @@ class PulseReceiver(SampledReceiver):
         angles = self._grid.angles(start, float(pace), count)
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
-        # Within a transmission, noise learnt anew would contain the pulses.
+        # During a transmission use its noise model, because noise learnt again would contain the pulses.
         leader = self._tracker.leader
         whitener = None if leader is None else leader.channel.stepwise
         least = synchronisation.EXPECTED_THRESHOLD if self._expected(end_tu) else synchronisation.THRESHOLD
         spans = (low - guard, high + guard)
         found = synchronisation.search(pressure, known, self._tool, *spans, whitener, angles, least)
         for one in (found, None if found is None else found.other):
-            # A start farther after the hop may be the flank of a sync beyond the range; the next hop finds it.
+            # A start far beyond the end of the hop may be the edge of a later sync, which the next hop finds.
             if one is None or start + one.at * pace >= STEPS_PER_TU * (end_tu + _GUARD_TU // 2):
                 continue
             position = start + one.at * pace
@@ -190,7 +191,7 @@ class PulseReceiver(SampledReceiver):
             self._tracker.offer(one, position)
 
     def _expected(self, end_tu: int) -> bool:
-        """Return whether the tool is expected to send its sync in a hop, because of the flow-on before."""
+        """Return whether the tool is expected to send its sync in a hop, judged by the last flow-on."""
         end_s = self._grid.seconds(STEPS_PER_TU * end_tu)
         late_s = end_s - self._flow.on_since(end_s) - self._tool.transmit_delay_s
         return -_BEFORE_S <= late_s <= _AFTER_S + _HOP_TU * self._tool.tu_s

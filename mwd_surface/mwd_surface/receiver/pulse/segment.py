@@ -38,11 +38,11 @@ _KEPT = 0.5  # share of the previous sample that is subtracted before noise mode
 _ROUNDS, _ROUNDS_AGAIN = 4, 2
 _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
-# Probability that the pulse of a packet is missing, before any is seen, and that its window holds a second pulse.
+# Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
 MISSING, _EXTRA = 0.003, 0.0005
-# Share of the windows of a wrong table that hold a pulse at one of their places: 8 TU of 12.
+# Probability that a window of a wrong table contains a pulse at one of its places: 8 TU of 12.
 _BY_CHANCE = 2.0 / 3.0
-_ENOUGH = 20.0  # pulses from which a response is estimated without that from before an interruption
+_ENOUGH = 20.0  # number of pulses that suffice to estimate a response without the response from before an interruption
 
 
 @dataclasses.dataclass
@@ -104,8 +104,7 @@ class Stretch:
         1 sigma of the relative error of the tool's clock: the timing error of a pulse is this times its distance from
         the pulses that gave the response.
     carried : (ndarray, ndarray), optional
-        Coefficients of the response and their precision, from before an interruption that left too few pulses in this
-        stretch.
+        Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
     missing : float
         Probability that the pulse of a packet is missing.
     """
@@ -232,8 +231,9 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
     expected = 0.5 * float(g @ g * level.sum()) - ways
-    again = again and stretch.end > 0
-    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
+    timing = (
+        (0.0, 1.0, 0.0) if again and stretch.end > 0 else _timing(stretch, probability * present, state, weight, pumps)
+    )
     return Decision(
         *(unary, level, common, probability, present, fits, state, float(ebn0), timing),
         *(evidence - ways, expected, disturbed),
@@ -244,13 +244,13 @@ def _any_pulses(
     packets: Indices, unary: Array, common: Array, level: Array, missing: float
 ) -> tuple[Array, Array, Array]:
     """
-    Return the metrics of the values with pulses that may be missing or doubled; presence and fits as in `Decision`.
+    Return metrics of the values that allow for missing and second pulses, and `present` and `fits` as in `Decision`.
 
     unary: metrics without the energy shared with any other packet. The windows of a combinatorial word overlap, so this
     does not apply to that code.
 
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
-    window. Both bound how sure a packet can be: a window without its pulse tells nothing of the value.
+    window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
     """
     values = unary.shape[1]
     real = np.arange(values)[None, :] < packets[:, trellis.COUNT, None]

@@ -36,7 +36,7 @@ _TAIL = 20
 # thousand. At 6 dB per bit a sync scores 20 on average and 9 in one case of fifty. A false sync costs a trial: the
 # packets after it decide whether it is a transmission.
 THRESHOLD = 8.0
-# The same where the tool is expected to send a sync: a few hundred places after each flow-on.
+# Threshold where a sync is expected, which is lower because only a few hundred places follow each flow-on.
 EXPECTED_THRESHOLD = 3.5
 # Soon after flow-on there is too little pressure before the sync to estimate the noise, and pulses in that data are
 # taken for noise. A candidate with at least the first score is subtracted and the noise is estimated again.

@@ -25,12 +25,12 @@ from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pulse.transmission import FADED, Transmission
 from mwd_surface.receiver.words import Reception
 
-# Log likelihood ratio by which another explanation must be better, and its share of the evidence: an error of the
-# model grows with the signal.
+# A hypothesis is dropped if another one is better by this log likelihood ratio plus this share of the better one's
+# evidence. The share is needed because the error of the model grows with the signal.
 _BETTER, _SHARE = 12.0, 0.1
 _MOST = 6  # hypotheses at a time
-# Packets after which a leader with good parities is established: later syncs are then only kept, TU, until its pulses
-# have been seen well beyond them.
+# A leader with good parities is established after this number of packets. Later syncs are then not decoded. They are
+# removed when the leader has been decoded this far beyond them, TU.
 _ESTABLISHED, _BEYOND_TU = 30, 200
 # The pressure falls for some seconds before a span without flow is seen; spans are known two seconds later.
 _FALLS_S, _SEEN_S = 4.0, 2.0
@@ -62,7 +62,7 @@ class Tracker:
         self.leader: Transmission | None = None
 
     def offer(self, found: SyncFound, position: float) -> None:
-        """Add the hypothesis of a sync at a position of the grid, unless one that is followed expects it there."""
+        """Add the hypothesis of a sync at a position of the grid, unless an existing one expects a sync there."""
         expecting = [one for one in self._all if one.expects_sync(position)]
         for one in expecting:
             one.offer_sync()
@@ -78,7 +78,7 @@ class Tracker:
 
     def due(self, searched: int, beyond: float) -> tuple[float, Transmission | None]:
         """
-        Return the hypothesis whose next step needs pressure up to the lowest position, and that position.
+        Return the lowest position up to which a next step needs pressure, and the hypothesis with this step.
 
         searched: position up to which syncs were sought; beyond: pressure that the search needs after a position.
         """
@@ -124,13 +124,13 @@ class Tracker:
         return done
 
     def _off(self, one: Transmission) -> float:
-        """Return when the flow went off during a hypothesis, as far as its next step may know, s; inf if not."""
+        """Return when the flow went off during a hypothesis, s, as known at its next step; inf if it did not."""
         until = self._grid.seconds(one.needs()) - _SEEN_S
         begin = self._grid.seconds(one.begin)
         return min((x.start_s for x in self._flow.spans if begin < x.start_s <= until), default=math.inf) - _FALLS_S
 
     def _waits(self, one: Transmission) -> bool:
-        """Return whether a hypothesis is only kept, in case the leader breaks off before it."""
+        """Return whether a hypothesis is kept without being decoded, in case the leader ends before it."""
         leader = self.leader
         return leader is not None and leader is not one and self._established(leader) and one.begin > leader.begin
 
@@ -151,16 +151,16 @@ class Tracker:
             self._all = [other for other in self._all if other is one or not one.begin < other.begin < beyond]
 
     def _ahead(self, one: Transmission, other: Transmission) -> float:
-        """Return by how much a hypothesis explains the pressure better than another, where both explain it."""
+        """Return the lead in log likelihood of a hypothesis over another one, on the pressure that both explain."""
         late, length = max(one.begin, other.begin), STEPS_PER_TU * self._tool.sync.length_tu
         begin = min(one.begin, other.begin)
-        # What a later sync does not explain before its begin is no fault of it, unless both are about the same sync.
+        # Compare from the later begin on. Only if both begin within one sync, compare from the earlier begin on.
         begin = begin if late - begin < length else late
         end = min(one.end, other.end)
         return one.gained(begin, end) - other.gained(begin, end)
 
     def _end(self, one: Transmission, done: Reception, better: Transmission | None = None) -> None:
-        """End a hypothesis: publish its words if it leads and was not replaced by another reading of its own pulses."""
+        """End a hypothesis; publish its words if it leads and the better one does not explain the same pulses."""
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.confirmed):
             return
@@ -173,7 +173,7 @@ class Tracker:
         self._frames = one.base + one.frames if one.published else self._frames
 
     def _publish(self, done: Reception) -> None:
-        """Choose the leader, and publish its words unless another hypothesis explains the same nearly as well."""
+        """Choose the leader, and publish its words unless another hypothesis is nearly as probable."""
         if self.leader is None:
             ready = [one for one in self._all if one.confirmed]
             self.leader = max(ready, key=lambda one: one.total, default=None)
@@ -191,7 +191,7 @@ class Tracker:
         self._flush(leader, done)
 
     def _flush(self, one: Transmission, done: Reception) -> None:
-        """Move the pending words of a hypothesis to what is published."""
+        """Publish the pending words of a hypothesis."""
         if not one.published:
             one.base, one.published = self._frames, True
         done.add(one.taken())

@@ -2,7 +2,7 @@
 """
 One hypothesis of a transmission, followed from its sync: its sequences, its words stretch by stretch, and the clock.
 
-Where no pulses are found, sequence and clock go on with the channel from before, so that an interruption is bridged.
+Where no pulses are found, sequence and clock continue with the last channel, so that an interruption is bridged.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _LOST = 0.95
 _DOUBTFUL = 0.2
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
-# Weight of the prior of the share of missing pulses, and the largest share, packets.
+# Prior of the share of missing pulses: its weight in packets; and the largest share.
 _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
 # Factor by which a toolface after a sync needs more evidence per TU than a survey.
 _CLEARER = 1.2
@@ -69,7 +69,7 @@ class Transmission:
     frames, base : int
         Number of passes so far; number of the first pass among all that are published.
     published : bool
-        Whether words of it were published.
+        Whether words of this hypothesis were published.
     """
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, doubt: Doubt) -> None:

@@ -204,7 +204,7 @@ def mean_interference(
     out: Array,
 ) -> None:
     """
-    Fill the mean common energy of each place of a packet with the pulses that are, or are not, its neighbours.
+    Fill the mean energy that each place of a packet shares with neighbouring pulses, or with all other pulses.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def mean_interference(
     probability : ndarray, shape (n, values)
         Probability of each packet value.
     neighbours : bool
-        Whether to fill the energy of the packets before and after it, or of all others.
+        True for the packets directly before and after it, False for all others.
     out : ndarray, shape (n, values)
         Amount to subtract from the metric of each value.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether pulses follow a sync: confirmed by words, faint while they are away, hopeless without words."""
+"""Presence of pulses after a sync: confirmed by words, faint while pulses are missing, hopeless without words."""
 
 from mwd_surface.receiver.pulse.presence import Evidence, Presence
 

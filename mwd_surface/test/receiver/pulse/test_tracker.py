@@ -13,7 +13,7 @@ from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver, decode
 from mwd_surface.receiver.words import BELIEVED
 
 FAST = TOOLS["0.5"]
-# Three pulses of five of this sync meet its own copy 15 TU later.
+# A copy of this sync 15 TU later shares three of its five pulses.
 ALIKE = dataclasses.replace(FAST, sync=Sync((0, 5, 15, 20, 30), 40))
 FROM_S = 200.0
 
@@ -26,7 +26,7 @@ def sent_and_heard(tool=FAST, seed=3, seconds=640.0, ebn0_db=12.0, silent=lambda
 
 
 def outcome(sent, words, tool, after_s=0.0):
-    """Words sent after a time; how many of them are believed and right; how many believed words are wrong."""
+    """Return numbers: words sent after a time; those believed and right; believed words that are wrong."""
     found = {
         one: [w for w in words if w.name == one.name and abs(w.start_s - one.start_s) < 4.0 * tool.tu_s]
         for one in sent.words
