@@ -2,6 +2,7 @@
 """The documentation site: Sphinx with MyST and the PyData theme, as other scientific Python projects build theirs."""
 
 import sys
+from importlib import metadata
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -11,7 +12,7 @@ import generate  # noqa: E402  (beside this file)
 
 project = "MWD telemetry on ROS 2"
 author = "MWD telemetry maintainers"
-version = release = "0.1.0"
+version = release = metadata.version("mwd_surface")
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build", "**/*.ipynb"]

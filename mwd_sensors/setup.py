@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 NAME = "mwd_sensors"
+# The version and the description have one home, which the release tools of ROS read and raise.
+ABOUT = ElementTree.parse("package.xml")  # noqa: S314  (our own file)
+VERSION = ABOUT.findtext("version")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     packages=find_packages(exclude=["test"]),
     package_data={NAME: ["simulator/grades/*.yaml"]},
     data_files=[
@@ -23,7 +27,7 @@ setup(
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",
-    description="What the tool feels: frames, earth, instruments, drilling dynamics, scenarios, the simulated sonde.",
+    description=ABOUT.findtext("description"),
     license="Apache-2.0",
     entry_points={"console_scripts": ["sonde = mwd_sensors.nodes.sonde:main", "probe = mwd_sensors.nodes.probe:main"]},
 )

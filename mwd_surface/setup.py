@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 NAME = "mwd_surface"
+# The version and the description have one home, which the release tools of ROS read and raise.
+ABOUT = ElementTree.parse("package.xml")  # noqa: S314  (our own file)
+VERSION = ABOUT.findtext("version")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     packages=find_packages(exclude=["test"]),
     package_data={
         NAME: [
@@ -25,6 +29,8 @@ setup(
         (f"share/{NAME}/config", [*glob("config/*"), "mwd_surface/runs/fastdds.xml"]),
     ],
     install_requires=[
+        f"mwd_sensors=={VERSION}",
+        f"mwd_estimation=={VERSION}",
         "cryptography",
         "numpy",
         "scipy",
@@ -54,7 +60,7 @@ setup(
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",
-    description="Recording, surveys, well path, live page, rig protocols, reports and the mwd command.",
+    description=ABOUT.findtext("description"),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the packages say they need is what their code imports."""
+"""Packages: each names what its code imports, one version stands everywhere, and locks have hashes."""
 
 import ast
 import re
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 LICENCE = "# SPDX-License-Identifier: Apache-2.0"
@@ -44,18 +46,12 @@ def imported(package):
                 names.add(node.module.split(".")[0])
             elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "optional")):
                 names |= {str(a.value).split(".")[0] for a in node.args[:1] if isinstance(a, ast.Constant)}
-    return {DISTRIBUTIONS.get(n, n).lower() for n in names - set(sys.stdlib_module_names) - ROS - set(PACKAGES)}
+    return {DISTRIBUTIONS.get(n, n).lower() for n in names - set(sys.stdlib_module_names) - ROS - {package}}
 
 
 def required(package):
-    """Names in install_requires and extras_require."""
-    found = set()
-    for node in ast.walk(ast.parse((ROOT / package / "setup.py").read_text(encoding="utf-8"))):
-        if isinstance(node, ast.keyword) and node.arg in ("install_requires", "extras_require"):
-            value = ast.literal_eval(node.value)
-            for word in value if isinstance(value, list) else [w for group in value.values() for w in group]:
-                found.add(re.split(r"[<>=!~ ]", word)[0].lower())
-    return found
+    """Names of the distributions that the installed package asks for, extras included."""
+    return {re.match(r"[\w.-]+", line)[0].lower() for line in metadata.requires(package)}
 
 
 @pytest.mark.slow
@@ -70,6 +66,22 @@ def test_setup_names_nothing_that_is_not_imported(package):
     # These are imported by a name put together at run time.
     late = {"foxglove-sdk"}
     assert required(package) - imported(package) <= late
+
+
+def test_one_version_stands_in_every_package_and_document():
+    versions = {
+        path.parent.name: re.search("<version>(.*)<", path.read_text())[1]
+        for path in sorted(ROOT.glob("mwd_*/package.xml"))
+    }
+    assert sorted(versions) == sorted([*PACKAGES, "mwd_msgs"])
+    version = versions["mwd_surface"]
+    assert set(versions.values()) == {version}
+    assert {metadata.version(package) for package in PACKAGES} == {version}
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
+    changes = [ROOT / "CHANGELOG.md", *ROOT.glob("mwd_*/CHANGELOG.rst")]
+    assert all(
+        re.search(rf"^\W*{re.escape(version)}\W.*\d{{4}}-\d\d-\d\d", path.read_text(), re.MULTILINE) for path in changes
+    )
 
 
 def test_every_source_file_says_its_licence():

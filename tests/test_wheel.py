@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The packages as wheels on a Python without ROS: recordings, tables and reports work; the rest says why not."""
+"""The packages as a user of Python installs them: built, into an empty environment, without ROS."""
 
 import os
 import re
@@ -13,35 +13,38 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
 GOLDEN = ROOT / "bags" / "golden" / "stations"
-ROS = (
-    "rclpy launch launch_ros ament_index_python mwd_msgs builtin_interfaces std_msgs std_srvs sensor_msgs nav_msgs "
-    "geometry_msgs diagnostic_msgs rcl_interfaces lifecycle_msgs tf2_msgs rosgraph_msgs"
-)
-# A module that is None in sys.modules cannot be imported, as one that is not installed.
-WITHOUT_ROS = f"import sys; sys.modules.update(dict.fromkeys({ROS!r}.split())); "
-MWD = WITHOUT_ROS + "from mwd_surface.cli import main; sys.argv[0] = 'mwd'; sys.exit(main())"
 
 pytestmark = pytest.mark.slow(3)
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """Folder with the three wheels installed and nothing else."""
+    """Environment that has the wheels, made from source distributions, and what they require; nothing else."""
     folder = tmp_path_factory.mktemp("wheels")
     for package in PACKAGES:
         # A build writes beside its sources, so it gets its own.
         left_out = shutil.ignore_patterns("__pycache__", "build", "*.egg-info", "test")
-        shutil.copytree(ROOT / package, folder / "source" / package, ignore=left_out)
-    pip = (sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check")
-    sources = [folder / "source" / package for package in PACKAGES]
-    subprocess.run([*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", folder / "dist", *sources], check=True)
-    wheels = sorted((folder / "dist").glob("*.whl"))
+        source = folder / "source" / package
+        shutil.copytree(ROOT / package, source, ignore=left_out)
+        sdist = (sys.executable, "setup.py", "--quiet", "sdist", "--dist-dir", folder / "sdist")
+        subprocess.run(sdist, cwd=source, check=True, capture_output=True)
+    quiet = ("--quiet", "--disable-pip-version-check")
+    pip = (sys.executable, "-m", "pip", *quiet)
+    sources = sorted((folder / "sdist").glob("*.tar.gz"))
+    subprocess.run([*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", folder / "wheels", *sources], check=True)
+    wheels = sorted((folder / "wheels").glob("*.whl"))
     assert len(wheels) == len(PACKAGES)
-    site = folder / "site"
-    subprocess.run([*pip, "install", "--no-deps", "--no-compile", "--target", site, *wheels], check=True)
+    environment = folder / "environment"
+    subprocess.run([sys.executable, "-m", "venv", environment], check=True)
+    locks = [(ROOT / ".ci" / name).read_text(encoding="utf-8") for name in ("ros.lock", "python.lock")]
+    versions = folder / "versions.txt"
+    versions.write_text("".join(f"{pin}\n" for lock in locks for pin in re.findall(r"^\S+==\S+", lock, re.MULTILINE)))
+    python = environment / "bin" / "python"
+    subprocess.run([python, "-m", "pip", *quiet, "install", "--no-compile", "-c", versions, *wheels], check=True)
+    (site,) = (environment / "lib").glob("python3.*/site-packages")
     for package in PACKAGES:
         _share_machine_code(ROOT / package, site, package)
-    return site
+    return environment
 
 
 def _share_machine_code(sources, site, package):
@@ -58,38 +61,50 @@ def _share_machine_code(sources, site, package):
             shutil.copyfile(code, target)
 
 
-def python(installed, folder, program, *words):
-    """What a program prints and its exit status, in a folder that is not the source tree."""
-    environment = {**os.environ, "PYTHONPATH": str(installed), "COLUMNS": "120"}
-    environment.pop("AMENT_PREFIX_PATH", None)
-    command = [sys.executable, "-c", program, *map(str, words)]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+def run(installed, folder, command, *words):
+    """What a command of the environment prints and its exit status, in a folder that is not the source tree."""
+    shadows = ("PYTHONPATH", "AMENT_PREFIX_PATH", "VIRTUAL_ENV")
+    environment = {k: v for k, v in os.environ.items() if k not in shadows} | {"COLUMNS": "120"}
+    done = subprocess.run(
+        [installed / "bin" / command, *map(str, words)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert "Traceback" not in done.stderr, done.stderr
     return done.stdout + done.stderr, done.returncode
 
 
 def test_every_kernel_is_there_without_ros(installed, tmp_path):
-    program = WITHOUT_ROS + (
+    program = (
         "import mwd_sensors, mwd_estimation.pipeline.pipeline, mwd_estimation.survey.survey; "
         "import mwd_surface.page.page_server; print(mwd_estimation.__file__)"
     )
-    said, status = python(installed, tmp_path, program)
+    said, status = run(installed, tmp_path, "python", "-c", program)
     assert status == 0, said
     assert said.startswith(str(installed))
 
 
+def test_the_version_says_that_ros_is_not_there(installed, tmp_path):
+    said, status = run(installed, tmp_path, "mwd", "version")
+    assert status == 0, said
+    assert "ROS is not installed" in said
+
+
 def test_a_recording_is_processed_and_reported_without_ros(installed, tmp_path):
-    said, status = python(installed, tmp_path, MWD, "process", GOLDEN / "bag", "-o", "rows")
+    said, status = run(installed, tmp_path, "mwd", "process", GOLDEN / "bag", "-o", "rows")
     assert status == 0, said
     assert "2 surveys" in said, said
-    said, status = python(installed, tmp_path, MWD, "report", "rows", "-o", "rows")
+    said, status = run(installed, tmp_path, "mwd", "report", "rows", "-o", "rows")
     assert status == 0, said
     assert any((tmp_path / "rows").glob("*.pdf"))
 
 
 def test_a_six_axis_table_is_judged_without_ros(installed, tmp_path):
     table = ROOT / "bags" / "reference_data" / "volve" / "volve_F5_raw_sixaxis.csv"
-    said, status = python(installed, tmp_path, MWD, "survey", table, "-o", "surveys.csv")
+    said, status = run(installed, tmp_path, "mwd", "survey", table, "-o", "surveys.csv")
     assert status == 0, said
     stations = len(table.read_text(encoding="utf-8").splitlines()) - 1
     assert len((tmp_path / "surveys.csv").read_text(encoding="utf-8").splitlines()) == stations + 1
@@ -97,7 +112,7 @@ def test_a_six_axis_table_is_judged_without_ros(installed, tmp_path):
 
 @pytest.mark.parametrize("words", [("run", "--no-record"), ("replay", GOLDEN / "bag")])
 def test_what_needs_ros_says_so_in_one_sentence(installed, tmp_path, words):
-    said, status = python(installed, tmp_path, MWD, *words)
+    said, status = run(installed, tmp_path, "mwd", *words)
     assert status != 0
     assert "is not installed for this Python: `mwd doctor` shows how to install it" in said
     assert len(said.strip().splitlines()) == 1
@@ -107,6 +122,6 @@ def test_the_example_of_the_documents_runs_as_it_is_printed(installed, tmp_path)
     text = (ROOT / "docs" / "guide" / "python.md").read_text(encoding="utf-8")
     example, printed = re.search(r"```python\n(.*?)```\n+```\n(.*?)```", text, re.DOTALL).groups()
     assert len([line for line in example.splitlines() if line]) == 10
-    said, status = python(installed, tmp_path, WITHOUT_ROS + "exec(sys.argv[1])", example)
+    said, status = run(installed, tmp_path, "python", "-c", example)
     assert status == 0, said
     assert said == printed

@@ -6,8 +6,6 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__version__ = "0.1.0"
-
 _MODULES = {
     "EstimatorSettings": "settings.estimator",
     "Pipeline": "pipeline.pipeline",

@@ -1,4 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames, Earth models, wire layouts, calibration, the simulated sonde and the base class of the nodes."""
-
-__version__ = "0.1.0"

@@ -21,13 +21,14 @@ def version() -> None:
 def version_lines() -> list[str]:
     """Return the versions, one per line."""
     import importlib.metadata
-    import os
     import platform
 
+    from mwd_surface import __version__
+
     lines = [
-        f"mwd {importlib.metadata.version('mwd-surface')}",
+        f"mwd {__version__}",
         f"Python {platform.python_version()} on {platform.platform()}",
-        f"ROS {os.environ.get('ROS_DISTRO', 'jazzy (wheels)')}",
+        f"ROS {_distribution()}",
     ]
     for name in ("ros-jazzy-rclpy", "numpy", "numba", "mcap", "rosbags"):
         try:
@@ -35,3 +36,13 @@ def version_lines() -> list[str]:
         except importlib.metadata.PackageNotFoundError:
             lines.append(f"{name} not found as a Python package")
     return lines
+
+
+def _distribution() -> str:
+    """Return the ROS distribution and where it comes from."""
+    import importlib.util
+    import os
+
+    if importlib.util.find_spec("rclpy") is None:
+        return "is not installed"
+    return os.environ.get("ROS_DISTRO", "jazzy (wheels)")
