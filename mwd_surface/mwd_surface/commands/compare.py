@@ -67,7 +67,8 @@ def compare(
         found = runs.compare(run, expected, limits)
         if output is not None:
             picture = _picture(run, expected)
-    _show(found, limited=bool(limits))
+    names = (str(run_a), str(run_b)) if run_b is not None else (f"{run_a} as processed now", "its stored results")
+    _show(found, names, limited=bool(limits))
     if output is not None:
         terminal.write(output.parent, {output.name: picture})
     if not found.agree:
@@ -96,24 +97,26 @@ def _limits(given: list[str] | None) -> dict[str, float]:
     return limits
 
 
-def _show(found: Comparison, *, limited: bool) -> None:
+def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
+    """Print the differences; names: of the two runs, the second is subtracted from the first."""
     from mwd_surface.commands import terminal
 
     console = terminal.output()
+    console.print(f"differences: {names[0]} minus {names[1]}", markup=False)
     if found.stations:
         headings = ("no", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
-        table = terminal.table(headings, title="stations, ours minus expected")
+        table = terminal.table(headings, title="stations")
         for one in found.stations:
             angles = (f"{one.differences[name]:+.4f}" for name in ("inclination_deg", "azimuth_deg", "toolface_deg"))
             table.add_row(one.sequence, one.measured_depth or "-", f"{one.stamp_difference_s:+.3f}", *angles)
         console.print(table)
-    table = terminal.table(("", "samples", "mean deg", "rms deg", "largest deg"), title="samples, ours minus expected")
+    table = terminal.table(("", "samples", "mean deg", "rms deg", "largest deg"), title="samples")
     for line in found.statistics:
         figures = (f"{line.mean:+.5f}", f"{line.rms:.5f}", f"{line.largest:.5f}") if line.count else ("-", "-", "-")
         table.add_row(line.name, str(line.count), *figures)
     console.print(table)
     console.print(
-        f"{found.rows} samples in both, {found.rows_missing} missing, {found.rows_extra} not in the expected run; "
+        f"{found.rows} samples in both, {found.rows_extra} only in the first, {found.rows_missing} only in the second; "
         f"status differs at {found.status_differs}",
         markup=False,
     )

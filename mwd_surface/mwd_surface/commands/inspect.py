@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,18 +40,19 @@ def inspect(
     """
     Inspect a recording: topics, rates, units, signs, mount, gaps, clocks, and missing data for each result.
 
-    Prints the `mwd process` command for the recording. With the place (--lat, --lon), signs and axes of the
-    magnetometer are also found.
+    Prints the `mwd process` command for the recording, and the `mwd decode` command if it has the signal of a telemetry
+    link. With the place (--lat, --lon), signs and axes of the magnetometer are also found.
 
     \b
     Examples:
       mwd inspect bags/run_7
       mwd inspect other.bag --lat 58.44 --lon 1.88
     """
-    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
     from mwd_surface.processing.inspection import figures
     from mwd_surface.processing.inspection import inspect as look_through
+    from mwd_surface.receiver import recorded_link
     from mwd_surface.surveys.recorded_settings import recorded_settings
 
     place, console = recording_changes(lat, lon, date, field), terminal.output()
@@ -58,8 +60,17 @@ def inspect(
         recorded = recorded_settings(opened)
         estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded.estimator)
         own = recorded.estimator if recorded.source else None
-        found = look_through(opened, input_settings(reading), estimator, output, progress, own)
-        others = [t for t in opened.topics.values() if t.name not in found.topics.all]
+        links = recorded_link.topics_of(opened)
+        decoding = f"mwd decode {shlex.quote(str(bag))} --tool TOOL.yaml -o {shlex.quote(str(output))}" if links else ""
+        try:
+            found = look_through(opened, input_settings(reading), estimator, output, progress, own)
+        except BagError as error:
+            if not links:
+                raise
+            terminal.facts([("telemetry", ", ".join(links)), ("no survey", str(error))], 14)
+            console.print(f"\n{decoding}", markup=False)
+            return
+        others = [t for t in opened.topics.values() if t.count and t.name not in (*found.topics.all, *links)]
         notes, complete = list(opened.notes), opened.complete
     topics = found.topics
     names = {
@@ -88,6 +99,8 @@ def inspect(
         ("surveys", _verdicts(found.surveys)),
         ("settings", recorded.source or "none in the recording"),
     ]
+    if links:
+        lines.append(("telemetry", f"{', '.join(links)}: `{decoding}` gives the words that came up"))
     if others:
         lines.append(("not used", _not_used(others)))
     lines += [("missing", f"for {result}: {need}") for result, need in found.missing]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 from mwd_sensors.core import gauge_burst
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_reader import Bag, BagError
 
 _FLUID = "sensor_msgs/msg/FluidPressure"
 
@@ -58,6 +59,18 @@ def read(path: Path, link: str, topic: str = "") -> RecordedLink:
         strokes = _strokes(bag, name, origin) if link == "mud_pulse" else {}
     values = np.concatenate([one[2] for one in bursts])
     return RecordedLink(np.concatenate(times), values, strokes, f"{origin / NANOSECONDS:.3f} s Unix time")
+
+
+def topics_of(bag: Bag) -> list[str]:
+    """Return the topics from which `read` can take the samples of a link: one for each link that was recorded."""
+    kinds = {**gauge_burst.TOPICS, "gauge": (gauge_burst.TOPICS["mud_pulse"][0], _FLUID)}
+    found = {}
+    for link, (usual, kind) in kinds.items():
+        with contextlib.suppress(BagError):
+            found[link] = bag.find_topic(kind, usual.rpartition("/")[2])
+    if "mud_pulse" in found:
+        found.pop("gauge", None)
+    return list(found.values())
 
 
 def _strokes(bag: Bag, pressure_topic: str, origin: int) -> dict[int, Array]:

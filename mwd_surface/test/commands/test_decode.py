@@ -2,10 +2,14 @@
 """`mwd tool` and `mwd decode` as people call them."""
 
 import csv
+import shlex
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from mwd_sensors.core import gauge_burst, wire
+from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 
 
@@ -104,3 +108,22 @@ def test_an_em_tool_is_simulated_and_decoded(tmp_path):
 def test_a_source_that_does_not_fit_the_tool_is_refused(folder):
     with pytest.raises(ValueError, match="must be modbus:HOST:PORT"):
         run("listen", "serial:/dev/ttyUSB0", "--tool", folder / "tool.yaml", "-o", folder / "heard")
+
+
+def test_inspect_prints_the_command_that_decodes_a_recorded_pressure(folder, tmp_path):
+    table = np.genfromtxt(folder / "well" / "pressure.csv", delimiter=",", names=True)
+    time, pressure = (table[name] for name in table.dtype.names[:2])
+    pressure_pa = pressure * (1.0 if pressure.max() > 1e6 else 1e5)
+    with BagWriter(tmp_path / "bag") as bag:
+        topic = bag.topic("/well/rig/standpipe", gauge_burst.PRESSURE)
+        for first in range(0, len(time), 100):
+            stamp = 1_772_345_678 * wire.NANOSECONDS + round(time[first] * wire.NANOSECONDS)
+            part = pressure_pa[first : first + 100]
+            bag.write(topic, gauge_burst.encode(stamp, float(time[1] - time[0]), part), stamp)
+    said = run("inspect", tmp_path / "bag", "-o", tmp_path / "words")
+    assert "/well/rig/standpipe" in said
+    command = shlex.split(said.strip().splitlines()[-1].replace("TOOL.yaml", str(folder / "tool.yaml")))
+    assert command[:2] == ["mwd", "decode"]
+    run(*command[1:])
+    believed = [row["raw"] for row in rows(tmp_path / "words" / "words.csv") if row["status"] == "believed"]
+    assert believed == [row["raw"] for row in rows(folder / "well" / "sent.csv")]
