@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs" / "tour.md"
-HEADINGS = ("Five minutes", "Your own data")
+HEADINGS = ("A first tour", "Your own data")
 ENDED_BY_HAND = ("mwd view",)
 # What the reader puts in place of a word.
 OWN = {"YOUR_BAG": "out/first"}
