@@ -19,6 +19,7 @@ import running_graph
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.ros import security_policy
+from mwd_surface.runs import launch_plan
 from project import ROOT
 from running_graph import until
 
@@ -115,6 +116,16 @@ def test_the_policy_file_has_an_enclave_for_each_node_an_operator_and_a_controll
     controller = root.find("enclaves/enclave[@path='/field/well_7/controller']/profiles/profile")
     assert "control/command" in [topic.text for topic in controller.findall("topics[@publish='ALLOW']/topic")]
     assert "accept_survey" not in [service.text for service in controller.findall("services/service")]
+
+
+@pytest.mark.fault_case(94)
+def test_mwd_run_starts_each_node_with_the_enclave_that_the_policy_has_for_it():
+    table = security_policy.shipped()
+    root = etree.fromstring(security_policy.policy_xml(table, "field/well_7").encode())
+    enclaves = {enclave.attrib["path"] for enclave in root.iter("enclave")}
+    for node in table:
+        words = launch_plan.node_words(node, "field/well_7", {})
+        assert words[words.index("--enclave") + 1] in enclaves
 
 
 @pytest.mark.parametrize("well", ["a b", "well-1", "x/../y", '"><x'])

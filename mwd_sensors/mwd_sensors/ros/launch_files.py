@@ -43,6 +43,8 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 executable=name,
                 name=name,
                 namespace=LaunchConfiguration("namespace"),
+                # SROS2: the node's own keys and permissions; without security ROS ignores it.
+                ros_arguments=["--enclave", PathJoinSubstitution(["/", LaunchConfiguration("namespace"), name])],
                 parameters=[defaults, given, LaunchConfiguration("params_file"), switches],
                 output="screen",
                 respawn=LaunchConfiguration("respawn"),

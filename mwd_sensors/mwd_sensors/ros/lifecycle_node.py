@@ -10,6 +10,7 @@ in a callback is logged and counted instead of ending the process.
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import time
 import traceback
@@ -43,6 +44,7 @@ from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
 from mwd_sensors.ros.parameters import SettingsParameters
 from mwd_sensors.ros.qos import STATE, offered
+from mwd_sensors.ros.refused_entity import RefusedEntityError, is_enforced, named_refusal
 from mwd_sensors.ros.request_rules import refusal
 from mwd_sensors.ros.topic_publisher import TopicPublisher
 
@@ -79,7 +81,7 @@ class GraphNode(LifecycleNode, Generic[T]):
     active : bool
         True while the node is in the state `active`.
     stop_requested : Future
-        Done when the process should end.
+        Done when the process should end; its exception, if any, is the reason why the node cannot do its work.
 
     Raises
     ------
@@ -168,6 +170,31 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     # Entities.
 
+    def create_publisher(self, msg_type: Any, topic: str, *args: Any, **options: Any) -> Any:
+        """Create a publisher as rclpy does; the error of a refused one names its topic."""
+        with named_refusal("publish", self._full_name(topic)):
+            return super().create_publisher(msg_type, topic, *args, **options)
+
+    def create_subscription(self, msg_type: Any, topic: str, *args: Any, **options: Any) -> Any:
+        """Create a subscription as rclpy does; the error of a refused one names its topic."""
+        with named_refusal("subscribe", self._full_name(topic)):
+            return super().create_subscription(msg_type, topic, *args, **options)
+
+    def create_service(self, srv_type: Any, srv_name: str, *args: Any, **options: Any) -> Any:
+        """Create a service as rclpy does; the error of a refused one names it."""
+        with named_refusal("reply", self._full_name(srv_name)):
+            return super().create_service(srv_type, srv_name, *args, **options)
+
+    def create_client(self, srv_type: Any, srv_name: str, *args: Any, **options: Any) -> Any:
+        """Create a client as rclpy does; the error of a refused one names the service."""
+        with named_refusal("request", self._full_name(srv_name)):
+            return super().create_client(srv_type, srv_name, *args, **options)
+
+    def _full_name(self, name: str) -> str:
+        # The rules of ROS names, without the remapping: rclpy creates services before it can resolve names.
+        space = self.get_namespace().rstrip("/")
+        return name if name.startswith("/") else f"{space}/{name.replace('~', self.get_name(), 1)}"
+
     def add_publisher(self, msg_type: Any, topic: str, qos: QoSProfile) -> Any:
         """Create a reliable lifecycle publisher with this profile; it publishes nothing while the node is inactive."""
         profile = offered(qos)
@@ -245,9 +272,10 @@ class GraphNode(LifecycleNode, Generic[T]):
             if failure:
                 goal.finish(action_type.Result(success=False, message=failure))
 
-        server = DeferredActionServer(
-            self, action_type, name, lambda goal: call(start_goal, goal), lambda goal: call(cancel_goal, goal)
-        )
+        with named_refusal("execute", self._full_name(name)):
+            server = DeferredActionServer(
+                self, action_type, name, lambda goal: call(start_goal, goal), lambda goal: call(cancel_goal, goal)
+            )
         self._entities.append((server, server.destroy))
 
     def add_client(self, srv_type: Any, name: str) -> Any:
@@ -313,9 +341,13 @@ class GraphNode(LifecycleNode, Generic[T]):
             )
         self._stop()
 
-    def _stop(self) -> None:
-        if not self.stop_requested.done():
+    def _stop(self, reason: Exception | None = None) -> None:
+        if self.stop_requested.done():
+            return
+        if reason is None:
             self.stop_requested.set_result(None)
+        else:
+            self.stop_requested.set_exception(reason)
 
     def _settings_changed(self, settings: T) -> None:
         if self._configured:
@@ -336,6 +368,9 @@ class GraphNode(LifecycleNode, Generic[T]):
             expected = isinstance(error, (OSError, ValueError, RuntimeError))
             self.get_logger().error(printable(f"cannot configure: {error if expected else traceback.format_exc()}"))
             self._destroy_entities()
+            if isinstance(error, RefusedEntityError) and is_enforced(os.environ):
+                # The permissions are read once, at the start of the process: to try again cannot help.
+                self._stop(error)
             return TransitionCallbackReturn.FAILURE
         self._configured = True
         return super().on_configure(state)

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import rclpy
@@ -20,6 +19,7 @@ from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.core.stop_time import STOP_PATIENCE
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.refused_entity import RefusedEntityError, security_refusal
 from mwd_sensors.ros.stop_signals import StopSignals, end_within, ignore, leave_background_threads
 
 RCLError = rclpy_implementation.RCLError
@@ -40,7 +40,8 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     creates are not readable by other users.
 
     SIGINT and SIGTERM shut the nodes down (deactivate, clean up) and the status is 0. If that takes longer than
-    `STOP_PATIENCE`, the process ends with status 1. Parameters that are not allowed end it with status 2 and a message.
+    `STOP_PATIENCE`, the process ends with status 1. Parameters that are not allowed end it with status 2 and a message,
+    and so does a topic, service or action that the permissions of a secured node lack.
     """
     # Also for nodes that are started without `mwd run`.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -48,6 +49,9 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     try:
         rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
         status = _spin(make_nodes)
+    except RefusedEntityError as error:
+        sys.stderr.write(f"{printable(str(error))}\n")
+        return 2
     except RCLError as error:
         if not (reason := security_refusal(os.environ, str(error))):
             raise
@@ -65,28 +69,17 @@ def keep_private() -> None:
     os.umask(os.umask(0o077) | 0o027)
 
 
-def security_refusal(environment: Mapping[str, str], error: str) -> str:
-    """Explain in one sentence why a secured node does not start; empty if security is not enforced."""
-    enforced = environment.get("ROS_SECURITY_STRATEGY") == "Enforce"
-    if not enforced or environment.get("ROS_SECURITY_ENABLE", "").lower() != "true":
-        return ""
-    keystore = environment.get("ROS_SECURITY_KEYSTORE", "")
-    if not keystore or not Path(keystore).is_dir():
-        where = f"ROS_SECURITY_KEYSTORE is {keystore!r}, which is not a folder" if keystore else "there is no keystore"
-        return f"security is enforced and {where}: make one (`ros2 security create_keystore`) and set the variable"
-    if "security libraries" in error:
-        return "security is enforced but this middleware has no security plugins: use the ROS 2 packages of apt"
-    return f"security is enforced and the node was refused: {error.splitlines()[0]}"
-
-
 def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
     nodes: list[GraphNode[Any]] = []
     stop_requested = Future()
 
-    def stop(_cause: Any = None) -> None:
+    def stop(cause: Any = None) -> None:
         if not stop_requested.done():
             end_within(STOP_PATIENCE)
-            stop_requested.set_result(None)
+            if isinstance(cause, Future) and cause.exception() is not None:
+                stop_requested.set_exception(cause.exception())
+            else:
+                stop_requested.set_result(None)
 
     signals = StopSignals(stop)
     executor = EventsExecutor()
@@ -99,6 +92,8 @@ def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
         signals.started()
         while not stop_requested.done():
             executor.spin_until_future_complete(stop_requested, _LONGEST_SPIN)
+        # Raises the reason of a node that cannot do its work.
+        stop_requested.result()
     except SettingsError as error:
         sys.stderr.write(f"{printable(str(error))}\n")
         return 2

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mwd_sensors.ros.diagnostics import WARN, clock_diagnostics
-from mwd_sensors.ros.run_node import security_refusal
+from mwd_sensors.ros.refused_entity import security_refusal
 
 SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
 
@@ -35,7 +35,69 @@ def test_what_a_secured_node_lacks_is_named_and_an_unsecured_one_keeps_its_own_e
     held = {**SECURE, "ROS_SECURITY_KEYSTORE": str(tmp_path)}
     assert "plugins" in security_refusal(held, "This Fast DDS version doesn't have the security libraries")
     denied = security_refusal(held, "rt/well_1/imu/mag topic not found in allow rule\nat line 7")
-    assert denied == "security is enforced and the node was refused: rt/well_1/imu/mag topic not found in allow rule"
+    assert "refused: rt/well_1/imu/mag topic not found in allow rule; " in denied
+    assert "--enclave" in denied
+
+
+DENIED = """
+import dataclasses, os, sys
+from mwd_msgs.action import NorthSeek
+from rclpy.impl.implementation_singleton import rclpy_implementation as middleware
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from mwd_sensors.core.settings import setting
+from mwd_sensors.ros import qos, run_node
+from mwd_sensors.ros.lifecycle_node import GraphNode
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    gain: float = setting(1.0, "Gain")
+KIND, ENFORCED = sys.argv[1], sys.argv[2] == "enforced"
+def refuse(*_args): raise middleware.RCLError("could not create it, at file.cpp:1\\nmore")
+class Secured(GraphNode):
+    def configure(self):
+        # The middleware of the tests has no security plugins: it would refuse a secured node as a whole.
+        if ENFORCED: os.environ.update(ROS_SECURITY_ENABLE="true", ROS_SECURITY_STRATEGY="Enforce")
+        setattr(middleware, KIND, refuse)
+        if KIND == "Publisher": self.add_publisher(String, "spoken", qos.EVENT)
+        if KIND == "Subscription": self.add_subscription(String, "/heard", print, qos.EVENT)
+        if KIND == "Service": self.add_service(Trigger, "~/served", print)
+        if KIND == "Client": self.add_client(Trigger, "asked")
+        if KIND == "ActionServer": self.add_action_server(NorthSeek, "sought", print, print)
+    def activate(self): print("active")
+def made():
+    node = Secured("secured", Settings(), namespace="/w1")
+    if not ENFORCED: node.create_timer(0.5, node.request_stop)
+    return node
+sys.exit(run_node.run_nodes([made], []))
+"""
+KINDS = [
+    ("Publisher", "publish /w1/spoken"),
+    ("Subscription", "subscribe /heard"),
+    ("Service", "reply /w1/secured/served"),
+    ("Client", "request /w1/asked"),
+    ("ActionServer", "execute /w1/sought"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.fault_case(94)
+@pytest.mark.parametrize(("kind", "words"), KINDS)
+def test_a_secured_node_without_a_permission_names_it_and_ends_instead_of_running_without_it(kind, words):
+    program = [sys.executable, "-c", DENIED, kind, "enforced"]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[-1].startswith(f"this node may not {words}: could not create it")
+    assert "mwd security" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_a_node_without_security_stays_unconfigured_and_names_what_was_refused():
+    program = [sys.executable, "-c", DENIED, "Publisher", "open"]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "cannot configure: this node may not publish /w1/spoken: could not create it" in done.stderr
+    assert "mwd security" not in done.stderr
 
 
 @pytest.mark.fault_case(45)

@@ -22,6 +22,7 @@ from rclpy.serialization import serialize_message
 from mwd_sensors.ros.diagnostics import WARN, Diagnostic
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.qos import STATE, buffered
+from mwd_sensors.ros.refused_entity import RefusedEntityError
 from mwd_sensors.ros.topic_publisher import TopicPublisher
 from mwd_surface.bags.definitions import installed
 from mwd_surface.live.alarms import Severity
@@ -184,7 +185,11 @@ class TopicRouter:
                 profile = publishers[0].qos_profile if publishers else STATE
                 # Discovery does not report the history policy of a profile.
                 offered = QoSProfile(depth=100, reliability=profile.reliability, durability=profile.durability)
-                self._subscribe(full_name, msg_type, offered, is_recorded=True)
+                try:
+                    self._subscribe(full_name, msg_type, offered, is_recorded=True)
+                except RefusedEntityError as error:
+                    text = f"{full_name} cannot be recorded: {error}"
+                    self._alarm_log.log_event("recorder", text, Severity.WARNING)
 
     def diagnostics(self) -> list[Diagnostic]:
         """Return the topics to be recorded that do not exist yet."""

@@ -34,6 +34,7 @@ from mwd_surface.processing.bag_input import (
     without_gravity,
 )
 from mwd_surface.processing.half_imu import Joiner, Kind, among_readings
+from mwd_surface.processing.stream_times import PACE
 
 # Width of the time bins in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
@@ -418,13 +419,29 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
 
     The message with the shortest delay in each bin shows the difference of the clocks, so that bursts do no harm. A
     clock that is set during the recording has one course before and another after.
+
+    Raises
+    ------
+    ValueError
+        A clock runs at another speed than the recorder's, as in a run at another speed than real time: the times of
+        recording then say nothing about how far the tool turned between two samples.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}
     for block in bag.blocks(names, fields={layout.type_name: () for layout in layouts}) if names else ():
         for name, (log_ns, samples) in block.items():
             _follow(courses[name], log_ns, log_ns - samples["stamp_ns"])
-    return {name: _knots(_without_delays(found)) for name, found in courses.items() if found}
+    kept = {name: _without_delays(found) for name, found in courses.items() if found}
+    for name, found in kept.items():
+        gains = [gain for course in found for gain in course.gains()]
+        # Messages that waited change the offset of a bin or two, another speed that of all.
+        if len(gains) > 1 and np.abs(gains).min() > PACE:
+            pace = float(np.median(gains))
+            raise ValueError(
+                f"the stamps of {name} run {1.0 - pace:.2f} times as fast as the times of recording, because the run "
+                "was made at another speed than real time: use the stamps (option --stamps header)"
+            )
+    return {name: _knots(found) for name, found in kept.items()}
 
 
 @dataclasses.dataclass
@@ -441,6 +458,13 @@ class _Course:
     @property
     def least(self) -> int:
         return min(self.bins.values())
+
+    def gains(self) -> list[float]:
+        """Return the change of the offset from each time bin to the next, s per s."""
+        numbers = np.array(sorted(self.bins))
+        offsets = np.array([self.bins[number] for number in numbers.tolist()], dtype=float)
+        found: list[float] = (np.diff(offsets) / (np.diff(numbers) * float(_BIN_NS))).tolist()
+        return found
 
     def take(self, log_ns: Stamps, offset: NDArray[np.int64]) -> None:
         """Add messages by their log times and offsets, shape (n,), ns."""

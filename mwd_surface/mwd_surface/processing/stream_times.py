@@ -17,6 +17,8 @@ _INTERVALS, _SHORTEST_S = 5.0, 0.1
 _RATED, _BURSTS = 64, 3.0
 # Difference of a clock from the recorder's above which there is a remark, s; the same for drift, as a share of time.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
+# Recordings at least this long show the drift of a clock, s. PACE: a drift that only a run at another speed has.
+_LONG_S, PACE = 60.0, 0.05
 _FEW = 10
 
 
@@ -82,11 +84,19 @@ class StreamTimes:
 
     @property
     def drift(self) -> float:
-        """Rate of change of `offset_s`, s/s; nan if there are too few blocks."""
+        """
+        Rate of change of `offset_s`, s/s; nan if there are too few blocks.
+
+        It does not contain steps, such as those of a clock that is set during the recording.
+        """
         if len(self._offsets) < _FEW:
             return math.nan
         at = np.array([log_ns - self._offsets[0][0] for log_ns, _ in self._offsets]) * 1e-9
-        return float(np.polyfit(at, [offset for _, offset in self._offsets], 1)[0]) if at[-1] > 60.0 else math.nan
+        steps = np.diff([offset for _, offset in self._offsets], prepend=self._offsets[0][1])
+        usual = np.median(steps[1:])
+        steps[1:] = np.where(np.abs(steps[1:] - usual) < _OFFSET_S, steps[1:], usual)
+        slope = float(np.polyfit(at, np.cumsum(steps), 1)[0]) if at[-1] > 0.0 else math.nan
+        return slope if at[-1] > _LONG_S or abs(slope) > PACE else math.nan
 
     def remarks(self, regular: bool = True) -> list[str]:
         """
@@ -111,6 +121,12 @@ class StreamTimes:
                 if one
                 else f"{self.backwards} stamps do not advance: they repeat or go back"
             )
+        if abs(self.drift) > PACE:
+            # A simulation or a replay at another speed: the difference of the clocks grows, and has no meaning.
+            found.append(
+                f"its clock runs {1.0 - self.drift:.2f} times as fast as the recorder's: a run at another speed"
+            )
+            return found
         if abs(self.offset_s) > _OFFSET_S:
             side = "behind" if self.offset_s > 0 else "ahead of"
             found.append(f"its clock is {abs(self.offset_s):.1f} s {side} the recorder's")

@@ -47,6 +47,8 @@ _BASE_PORT, _PER_DOMAIN = 7400, 250
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
     """Return the command line that runs a node in this Python; `before` holds ROS arguments ahead of its parameters."""
     words = [sys.executable, "-P", "-m", "mwd_surface", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
+    # SROS2: the node's own keys and permissions; without security ROS ignores it.
+    words += ["--enclave", f"/{namespace}/{name}"]
     # Disable the log files of ROS: they would hold the same lines again, without a size limit.
     return [*words, "--disable-external-lib-logs", *before, *parameter_words(parameters)]
 

@@ -21,6 +21,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.processing.bag_estimate import BagEstimate
 from mwd_surface.processing.bag_input import FIELDS, InputSettings, OptionNeededError, find_topics
 from mwd_surface.processing.input_stream import InputStream
+from mwd_surface.processing.stream_times import StreamTimes
 
 pytestmark = pytest.mark.slow(1)
 
@@ -61,6 +62,23 @@ def test_a_clock_that_is_set_midway_is_refused_with_the_option_that_restores_the
     with pytest.raises(OptionNeededError, match="--stamps recording"):
         surveys(path)
     assert surveys(path, stamps="recording") == expected
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 20.0])
+def test_a_run_at_another_speed_has_its_surveys_and_no_clock_that_is_ahead(speed, sent, expected, tmp_path):
+    """`mwd run --rate 2`: the stamps advance twice as fast as the recorder's clock."""
+    streams = [(name, layout, samples, at[0] + (at - at[0]) / speed) for name, layout, samples, at in sent]
+    path = awkward.written(tmp_path / "bag", [(*one, at.astype(np.int64)) for *one, at in streams])
+    assert surveys(path) == expected
+    times = StreamTimes()
+    with Bag(path) as bag:
+        for block in bag.blocks([IMU], block_messages=100):
+            times.take(block[IMU][1]["stamp_ns"], block[IMU][0])
+    (remark,) = times.remarks()
+    assert f"runs {speed:.2f} times as fast" in remark
+    if len(sent[0][3]) / 100.0 / speed > 30.0:
+        with pytest.raises(ValueError, match="another speed"):
+            surveys(path, stamps="recording")
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
