@@ -4,6 +4,7 @@
 import json
 import math
 
+import example_rig
 import numpy as np
 import pytest
 from example_live import ShownState, attitude, recorder, rig
@@ -16,6 +17,9 @@ from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceField, SurveyProgress
+from mwd_surface.page.plain import plain
+from mwd_surface.page.state_json import StateJson
+from mwd_surface.signals.table import SIGNALS
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Offset, plan_of
 
@@ -163,3 +167,14 @@ def test_the_rows_of_the_survey_table_follow_the_north_of_the_well():
     state.show(1.0, well=Well(north_reference="grid"))
     grid = sections(state)["surveys"]["rows"][0]
     assert (true["azimuth_north"], grid["azimuth_north"]) == ("true", "grid")
+
+
+def test_every_place_of_the_signal_table_is_in_the_json_under_the_name_of_its_field():
+    shown = StateJson().snapshot(example_rig.live().at(example_rig.NOW))["sections"]
+    shown["offset"] = plain(Offset(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.5))
+    for signal in SIGNALS:
+        for section, _, name in (place.partition(".") for place in signal.page):
+            table = shown[section]["rows"][0] if section == "surveys" else shown[section]
+            assert name in table, (signal.name, section)
+            if section not in ("surveys", "path"):
+                assert name == signal.field
