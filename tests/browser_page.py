@@ -5,7 +5,6 @@ import contextlib
 import dataclasses
 import math
 import time
-from pathlib import Path
 
 import numpy as np
 from selenium.common.exceptions import StaleElementReferenceException as StaleElementReferenceException
@@ -21,7 +20,7 @@ from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
+from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceField
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
@@ -47,7 +46,7 @@ PATIENT = LiveSettings(
 )
 
 
-RECORDING = RecorderStatus(RecorderState.RECORDING, "", Path("bags/a"), 7, 0, 0, 0, 0, 0, -1, 61.0, 1, 0.0, ())
+RECORDING = RecorderStatus(RecorderState.RECORDING, path="bags/a", messages=7, duration=61.0)
 
 
 def near(name, least):
@@ -93,15 +92,14 @@ class Rig:
     def publish(self):
         now = time.monotonic()
         reference = ReferenceField(declination=-0.014, convergence=-0.0157, source="WMM2025 (pygeomag)")
-        self.state.on_well(self.list.well, now, reference)
-        self.state.on_records(self.list.records, now)
+        self.state.show(now, well=self.list.well, reference_given=reference, surveys=self.list)
         path = self.list.definitive(bit_depth=1220.0)
-        self.state.on_trajectory(path, now, np.tile(np.diag([9.0, 4.0, 1.0]), (len(path.md), 1, 1)))
+        self.state.show(now, path=path, covariance=np.tile(np.diag([9.0, 4.0, 1.0]), (len(path.md), 1, 1)))
         plan = plan_of([0.0, 600.0, 1800.0], [0.0, 0.3, 1.0], [1.0, 1.0, 1.0], name="C")
-        self.state.on_plan(plan, now)
-        self.state.on_clearance((near("A-3", 9.0), near(EVIL, 40.0)), now)
-        self.state.on_alarms(self.book.alarms(), self.book.events(), now, time.time_ns())
-        self.state.on_diagnostics([NodeDiagnostic(EVIL, 1, "slow", "look")], now)
+        self.state.show(now, plan=plan)
+        self.state.show(now, clearance=(near("A-3", 9.0), near(EVIL, 40.0)))
+        self.state.show(now, alarms=AlarmState(self.book.alarms(), (), time.time() - now), events=self.book.events())
+        self.state.show(now, diagnostics=(NodeDiagnostic(EVIL, DiagnosticLevel.WARNING, "slow", "look"),))
         self.push()
 
     def live(self, inclination_deg=44.62, toolface_deg=127.0, status=65536):
@@ -207,7 +205,8 @@ def steered(rig):
         d["stick_slip_index"], d["lateral_rms"], d["shocks"] = np.nan if slide else 0.4, 9.0, k % 3
         rig.state.on_dynamics(d, now)
         rig.live(status=4 if k < 100 else 4 | 1024)
-    rig.state.on_steering(sheet.stretches, yields(sheet.stretches, rig.list.definitive()), now)
+    gave = tuple(yields(sheet.stretches, rig.list.definitive()))
+    rig.state.show(now, stretches=tuple(sheet.stretches), yields=gave)
     rig.push()
 
 

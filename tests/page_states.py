@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares two states of the page: what of a viewed recording differs from what the live page showed."""
+"""Compares two states of a well: what of a viewed recording differs from what the live page showed."""
 
+import dataclasses
 import math
 from collections.abc import Mapping
+
+import numpy as np
 
 # What the session of a page has of its own, and nothing else: counts of changes, and when a part last changed, which
 # depends on how often the same content was said.
@@ -12,6 +15,21 @@ NOT_RECORDED = ("downlink.choices",)
 
 
 STRIPS = ("history", "trend", "depth_log")
+
+
+def exact(value):
+    """Return all that a value holds as text and tuples, numbers to the last bit: equal values give equal results."""
+    if isinstance(value, float):
+        return float(value).hex()
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, Mapping):
+        return tuple((str(name), exact(value[name])) for name in sorted(value, key=str))
+    if isinstance(value, (tuple, list)):
+        return tuple(map(exact, value))
+    if dataclasses.is_dataclass(value):
+        return tuple((one.name, exact(getattr(value, one.name))) for one in dataclasses.fields(value))
+    return repr(value)
 
 
 def differences(live, viewed, *, except_for=()):

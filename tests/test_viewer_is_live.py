@@ -36,7 +36,7 @@ from mwd_surface.runs.player import Player, namespace_of
 from mwd_surface.surveys.leg_settings import arranged
 from mwd_surface.surveys.recorded_settings import SURFACE
 from mwd_surface.surveys.survey_list import SurveyList
-from page_states import differences
+from page_states import differences, exact
 from project import ROOT
 
 SCENARIOS = sorted(path.stem for path in (ROOT / "bags/scenarios").glob("*.yaml"))
@@ -87,7 +87,7 @@ def recorded(request, tmp_path_factory):
 
 
 def live_states(bag, surface, moments):
-    """The states of the page of a surface that hears a recording as it happens, in uneven pieces."""
+    """The states of a surface that hears a recording as it happens, in uneven pieces, and of its page."""
     clock = WellClock(bag.start_ns - 1)
     outlet = WellOutlet()
     outlet.is_simulated = lambda: f"{WELL}truth" in bag.topics
@@ -117,7 +117,8 @@ def live_states(bag, surface, moments):
                 well.put(topic, data, at)
         well.advance(now_ns)
         if now_ns == moments[0]:
-            states[moments.pop(0)] = page.snapshot(well.state())
+            state = well.state()
+            states[moments.pop(0)] = exact(state), page.snapshot(state)
     return states
 
 
@@ -136,7 +137,8 @@ def test_the_viewer_shows_what_the_live_page_showed(recorded):
         for moment in order:
             player.seek((moment - bag.start_ns) * 1e-9)
             viewed = StateJson(surface.live).snapshot(player.state())
-            live = states[moment]
+            state, live = states[moment]
+            assert dict(exact(player.state())) == dict(state)
             assert viewed["now"] == live["now"]
             found = differences(live["sections"], viewed["sections"])
             assert not found, f"{(moment - bag.start_ns) * 1e-9:.2f} s: " + "\n".join(found[:20])

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples as they stream to the page, with the figures a test gives them."""
 
-from pathlib import Path
-
 from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.live.live_state import LiveState
@@ -29,9 +27,11 @@ def rig(valid=2047, **values):
     return samples
 
 
-def recorder(state=RecorderState.RECORDING, path="bags/a", messages=5, duration_s=2.0, reason=""):
+def recorder(**changes):
     """Status of a recorder."""
-    return RecorderStatus(state, reason, Path(path), messages, 0, 0, 0, 0, 0, -1, duration_s, 1, 0.0, ())
+    return RecorderStatus(
+        **{"state": RecorderState.RECORDING, "path": "bags/a", "messages": 5, "duration": 2.0, **changes}
+    )
 
 
 class ShownState(LiveState):

@@ -79,7 +79,7 @@ def live(whole=None, sample=None, rig=None, now=NOW):
     """A LiveState that everything has just come to."""
     whole = surveys() if whole is None else whole
     state = LiveState()
-    state.on_well(whole.well, now)
+    state.show(now, well=whole.well)
     gravity = wire.GRAVITY.empty(1)
     gravity["sigma"], gravity["non_gravity"], gravity["rotary_speed"] = 0.001, 0.5, 2.0
     state.on_gravity(gravity, now - 0.1)
@@ -94,12 +94,12 @@ def live(whole=None, sample=None, rig=None, now=NOW):
     shaken["stick_slip_index"], shaken["lateral_rms"], shaken["shocks"] = 0.4, 3.0, 2
     state.on_dynamics(shaken, now - 0.5)
     state.on_rig_state(rig_state() if rig is None else rig, now - 1.0)
-    state.on_records(whole.records, now)
-    state.on_trajectory(whole.definitive(bit_depth=650.25), now)
+    state.show(now, surveys=whole)
+    state.show(now, path=whole.definitive(bit_depth=650.25))
     state.on_recorder(recorder(), now)
-    state.on_control(control(now), now)
-    state.on_advice(ADVICE, now)
-    state.on_inputs(INPUTS, now)
+    state.show(now, control=control(now))
+    state.show(now, advice=ADVICE)
+    state.show(now, inputs=INPUTS)
     return state
 
 

@@ -291,9 +291,7 @@ def test_a_gyro_list_becomes_a_path_and_every_export_of_it_gives_the_same_path(t
     done = mwd("path", gyro, "-o", tmp_path / "gyro", *place)
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "gyro" / "path.csv").read_text()
-    assert text.startswith(
-        "md_m,inclination_deg,azimuth_deg,tvd_m,north_m,east_m,dls_deg_30m,sigma_north_m,sigma_east_m,sigma_tvd_m,"
-    )
+    assert text.startswith("md_m,inclination_deg,azimuth_deg,tvd_m,north_m,east_m,vertical_section_m,dls_deg_per_30m,")
     first = list(csv.DictReader(io.StringIO(text)))
     assert float(first[-1]["sigma_east_m"]) > 5.0
     for name in ("f4.csv", "f4.las", "f4.xml"):

@@ -157,7 +157,7 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
     sender = Sender("test", "toolface hold")
     lease = authority.request(Request(sender, "toolface hold", "holds the toolface"), 0.0).lease
     with rig_on(browser) as rig:
-        rig.state.on_control(authority.status(0.0), time.monotonic())
+        rig.state.show(time.monotonic(), control=authority.status(0.0))
         rig.push()
         tab(browser, "steering")
         wait(browser, lambda: "toolface hold asks for control" in text(browser, "#tab-steering"))
@@ -174,7 +174,7 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
         # The ramp makes up for no more than its longest step at a time.
         for step in range(1, 11):
             authority.update(0.19 * step)
-        rig.state.on_control(authority.status(1.9), time.monotonic())
+        rig.state.show(time.monotonic(), control=authority.status(1.9))
         rig.push()
         wait(browser, lambda: "toolface hold has control" in text(browser, "#tab-steering"))
         shown = text(browser, "#tab-steering")
@@ -202,7 +202,7 @@ def test_the_advice_is_shown_with_what_it_follows_from(browser):
     with rig_on(browser) as rig:
         tab(browser, "steering")
         wait(browser, lambda: "No advice" in text(browser, "#tab-steering"))
-        rig.state.on_advice(advice, time.monotonic())
+        rig.state.show(time.monotonic(), advice=advice)
         rig.push()
         wait(browser, lambda: "slide from 1500.00 to 1509.00 m, then rotate" in text(browser, "#tab-steering"))
         assert "126° GTF ± 15°" in text(browser, "#tab-steering")

@@ -8,6 +8,7 @@ import pytest
 
 from browser_page import ALL_SIZES, By, box, click, font_sizes, rig_on, show, text, wait
 from mwd_estimation.core.status import Status
+from mwd_surface.trajectory.advice import Advice, AdviceMode
 
 pytestmark = pytest.mark.slow(0.1)
 
@@ -22,7 +23,7 @@ def test_the_dial_follows_the_message(browser):
 
 def test_a_wanted_toolface_is_a_sector_with_a_word_for_inside_and_outside(browser):
     with rig_on(browser) as rig:
-        rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
+        rig.state.show(time.monotonic(), advice=Advice(AdviceMode.SLIDE, math.radians(120.0), limit=math.radians(15.0)))
         rig.live(toolface_deg=127.0)
         wait(browser, lambda: "INSIDE" in text(browser, ".dial-note"))
         assert "wanted 120° ± 15°" in text(browser, "#dial-legend")
@@ -63,7 +64,7 @@ def test_the_quill_is_a_second_pointer_that_goes_with_its_age(browser):
         shown = "return document.querySelector('.quill').getAttribute('visibility')"
 
         def is_shown():
-            rig.state.on_quill(math.radians(57.0), time.monotonic())
+            rig.state.show(time.monotonic(), quill=math.radians(57.0))
             rig.live()
             return browser.execute_script(shown) == "visible" and "quill 57°" in text(browser, "#dial-legend")
 
@@ -100,7 +101,7 @@ def test_the_needle_stays_in_its_ring_while_the_tool_turns(browser):
 @pytest.mark.parametrize("size", ALL_SIZES)
 def test_the_dial_alone_is_read_at_three_metres_and_touched_with_gloves(browser, size):
     with rig_on(browser, size, path="?view=toolface") as rig:
-        rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
+        rig.state.show(time.monotonic(), advice=Advice(AdviceMode.SLIDE, math.radians(120.0), limit=math.radians(15.0)))
         rig.live()
         # On a phone held upright the dial with its own numbers takes the width; elsewhere they stand beside it.
         upright = size[0] < size[1]

@@ -73,7 +73,7 @@ def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browse
         rig.live()
         wait(browser, lambda: state_of(browser, "attitude.inclination") in ("live", "stale"))
         before = layout()
-        rig.state.on_survey_progress(SurveyProgress(True, "averaging", 7.0, 9.0, waits_for="gyro"), time.monotonic())
+        rig.state.show(time.monotonic(), survey_progress=SurveyProgress(True, "averaging", 7.0, 9.0, waits_for="gyro"))
         rig.book.raise_alarm("a", Severity.CRITICAL, 9 * "a long text of an alarm ", 9 * "do this ", 10**18)
         rig.publish()
         wait(browser, shows_disturbance)
@@ -211,7 +211,7 @@ def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(brow
 
         def shown():
             # Again and again: on a slow machine it is stale before the page has drawn it.
-            rig.state.on_survey_progress(waits, time.monotonic())
+            rig.state.show(time.monotonic(), survey_progress=waits)
             rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
             return "WAITS" in text(browser, ".taking")
 

@@ -114,7 +114,8 @@ def test_a_still_gyro_reads_zero_turns(browser):
 def test_the_datum_names_what_is_not_given_and_where_the_sensor_sits(browser):
     with rig_on(browser) as rig:
         well = dataclasses.replace(rig.list.well, sensor_to_bit=14.25)
-        rig.state.on_well(well, time.monotonic(), ReferenceField(declination=0.02, source="typed in"))
+        field = ReferenceField(declination=0.02, source="typed in")
+        rig.state.show(time.monotonic(), well=well, reference_given=field)
         rig.push()
         wait(browser, lambda: "sensor 14.25 m above bit" in text(browser, "#datum"))
         assert "conv. not given" in text(browser, "#datum")
@@ -126,8 +127,8 @@ def test_the_datum_names_what_is_not_given_and_where_the_sensor_sits(browser):
 
 def test_how_far_off_plan_the_well_is_and_how_to_come_back_stand_on_the_first_screen(browser):
     with rig_on(browser) as rig:
-        offset = Offset(0.4, 1200.0, -0.12, 0.38, 0.3, 0.1, math.radians(72.0))
-        rig.state.on_offset(offset, time.monotonic(), math.radians(2.6) / 30.0)
+        offset = Offset(0.4, 1200.0, -0.12, 0.38, 0.3, 0.1, math.radians(72.0), math.radians(2.6) / 30.0)
+        rig.state.show(time.monotonic(), offset=offset)
         rig.push()
         wait(browser, lambda: "0.12 m below, 0.38 m right" in text(browser, "#offset"))
         assert "72° GTF" in text(browser, "#offset")
@@ -137,9 +138,9 @@ def test_how_far_off_plan_the_well_is_and_how_to_come_back_stand_on_the_first_sc
 @pytest.mark.parametrize("size", [*SIZES, (1280, 800), (1600, 860), (1820, 910)])
 def test_what_stands_in_the_upper_panels_ends_inside_them(browser, size):
     with rig_on(browser, size) as rig:
-        offset = Offset(12.4, 1200.0, -10.12, 11.38, 0.3, 0.1, math.radians(72.0))
+        offset = Offset(12.4, 1200.0, -10.12, 11.38, 0.3, 0.1, math.radians(72.0), math.radians(2.6) / 30.0)
         rig.live()
-        rig.state.on_offset(offset, time.monotonic(), math.radians(2.6) / 30.0)
+        rig.state.show(time.monotonic(), offset=offset)
         rig.push()
         wait(browser, lambda: "10.12 m below, 11.38 m right" in text(browser, "#offset"))
         beyond = "const end = e => e.getBoundingClientRect().right;"

@@ -56,7 +56,7 @@ def test_a_survey_counts_down_by_itself_and_what_it_waits_for_is_said_with_its_t
             left = seconds(words)
             return left is not None and low <= left <= high
 
-        rig.state.on_survey_progress(SurveyProgress(True, "averaging", 7.0, 4.9), time.monotonic())
+        rig.state.show(time.monotonic(), survey_progress=SurveyProgress(True, "averaging", 7.0, 4.9))
         wait(browser, lambda: counts_down_from(5, 1, "to go"))
 
         def finishes():
@@ -67,13 +67,13 @@ def test_a_survey_counts_down_by_itself_and_what_it_waits_for_is_said_with_its_t
         # Samples stopped: the countdown does not pretend.
         wait(browser, lambda: "SURVEY HELD UP" in text(browser, "#progress"))
         waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
-        rig.state.on_survey_progress(waits, time.monotonic())
+        rig.state.show(time.monotonic(), survey_progress=waits)
         wait(browser, lambda: counts_down_from(108, 100, "at most"))
         assert "SURVEY WAITS" in text(browser, "#progress")
         assert "gyro azimuth sigma 2.1 deg" in text(browser, "#progress")
         begun = seconds("at most")
         wait(browser, lambda: counts_down_from(begun - 1, 50, "at most"))
-        rig.state.on_survey_progress(SurveyProgress(result="no survey taken: the tool turns"), time.monotonic())
+        rig.state.show(time.monotonic(), survey_progress=SurveyProgress(result="no survey taken: the tool turns"))
         rig.push()
         wait(browser, lambda: "Last: no survey taken: the tool turns" in text(browser, "#progress"))
         assert "No survey under way" in text(browser, "#progress")

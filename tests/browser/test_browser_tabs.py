@@ -36,7 +36,7 @@ def test_offset_wells_stand_beside_the_path_with_level_factor_and_distance(brows
         said = browser.find_element(By.CSS_SELECTOR, "#clearance dd").get_attribute("title")
         assert said == "9.00 m away at 1250.00 m; least allowed 10.00 m"
         assert shown.index("A-3") < shown.index(EVIL)
-        rig.state.on_clearance((), time.monotonic())
+        rig.state.show(time.monotonic(), clearance=())
         rig.push()
         wait(browser, lambda: text(browser, "#clearance") is None)
 
@@ -129,7 +129,7 @@ def test_the_system_tab_gives_clock_offset_age_and_depth_of_each_input(browser):
         12.0,
     )
     with rig_on(browser) as rig:
-        rig.state.on_inputs(table, time.monotonic())
+        rig.state.show(time.monotonic(), inputs=table)
         rig.push()
         tab(browser, "system")
         rows = "return [...document.querySelectorAll('#inputs tbody tr')].map((r) => r.innerText)"

@@ -114,9 +114,8 @@ def given(request):
     whole = surveys(request.param)
     table = survey_table(whole, START + 10_000 * S)
     live = LiveState()
-    live.on_well(whole.well, 100.0)
-    live.on_records(whole.records, 100.0)
-    live.on_trajectory(whole.definitive(), 100.0)
+    live.show(100.0, well=whole.well, surveys=whole)
+    live.show(100.0, path=whole.definitive())
     attitude = wire.ATTITUDE.empty(1)
     attitude["stamp_ns"] = START + 9_999 * S
     live.on_attitude(attitude, 100.0)
@@ -383,7 +382,7 @@ def test_the_ros_message_carries_the_numbers_of_the_list(given):
 def test_units_are_turned_at_the_edge_only():
     whole = surveys("true")
     live = LiveState()
-    live.on_records(whole.records, 1.0)
+    live.show(1.0, surveys=whole)
     table = rig_values(live.at(1.0), accepted_surveys(whole), now_ns=START)
     before = dict(table.values)
     RecordWriter(Wits0Format(units="fps")).survey(table, table.survey)

@@ -51,8 +51,7 @@ def operate(address, name, **given):
 
 def told(state):
     """Time of a state, s on the clock of its page: that of its newest part."""
-    recorder = state["sections"]["recorder"]
-    return None if recorder.get("since") is None else recorder["since"] + recorder["age"]
+    return state["now"] if state["sections"]["recorder"] else None
 
 
 @pytest.fixture(scope="module", params=sorted(RUNS))
@@ -115,7 +114,7 @@ def standing(state, at_least_s):
     """Alarms that have stood for so long, s, by their id: severity, and text without its figures."""
     return {
         a.id: (a.severity, re.sub(r"[\d.]+", "#", a.text))
-        for a in state.alarms
+        for a in state.alarms.rows
         if a.active and not a.id.startswith(OF_THE_MACHINE) and a.last_ns - a.raised_ns >= at_least_s * 1e9
     }
 
@@ -129,10 +128,13 @@ def test_what_the_viewer_evaluates_is_what_the_surface_said(run):
             for player in (said, evaluated):
                 player.seek(share * player.length_s)
             first, second = (player.state() for player in (said, evaluated))
-            listed = [[(r.survey.uuid, r.in_use, r.measured_depth) for r in state.records] for state in (first, second)]
+            listed = [
+                [(r.survey.uuid, r.in_use, r.measured_depth) for r in state.surveys.records]
+                for state in (first, second)
+            ]
             assert listed[0] == listed[1]
             # One that has just come may have come a second sooner or later.
             assert standing(first, 3.0).items() <= standing(second, 0.0).items()
             assert standing(second, 3.0).items() <= standing(first, 0.0).items()
         assert evaluated.well.not_evaluated() == ("recording and disk",)
-        assert first.not_evaluated == ()
+        assert first.alarms.not_evaluated == ()

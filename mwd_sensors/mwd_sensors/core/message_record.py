@@ -9,6 +9,7 @@ that makes one (`mwd_sensors.ros.messages.make` in a node, `Definitions.make` fo
 from __future__ import annotations
 
 import dataclasses
+import enum
 import functools
 import typing
 from collections.abc import Callable
@@ -27,7 +28,8 @@ class MessageRecord:
     Base of dataclasses whose fields are those of a message.
 
     A stamp in nanoseconds `x_ns` is the time `x` of the message; `stamp_ns` and `frame_id` are in its header. A tuple
-    is an array. Two records are equal if each field is equal; an unknown number (NaN) equals an unknown number.
+    is an array, a member of an enumeration its number. Two records are equal if each field is equal; an unknown number
+    (NaN) equals an unknown number.
 
     Attributes
     ----------
@@ -41,6 +43,11 @@ class MessageRecord:
     NOT_SENT: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
+    def sent(cls) -> tuple[str, ...]:
+        """Return the names of the fields that the message has."""
+        return tuple(_sent(cls))
+
+    @classmethod
     def from_message(cls, message: Any) -> typing.Self:
         """Return the record of a message."""
         values: dict[str, Any] = {}
@@ -50,6 +57,8 @@ class MessageRecord:
                 values[name] = stamp_of(value)
             elif kind is None:
                 values[name] = _plain(value)
+            elif issubclass(kind, enum.IntEnum):
+                values[name] = kind(value)
             elif issubclass(type(value), (list, tuple)):
                 values[name] = tuple(map(kind.from_message, value))
             else:
@@ -66,6 +75,8 @@ class MessageRecord:
                 value = time_message(value, make)
             elif kind is None:
                 value = list(value) if isinstance(value, tuple) else value
+            elif issubclass(kind, enum.IntEnum):
+                value = int(value)
             elif isinstance(value, tuple):
                 value = [one.to_message(make) for one in value]
             else:
@@ -95,22 +106,23 @@ def time_message(stamp_ns: int, make: Make) -> Any:
     return make(TIME, {"sec": seconds, "nanosec": nanoseconds})
 
 
-def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, type[MessageRecord] | None]]:
-    """Return whether each field is in the header, its name in the message, and the type of nested records."""
-    found: dict[str, tuple[bool, str, type[MessageRecord] | None]] = {}
+def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]]:
+    """Return whether each field is in the header, its name in the message, and the type of a record or enumeration."""
+    found: dict[str, tuple[bool, str, Any]] = {}
     for field in dataclasses.fields(record):  # type: ignore[arg-type]
         if field.name in record.NOT_SENT:
             continue
         hint = _hints(record)[field.name]
         parts = [hint, *typing.get_args(hint)]
-        nested = next((one for one in parts if isinstance(one, type) and issubclass(one, MessageRecord)), None)
+        types = (one for one in parts if isinstance(one, type))
+        nested = next((one for one in types if issubclass(one, (MessageRecord, enum.IntEnum))), None)
         in_header = field.name in ("stamp_ns", "frame_id")
         found[field.name] = in_header, field.name.removesuffix("_ns"), nested
     return found
 
 
 # Evaluating the annotations takes longer than the conversion.
-_sent: Callable[[Any], dict[str, tuple[bool, str, type[MessageRecord] | None]]] = functools.cache(_sent_fields)
+_sent: Callable[[Any], dict[str, tuple[bool, str, Any]]] = functools.cache(_sent_fields)
 
 
 def _plain(value: Any) -> Any:

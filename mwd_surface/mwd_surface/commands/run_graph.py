@@ -165,7 +165,7 @@ def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
         return "a node is compiling its filters"
     if not state:
         return "the surface node is starting, its page does not answer yet"
-    rows = state.get("findings", {}).get("rows", [])
+    rows = state.get("diagnostics", {}).get("rows", [])
     heard = next((row["message"] for row in rows if row["name"].endswith("estimator: lifecycle")), None)
     if heard is None:
         return "the surface node receives nothing from the estimator (`mwd doctor` checks the network between them)"
@@ -202,7 +202,7 @@ def _run_to_end(
 
 def _how_far(state: dict[str, Any]) -> str:
     """Return the progress of the scenario, from the diagnostics of the sonde."""
-    rows = state.get("findings", {}).get("rows", [])
+    rows = state.get("diagnostics", {}).get("rows", [])
     return next((f" {row['message']}" for row in rows if row["name"].endswith("sonde: scenario")), "")
 
 

@@ -418,7 +418,7 @@ class ControlAuthority:
                 mode=Mode.RELEASE if drive is None else Mode(drive.mode),
                 rotary_speed=rig.speed,
                 turn=0.0 if drive is None else drive.turn,
-                flow_rate=None if pump is None else pump.flow_rate,
+                flow_rate=math.nan if pump is None else pump.flow_rate,
                 sequence=self._sequence,
                 acknowledged=self._acknowledged,
                 refusal=self._refusal,

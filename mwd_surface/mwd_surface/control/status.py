@@ -5,8 +5,12 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 from collections.abc import Mapping
+from typing import Any, ClassVar
 
+from mwd_sensors.core.message_record import Make, MessageRecord
+from mwd_sensors.core.unknown import or_nan, or_none
 from mwd_surface.control.set_point import LeaseLimits, Mode
 
 
@@ -98,22 +102,30 @@ class Achieved:
     flow: float | None = None
 
 
-@dataclasses.dataclass(frozen=True)
-class ControlStatus:
+_LIMITS = tuple(field.name for field in dataclasses.fields(LeaseLimits))
+_ACHIEVED = tuple(field.name for field in dataclasses.fields(Achieved))
+_REACTIONS = ("controller_lost_sliding", "controller_lost_rotating", "mwd_lost_sliding", "mwd_lost_rotating")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ControlStatus(MessageRecord):
     """
     State of control at one moment; the fields are those of mwd_msgs/ControlState, SI and rad.
 
     Attributes
     ----------
-    heartbeat_age, remaining : float or None
-        Time since the last heartbeat and time left of the lease, s; None without an owner.
+    heartbeat_age, remaining : float
+        Time since the last heartbeat and time left of the lease, s; NaN without an owner.
     mode : Mode
         Mode of the top drive; RELEASE: the driller controls it.
-    flow_rate : float or None
-        Flow commanded to the pumps; None: the driller controls them.
+    flow_rate : float
+        Flow commanded to the pumps; NaN: the driller controls them.
     reactions : mapping of str to Reaction
         Reactions by the name of their setting.
     """
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/ControlState"
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset({"limits", "achieved", "reactions"})
 
     state: ControlState = ControlState.IDLE
     enabled: bool = False
@@ -121,8 +133,8 @@ class ControlStatus:
     owner: str = ""
     role: str = ""
     priority: int = 0
-    heartbeat_age: float | None = None
-    remaining: float | None = None
+    heartbeat_age: float = math.nan
+    remaining: float = math.nan
     pending: int = 0
     pending_controller: str = ""
     pending_reason: str = ""
@@ -131,13 +143,34 @@ class ControlStatus:
     mode: Mode = Mode.RELEASE
     rotary_speed: float = 0.0
     turn: float = 0.0
-    flow_rate: float | None = None
+    flow_rate: float = math.nan
     sequence: int = 0
     acknowledged: int = 0
     refusal: str = ""
     achieved: Achieved = dataclasses.field(default_factory=Achieved)
     reactions: Mapping[str, Reaction] = dataclasses.field(default_factory=dict)
     mwd_alive: bool = False
+
+    @classmethod
+    def from_message(cls, message: Any) -> ControlStatus:
+        """Return the status of a message, in which limits, achieved values and reactions are fields of their own."""
+        limits = {name: float(getattr(message, f"{name}_limit")) for name in _LIMITS}
+        achieved = {name: or_none(getattr(message, f"achieved_{name}")) for name in _ACHIEVED}
+        return dataclasses.replace(
+            super().from_message(message),
+            limits=LeaseLimits(**limits),
+            achieved=Achieved(**achieved),
+            reactions={name: Reaction(getattr(message, name)) for name in _REACTIONS},
+        )
+
+    def to_message(self, make: Make) -> Any:
+        """Return the message of this status."""
+        message = super().to_message(make)
+        fields = {f"{name}_limit": getattr(self.limits, name) for name in _LIMITS}
+        fields |= {f"achieved_{name}": or_nan(getattr(self.achieved, name)) for name in _ACHIEVED}
+        for name, value in {**fields, **{name: int(reaction) for name, reaction in self.reactions.items()}}.items():
+            setattr(message, name, value)
+        return message
 
     @property
     def asked_speed(self) -> float | None:

@@ -4,29 +4,41 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
+from typing import ClassVar
 
+from mwd_sensors.core.message_record import MessageRecord
+from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.telemetry import tool_commands
-from mwd_surface.downlink.machine import Machine
+from mwd_surface.downlink.machine import DownlinkState, Machine
 
 
-@dataclasses.dataclass(frozen=True)
-class DownlinkStatus:
+class Medium(enum.IntEnum):
+    """Quantity that carries a downlink, as in mwd_msgs/DownlinkState."""
+
+    FLOW = 0
+    ROTATION = 1
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DownlinkStatus(MessageRecord):
     """
-    State of a downlink; fields as in mwd_msgs/DownlinkState.
+    State of a downlink; what is sent is field for field mwd_msgs/DownlinkState.
 
     Attributes
     ----------
-    medium : str
-        rotation or flow.
-    base, set_point : float or None
-        rad/s or m^3/s; None if nothing is commanded to the rig.
+    base, set_point : float
+        rad/s or m^3/s; NaN if nothing is commanded to the rig.
     choices : tuple of (str, tuple of float)
         Commands that the tool accepts, each with its possible values.
     """
 
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/DownlinkState"
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset({"choices"})
+
     number: int
-    state: int
-    medium: str
+    state: DownlinkState
+    medium: Medium
     command: str
     value: float
     argument: int
@@ -40,8 +52,8 @@ class DownlinkStatus:
     symbols: int
     duration: float
     remaining: float
-    base: float | None
-    set_point: float | None
+    base: float
+    set_point: float
     in_force: tuple[int, ...]
     choices: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
@@ -52,8 +64,8 @@ class DownlinkStatus:
         elapsed = machine.elapsed(now)
         return cls(
             number=machine.number,
-            state=int(machine.state),
-            medium=machine.downlink.medium,
+            state=machine.state,
+            medium=Medium[machine.downlink.medium.upper()],
             command="" if request is None else request.name,
             value=0.0 if request is None else request.value,
             argument=0 if request is None else request.frame.argument,
@@ -67,8 +79,8 @@ class DownlinkStatus:
             symbols=0 if ordered is None else len(ordered.symbols),
             duration=0.0 if ordered is None else ordered.duration_s,
             remaining=0.0 if ordered is None else ordered.duration_s - elapsed,
-            base=machine.base if machine.set_point is not None else None,
-            set_point=machine.set_point,
+            base=or_nan(machine.base if machine.set_point is not None else None),
+            set_point=or_nan(machine.set_point),
             in_force=tuple(int(one) for one in machine.in_force),
             choices=tuple(tool_commands.choices(machine.tool).items()),
         )

@@ -1,38 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""path.csv: position, curvature and position uncertainty of every station, with all digits, for programs."""
+"""
+path.csv: every station of a path with ten decimals, for programs.
+
+The columns of the definitive survey have their names in every table (`signals/table.csv`); the ellipse follows.
+"""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 
 import numpy as np
 
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals import cells
+from mwd_surface.signals.table import LISTED
 from mwd_surface.uncertainty.position_covariance import ellipse
 
-COLUMNS = (
-    "md_m",
-    "inclination_deg",
-    "azimuth_deg",
-    "tvd_m",
-    "north_m",
-    "east_m",
-    "dls_deg_30m",
-    "sigma_north_m",
-    "sigma_east_m",
-    "sigma_tvd_m",
-    "vertical_section_m",
-    "ellipse_major_m",
-    "ellipse_minor_m",
-    "ellipse_azimuth_deg",
-    "azimuth_reference",
-    "station",
-    "survey",
-    "tool",
-    "coordinates",
-)
+_DECIMALS = 10
+_ELLIPSE = ("ellipse_major_m", "ellipse_minor_m", "ellipse_azimuth_deg")
+_WORDS = ("azimuth_reference", "station", "sequence", "tool", "coordinates")
+COLUMNS = (*(listed.key for _, listed in LISTED), *_ELLIPSE, *_WORDS)
 
 
 def path_csv(table: SurveyTable) -> str:
@@ -41,40 +28,25 @@ def path_csv(table: SurveyTable) -> str:
 
     Sigmas and the horizontal ellipse (half axes; azimuth of the major one) are at 1 sigma, empty if unknown.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    path, north = table.path, table.path.north.name.lower()
+    path, lines = table.path, []
     for k in table.rows:
         record = table.records[k]
-        n, e, down = path.positions[k]
-        writer.writerow(
-            [
-                *map(_exact, (path.md[k], math.degrees(path.inclination[k]), math.degrees(path.azimuth[k]))),
-                *map(_exact, (down, n, e, math.degrees(path.dogleg_severity[k]) * 30.0)),
-                *_uncertainty(table, k)[:3],
-                _exact(path.vertical_section[k]),
-                *_uncertainty(table, k)[3:],
-                north,
-                path.kind[k],
-                record.survey.sequence if record is not None else "",
-                record.tool if record is not None else "",
-                "assumed" if path.assumed else "",
-            ]
-        )
-    return out.getvalue()
+        numbers = {one.key: cells.fixed(one.values[k], _DECIMALS, one.signal.wrap) for one in table.columns}
+        words = {
+            "azimuth_reference": path.north.name.lower(),
+            "station": path.kind[k],
+            "sequence": "" if record is None else record.survey.sequence,
+            "tool": "" if record is None else record.tool,
+            "coordinates": "assumed" if path.assumed else "",
+        }
+        lines.append({**numbers, **_ellipse(table, k), **words})
+    return cells.table(COLUMNS, lines)
 
 
-def _uncertainty(table: SurveyTable, k: int) -> list[str]:
-    """Return sigma north, east and down, and the horizontal ellipse, as text."""
+def _ellipse(table: SurveyTable, k: int) -> dict[str, str]:
+    """Return the horizontal ellipse of a station as text; nothing if it is unknown."""
     if table.covariance is None or not np.all(np.isfinite(table.covariance[k])):
-        return [""] * 6
-    covariance = table.covariance[k]
-    sigmas = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    flat = ellipse(covariance[:2, :2], sigmas=1.0)
-    return [_exact(value) for value in (*sigmas, flat.major, flat.minor, math.degrees(flat.angle))]
-
-
-def _exact(value: float) -> str:
-    """Return a number with ten decimals, without a minus before zero."""
-    return f"{float(value) + 0.0:.10f}" if abs(value) >= 5e-11 else f"{0.0:.10f}"
+        return {}
+    flat = ellipse(table.covariance[k][:2, :2], sigmas=1.0)
+    values = (flat.major, flat.minor, math.degrees(flat.angle))
+    return {name: cells.fixed(float(value), _DECIMALS) for name, value in zip(_ELLIPSE, values, strict=True)}

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from mwd_sensors.core.unknown import or_none
 from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.survey_list import SurveyList
@@ -38,7 +37,7 @@ class AdviceMonitor:
         if advice == self._advice:
             return
         self._advice = advice
-        self._live.on_advice(advice, now)
+        self._live.show(now, advice=advice)
         self._outlet.on_advice(advice)
 
 
@@ -46,6 +45,5 @@ def _last_survey(surveys: SurveyList, *, magnetic: bool) -> Known:
     last = max((r for r in surveys.records if r.in_use), key=lambda r: r.survey.stamp_ns, default=None)
     if last is None:
         return Known(magnetic=magnetic)
-    sigmas = (float(last.survey.sigma_inclination), float(last.survey.sigma_azimuth))
-    inclination, azimuth = map(or_none, sigmas)
-    return Known(last.survey.sequence, last.survey.stamp_ns, inclination, azimuth, magnetic)
+    survey = last.survey
+    return Known(survey.sequence, survey.stamp_ns, survey.sigma_inclination, survey.sigma_azimuth, magnetic)

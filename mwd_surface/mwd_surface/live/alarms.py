@@ -14,8 +14,10 @@ import dataclasses
 import enum
 from collections import deque
 from collections.abc import Mapping
+from typing import ClassVar
 
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import MessageRecord
 
 
 class Severity(enum.IntEnum):
@@ -26,9 +28,11 @@ class Severity(enum.IntEnum):
     CRITICAL = 2
 
 
-@dataclasses.dataclass(frozen=True)
-class Alarm:
-    """One alarm, field for field the Alarm message, times in ns."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Alarm(MessageRecord):
+    """One alarm, field for field its message."""
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/Alarm"
 
     id: str
     severity: int
@@ -41,16 +45,28 @@ class Alarm:
     acknowledged_by: str = ""
     count: int = 1
 
+    @property
+    def severity_word(self) -> str:
+        """Severity in a word."""
+        return Severity(self.severity).name.lower()
 
-@dataclasses.dataclass(frozen=True)
-class Event:
-    """One line of the log: when, what kind, which alarm or part, and words."""
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Event(MessageRecord):
+    """One line of the log, field for field its message: when, what kind, which alarm or part, and words."""
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/Event"
 
     stamp_ns: int
     kind: str
     source: str
     text: str
     severity: int = int(Severity.INFO)
+
+    @property
+    def severity_word(self) -> str:
+        """Severity in a word."""
+        return Severity(self.severity).name.lower()
 
 
 class AlarmBook:

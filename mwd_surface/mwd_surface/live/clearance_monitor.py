@@ -64,14 +64,14 @@ class ClearanceMonitor:
         near = job.result()
         log = self._alarm_log
         if near is None or isinstance(near, str):
-            self._live.on_clearance((), self._clock.now)
+            self._live.show(self._clock.now, clearance=(), clearance_remarks=())
             # What cannot be compared any more is as near as it was: a separation alarm stands.
             if near is None:
                 log.clear_alarm(_SEPARATION)
             self._report_file((near,) if near else ())
             return
         ahead = near.ahead()
-        self._live.on_clearance(ahead, self._clock.now, near.remarks)
+        self._live.show(self._clock.now, clearance=tuple(ahead), clearance_remarks=tuple(near.remarks))
         # An assumption stands on the page; only what was not compared may hide a well.
         self._report_file(sentences(near.not_compared))
         if near.level == Level.CLEAR:

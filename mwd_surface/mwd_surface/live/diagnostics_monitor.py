@@ -7,10 +7,11 @@ import dataclasses
 import math
 from typing import Any
 
+from mwd_sensors.core.unknown import or_nan
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
+from mwd_surface.live.well_state import DiagnosticLevel, NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.surveys.well import Well
 
 _TIMEOUT_S = 2.0  # without a message before a topic counts as silent
@@ -50,7 +51,7 @@ class DiagnosticsMonitor:
     def show_well(self, well: Well) -> None:
         """Show the well, with the field in force."""
         self._well = well
-        self._live.on_well(well, self._clock.now, self.reference)
+        self._live.show(self._clock.now, well=well, reference_given=self.reference)
 
     def on_diagnostics(self, array: Any) -> None:
         """Accept the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
@@ -59,7 +60,7 @@ class DiagnosticsMonitor:
             self._diagnostics_of[ours[0].name.partition(":")[0]] = (self._clock.now, ours)
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
-            if status.name.endswith("estimator: survey") and not self._live.over_link:
+            if status.name.endswith("estimator: survey") and not self._live.parts.over_link:
                 figures = (_number(values.get("elapsed_s")) or 0.0, _number(values.get("remaining_s")) or 0.0)
                 # The feedback of an action is more recent.
                 if self._clock.now - self._action_at > _TIMEOUT_S:
@@ -97,12 +98,12 @@ class DiagnosticsMonitor:
         if shown.active or shown != self._progress:
             self._progress_at = self._clock.now
             self._progress = shown
-            self._live.on_survey_progress(shown, self._progress_at)
+            self._live.show(self._progress_at, survey_progress=shown)
 
     def _on_reference(self, values: dict[str, str], source: str) -> None:
         reference = None
-        numbers = {name: _number(values[name]) for name in _REFERENCE if name in values}
-        if "total" in numbers and None not in numbers.values():
+        numbers = {name: or_nan(_number(values[name])) for name in _REFERENCE if name in values}
+        if "total" in numbers and all(map(math.isfinite, numbers.values())):
             reference = ReferenceField(**numbers, source=source)
         if reference != self.reference:
             self.reference = reference
@@ -114,12 +115,14 @@ class DiagnosticsMonitor:
         if self._progress.active and now - self._progress_at > _TIMEOUT_S + 1.0:
             self._show_progress(SurveyProgress())
         statuses = [
-            NodeDiagnostic(s.name, _level(s), s.message, _remedy(s))
+            NodeDiagnostic(s.name, DiagnosticLevel(min(max(_level(s), 0), 3)), s.message, _remedy(s))
             for received_at, found in self._diagnostics_of.values()
             if now - received_at < _DIAGNOSTICS_AGE_S
             for s in found
         ]
-        self._live.on_diagnostics(statuses, now)
+        worst_first = tuple(sorted(statuses, key=lambda one: (-one.level, one.name)))
+        if worst_first != self._live.parts.diagnostics:
+            self._live.show(now, diagnostics=worst_first)
 
     def _node_alarms(self, now: float) -> dict[str, tuple[int, str, str]]:
         """Errors of other nodes, and errors and warnings of sensors; silent topics have alarms of their own."""

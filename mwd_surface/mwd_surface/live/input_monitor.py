@@ -116,4 +116,4 @@ class InputMonitor:
         self.table = self._depths.table(states, now)
         self._outlet.on_inputs(self.table)
         if shown:
-            self._live.on_inputs(self.table, now)
+            self._live.show(now, inputs=self.table)

@@ -13,7 +13,10 @@ import collections
 import dataclasses
 import enum
 import math
+from typing import ClassVar
 
+from mwd_sensors.core.message_record import MessageRecord
+from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.source_selection import SourceSelection, short_name
 from mwd_surface.live.well_clock import WellClock
@@ -42,38 +45,42 @@ class Role(enum.IntEnum):
     SILENT = 3
 
 
-@dataclasses.dataclass(frozen=True)
-class InputState:
+@dataclasses.dataclass(frozen=True, eq=False)
+class InputState(MessageRecord):
     """
-    One input at a moment, field for field its message; None where it is not known.
+    One input at a moment, field for field its message; NaN if unknown.
 
     clock_offset : s, the input's clock minus the surface's; offset_age, data_age : s; bit_depth : m.
     """
 
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputState"
+
     name: str
     clock: Clock
-    clock_offset: float | None = None
-    offset_age: float | None = None
-    data_age: float | None = None
+    clock_offset: float = math.nan
+    offset_age: float = math.nan
+    data_age: float = math.nan
     role: Role = Role.NO_DEPTH
     priority: int = 0
-    bit_depth: float | None = None
+    bit_depth: float = math.nan
     reason: str = ""
 
 
-@dataclasses.dataclass(frozen=True)
-class InputTable:
+@dataclasses.dataclass(frozen=True, eq=False)
+class InputTable(MessageRecord):
     """
-    All inputs at a moment.
+    All inputs at a moment, field for field its message.
 
     depth_source : name of the one whose depth is in force, or empty; depth_age : s; depth_difference : m, the largest
-    of a live source from the depth in force. None: not known, or none to compare with.
+    of a live source from the depth in force. NaN if unknown, or if there is nothing to compare with.
     """
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputList"
 
     inputs: tuple[InputState, ...] = ()
     depth_source: str = ""
-    depth_age: float | None = None
-    depth_difference: float | None = None
+    depth_age: float = math.nan
+    depth_difference: float = math.nan
 
     def named(self, name: str) -> InputState | None:
         """Return the input of a name; None where there is none."""
@@ -173,11 +180,11 @@ class DepthSources:
             of_source = states.get(source, InputState(BLOCK, Clock.RIG))
             begun = "a depth by hand" if hand is not None else f"the last depth of {source}"
             words = f"{begun}, carried on by the block"
-            row = dataclasses.replace(of_source, name=BLOCK, role=Role.IN_FORCE, priority=1, bit_depth=depth)
+            row = dataclasses.replace(of_source, name=BLOCK, role=Role.IN_FORCE, priority=1, bit_depth=or_nan(depth))
             rows.append(dataclasses.replace(row, reason=words))
         apart = [abs(other - depth) for key, other in live.items() if key != name] if depth is not None else []
         at = {HAND: self._hand, BLOCK: self._block}.get(name, self._depths.get(name))
-        return InputTable(tuple(rows), name, None if at is None else now - at[0], max(apart, default=None))
+        return InputTable(tuple(rows), name, math.nan if at is None else now - at[0], max(apart, default=math.nan))
 
     def _row(self, key: str, state: InputState, name: str, live: dict[str, float]) -> InputState:
         role = Role.SILENT if key not in live else Role.IN_FORCE if key == name else Role.STANDBY

@@ -55,19 +55,23 @@ class LiveValue:
         that of the word it comes from.
     """
 
-    value: float | None
-    sigma: float | None
-    unit: str
-    at: float | None
-    age: float | None
-    stale_after: float
-    state: Freshness
+    value: float | None = None
+    sigma: float | None = None
+    unit: str = ""
+    at: float | None = None
+    age: float | None = None
+    stale_after: float = 0.0
+    state: Freshness = Freshness.NO_DATA
     reason: str = ""
     measured_at: float | None = None
 
     def measured_age(self, now: float) -> float | None:
         """Age of the measurement at a time, s; None where there never was one."""
         return None if self.measured_at is None else max(0.0, now - self.measured_at)
+
+
+#: A value that never arrived.
+NO_VALUE = LiveValue()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,14 +25,6 @@ from mwd_surface.live.well_context import WellContext
 
 _STROKES = 30  # over which the rate of a pump is taken
 _SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands
-# Fields of the states of word, pass and link that are those of their messages.
-_WORD_FIELDS = ("name", "value", "sigma", "unit", "confidence", "status", "kind", "frame", "place", "revision")
-_FRAME_FIELDS = ("kind", "frame", "words", "believed", "ebn0_db", "reason")
-_QUALITY_FIELDS = (
-    *("link", "state", "reason", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
-    *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
-    *("inclination_age", "azimuth_age"),
-)
 
 
 class LinkMonitor:
@@ -68,15 +60,7 @@ class LinkMonitor:
         collector = self._collector(word.link)
         if collector is None:
             return
-        collector.on_word(
-            LinkWordState(
-                **{name: getattr(word, name) for name in _WORD_FIELDS},
-                start_ns=stamp_of(word.start),
-                end_ns=stamp_of(word.header.stamp),
-                pulses=tuple(word.pulses.tolist()),
-                alternatives=tuple(zip(word.alternatives.tolist(), word.alternative_odds.tolist(), strict=True)),
-            )
-        )
+        collector.on_word(LinkWordState.from_message(word))
         self._show()
 
     def on_frame(self, frame: Any) -> None:
@@ -84,25 +68,16 @@ class LinkMonitor:
         collector = self._collector(frame.link)
         if collector is None:
             return
-        collector.on_frame(
-            LinkFrameState(
-                **{name: getattr(frame, name) for name in _FRAME_FIELDS},
-                start_ns=stamp_of(frame.start),
-                end_ns=stamp_of(frame.header.stamp),
-            )
-        )
+        collector.on_frame(LinkFrameState.from_message(frame))
         self._show()
 
     def on_quality(self, quality: Any) -> None:
         """Accept the state of a link, mwd_msgs/LinkQuality."""
         if self._collector(quality.link) is None:
             return
-        self._qualities[quality.link] = LinkStatus(
-            **{name: getattr(quality, name) for name in _QUALITY_FIELDS},
-            stamp_ns=stamp_of(quality.header.stamp),
-            at=self._clock.now,
-            pump_lines=self._stroke_rates(stamp_of(quality.header.stamp)),
-        )
+        status = LinkStatus.from_message(quality)
+        strokes = self._stroke_rates(status.stamp_ns)
+        self._qualities[quality.link] = dataclasses.replace(status, at=self._clock.now, strokes=strokes)
         causes = {}
         for link, one in self._qualities.items():
             # Before the first samples nothing is wrong yet: the rig may be about to start.
@@ -112,8 +87,8 @@ class LinkMonitor:
                 name = "link.state" if only else f"link.state.{link}"
                 causes[name] = (severity, f"no data over {link.replace('_', ' ')}: {one.reason}", "")
         self._alarm_log.set_alarms("link.", causes)
-        if newest := stamp_of(quality.header.stamp):
-            self._on_gauge(newest)
+        if status.stamp_ns:
+            self._on_gauge(status.stamp_ns)
         self._show()
 
     def on_pressure(self, data: bytes) -> None:

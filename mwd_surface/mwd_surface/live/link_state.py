@@ -1,65 +1,102 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What page, rig interfaces and reports know of the telemetry link: state, words of the last survey, passes."""
+"""State of the telemetry link for page and rig interfaces: words of the last survey, passes, quality."""
 
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 from collections import deque
 from collections.abc import Mapping
+from typing import ClassVar
 
+from mwd_sensors.core.message_record import MessageRecord
 from mwd_surface.live.pressure_picture import PressurePicture
 
-NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
-STATE_WORDS = ("no pressure", "no flow", "searching", "locked", "doubtful")
-SURVEY, TOOLFACE = 2, 3
-STATUS_WORDS = ("believed", "erased", "by consistency")
+
+class LinkHealth(enum.IntEnum):
+    """State of a link, as in mwd_msgs/LinkQuality."""
+
+    NO_INPUT = 0
+    NO_FLOW = 1
+    SEARCHING = 2
+    LOCKED = 3
+    DOUBTFUL = 4
+
+
+class WordStatus(enum.IntEnum):
+    """How far a received word can be trusted, as in mwd_msgs/LinkWord."""
+
+    BELIEVED = 0
+    ERASED = 1
+    BY_CONSISTENCY = 2
+
+
+class LinkSequence(enum.IntEnum):
+    """Sequence in which a word came, as in mwd_msgs/LinkWord."""
+
+    SURVEY = 2
+    TOOLFACE = 3
+
+
+NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = LinkHealth
+SURVEY, TOOLFACE = LinkSequence
 _FRAMES, _WORDS = 20, 40
 
 
-@dataclasses.dataclass(frozen=True)
-class LinkWordState:
-    """A word as received; value and sigma SI, in `unit`; status as in mwd_msgs/LinkWord; pulses: s after start_ns."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class LinkWordState(MessageRecord):
+    """A word as received, field for field its message; stamp_ns: its end on air, start_ns: its begin."""
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkWord"
 
     name: str
     value: float
     sigma: float
     unit: str
     confidence: float
-    status: int
-    kind: int
+    status: WordStatus
+    kind: LinkSequence
     frame: int
     place: int
     revision: int
     start_ns: int
-    end_ns: int
+    stamp_ns: int
     pulses: tuple[float, ...] = ()
-    alternatives: tuple[tuple[int, float], ...] = ()
+    alternatives: tuple[int, ...] = ()
+    alternative_odds: tuple[float, ...] = ()
+
+    @property
+    def final(self) -> bool:
+        """Whether all parities of its frame have been used."""
+        return self.revision > 0
 
 
-@dataclasses.dataclass(frozen=True)
-class LinkFrameState:
-    """A pass of a sequence: words received and believed, Eb/N0 in dB, why it broke off (empty: complete)."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class LinkFrameState(MessageRecord):
+    """A pass of a sequence, field for field its message; reason: why it broke off, or empty."""
 
-    kind: int
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
+
+    kind: LinkSequence
     frame: int
     words: int
     believed: int
     ebn0_db: float
     start_ns: int
-    end_ns: int
+    stamp_ns: int
     reason: str
 
 
-@dataclasses.dataclass(frozen=True)
-class LinkStatus:
+@dataclasses.dataclass(frozen=True, eq=False)
+class LinkStatus(MessageRecord):
     """
-    State of the link in use; fields as in mwd_msgs/LinkQuality, ages in s (NaN: nothing came yet).
+    State of the link in use, field for field mwd_msgs/LinkQuality, and what came over it.
 
     Attributes
     ----------
     at : float
-        When it arrived, s of the steady clock.
+        Time of its arrival, s of the steady clock.
     survey : tuple of LinkWordState
         Words of the newest survey, in their order.
     frames : tuple of LinkFrameState
@@ -67,14 +104,17 @@ class LinkStatus:
     words : tuple of LinkWordState
         The newest last.
     picture : PressurePicture or None
-    pump_lines : tuple of float
+    strokes : tuple of float
         Strokes of each pump, Hz.
     others : tuple of LinkStatus
-        Links beside this one, by name.
+        The other links, by name.
     """
 
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkQuality"
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset({"at", "strokes", "picture", "survey", "frames", "words", "others"})
+
     link: str
-    state: int
+    state: LinkHealth
     reason: str
     ebn0_db: float
     margin_db: float
@@ -89,13 +129,18 @@ class LinkStatus:
     inclination_age: float
     azimuth_age: float
     stamp_ns: int
-    at: float
-    pump_lines: tuple[float, ...] = ()
+    at: float = math.nan
+    strokes: tuple[float, ...] = ()
     picture: PressurePicture | None = None
     survey: tuple[LinkWordState, ...] = ()
     frames: tuple[LinkFrameState, ...] = ()
     words: tuple[LinkWordState, ...] = ()
     others: tuple[LinkStatus, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the link in words."""
+        return self.link.replace("_", " ")
 
 
 class LinkCollector:
@@ -128,7 +173,7 @@ class LinkCollector:
             quality,
             survey=tuple(self._survey[place] for place in sorted(self._survey)),
             frames=tuple(self._frames),
-            words=tuple(sorted(self._words.values(), key=lambda word: word.end_ns)),
+            words=tuple(sorted(self._words.values(), key=lambda word: word.stamp_ns)),
         )
 
 

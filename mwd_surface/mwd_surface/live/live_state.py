@@ -1,283 +1,451 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Collects what arrives from a well into its typed state.
+Collects what arrives from a well into its state.
 
-The methods `on_...` take what arrived, `LiveState.at` returns the state of a moment for the page and the rig. Nothing
-here reads a clock: every call takes `now`, s, of one steady clock.
+Samples go to the methods `on_...`, every other part of the state is set by `show`; `LiveState.at` returns the state of
+a moment. Nothing here reads a clock: every call takes `now`, s, of one steady clock.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Callable
+from typing import Any
 
-from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.wire import NANOSECONDS
+import numpy as np
+
+from mwd_estimation.core.north import North
+from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 from mwd_surface.bags.recorder.status import RecorderStatus
-from mwd_surface.clearance.clearance import Clearance
-from mwd_surface.control.status import ControlStatus
-from mwd_surface.downlink.status import DownlinkStatus
-from mwd_surface.list_files.remark import Remark
-from mwd_surface.live.alarms import Alarm, Event
-from mwd_surface.live.inputs import InputTable
-from mwd_surface.live.latest_values import LiveValue
+from mwd_surface.live.inputs import SONDE
+from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.streams import LiveStreams
+from mwd_surface.live.strip_history import StripHistory
+from mwd_surface.live.toolface import ToolfaceReading, ToolfaceSelector
 from mwd_surface.live.well_state import (
+    Advisory,
+    Angle,
     AttitudeState,
-    NodeDiagnostic,
-    ReferenceField,
-    SurveyProgress,
+    Change,
+    Chart,
+    DialReading,
+    DrillingState,
+    RigState,
     ToolfaceState,
     WellState,
 )
-from mwd_surface.surveys.survey_record import SurveyRecord
-from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.advice import Advice, AdviceMode
-from mwd_surface.trajectory.plan import Offset, Plan
-from mwd_surface.trajectory.slide_sheet import Stretch, Yield
-from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.signals.table import page_fields
+from mwd_surface.trajectory.advice import AdviceMode
+
+_SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface", "drilling", "rig")}
+_QUANTITIES = {
+    signal.name: Quantity(signal.unit, signal.source) for part in _SECTIONS.values() for signal in part.values()
+}
+_COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a winter's rack to beyond the hottest electronics in use
+_ANGLES = tuple(signal.name for signal in _SECTIONS["attitude"].values())
+_PART_OF = {signal.name: part for part, signals in _SECTIONS.items() for signal in signals.values()}
+# Of rig/state, by its fields.
+_RIG = {signal.field: signal.name for signal in _SECTIONS["rig"].values()}
+# Charts over time, and what becomes of several values within one interval.
+_HISTORY = {
+    "vibration": "max",
+    "rotary_speed": "mean",
+    "stick_slip": "max",
+    "axial_vibration": "max",
+    "lateral_vibration": "max",
+    "shocks": "max",
+    "temperature": "mean",
+    "total_field": "mean",
+    "axial_interference": "mean",
+    "inclination": "mean",
+    "azimuth": "angle",
+    "pressure": "mean",
+    "flow": "mean",
+    "top_drive_speed": "mean",
+    "top_drive_torque": "max",
+    "weight_on_bit": "mean",
+    "hookload": "mean",
+    "rate_of_penetration": "mean",
+    "bit_depth": "mean",
+    "doubt": "max",
+}
+# Charts over the depth of the sensor while hole is drilled.
+_LOGGED = {
+    "inclination": "mean",
+    "azimuth": "angle",
+    "vibration": "max",
+    "rotary_speed": "mean",
+    "stick_slip": "max",
+    "shocks": "max",
+    "doubt": "max",
+}
+_STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "dynamics", "rig", "recorder")
+# Status bits that make an interval of the charts doubtful (1) or bad (2).
+_DOUBTFUL = Status.CLIPPED | Status.ALIASED | Status.MAG_DISTURBED | Status.NO_MAG | Status.REJECTED
+_BAD = Status.SENSOR_FAULT | Status.SENSOR_SUSPECT | Status.INITIALISING
+# The reason for a withheld value by status bit, in order of precedence.
+_WHY = (
+    (Status.SENSOR_FAULT, "sensor faulty"),
+    (Status.SENSOR_SUSPECT, "sensor in doubt: wait"),
+    (Status.INITIALISING, "estimator settling"),
+    (Status.NEAR_VERTICAL, "not defined this near to vertical"),
+    (Status.NO_MAG, "no magnetometer"),
+)
 
 
-class LiveState(LiveStreams):
+# Of a value that comes without sigma: withheld, whatever brought it.
+_NOT_KNOWN = "not known now"
+
+
+class LiveState:
     """
     Collector of the state of one well.
 
-    Not thread-safe: all calls belong in one thread. A state that `at` returned does not change and may be read in any.
+    Methods `on_...` take samples; angles and times as in the messages. A number that is not finite is left out and does
+    not count as an update. Not thread-safe: all calls belong in one thread. A state that `at` returned does not change
+    and may be read in any.
+
+    Attributes
+    ----------
+    parts : WellState
+        The parts that `show` has set; those that are made of samples are empty in it.
     """
 
     def __init__(self, settings: LiveSettings | None = None) -> None:
-        super().__init__(settings)
-        self._well = Well()
-        self._reference: ReferenceField | None = None
-        self._survey_reference = ReferenceField()
-        self._records: tuple[SurveyRecord, ...] = ()
-        self._remarks: tuple[Remark, ...] = ()
-        self._path: Definitive | None = None
-        self._covariance: Array | None = None
-        self._plan: Plan | None = None
-        self._offset: Offset | None = None
-        self._dogleg_to_target: float | None = None
-        self._clearance: tuple[Clearance, ...] = ()
-        self._clearance_remarks: tuple[Remark, ...] = ()
-        self._stretches: tuple[Stretch, ...] = ()
-        self._yields: tuple[Yield, ...] = ()
-        self._quill: float | None = None
-        self._link: LinkStatus | None = None
+        self.settings = settings or LiveSettings()
+        self.toolface_reading: ToolfaceReading | None = None
+        self._selector = ToolfaceSelector()
+        periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
+        self._values = LatestValues(_QUANTITIES, periods)
+        self._readings: deque[DialReading] = deque(maxlen=self.settings.readings)
+        self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
+        self._trend = StripHistory(_HISTORY, self.settings.trend_hours * 3600.0, 1.0 / self.settings.trend_step)
+        self._log = StripHistory(_LOGGED, self.settings.log_length, 1.0 / self.settings.log_step)
+        self._log_depth: float | None = None
+        self._sample: Samples | None = None
+        self._vertical_limit: float | None = None
+        self._in_slips: bool | None = None
+        self._changes: dict[str, Change] = {}
+        self.parts = WellState()
         # When the word of each angle of a link was measured: s, and ns on the clock of the gauge.
         self._words: dict[str, tuple[float, int]] = {}
-        self._control = ControlStatus()
-        self._advice = Advice()
-        self._downlink: DownlinkStatus | None = None
-        self._inputs = InputTable()
-        self._progress = SurveyProgress()
-        self._recorder: RecorderStatus | None = None
-        self._diagnostics: tuple[NodeDiagnostic, ...] = ()
-        self._alarms: tuple[Alarm, ...] = ()
-        self._events: tuple[Event, ...] = ()
-        self._clock_offset: float | None = None
-        self._not_evaluated: tuple[str, ...] = ()
-        #: Whether a telemetry link stands between tool and surface; None: not known.
-        self.over_link: bool | None = None
-        #: Whether somebody described the well; False: its description is assumed.
-        self.well_given = True
+        #: Time at which a sample was measured, s, by whose clock stamped it (sonde or rig) and its stamp, ns.
+        self.moment: Callable[[str, int, float], float] = _when_it_came
+        self._measured_at: float | None = None
 
-    def on_quill(self, angle: float, now: float) -> None:
-        """Accept the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
-        if math.isfinite(angle):
-            self._quill = angle % math.tau
-            self._touch("quill", now)
+    def show(self, now: float, **parts: Any) -> None:
+        """
+        Set parts of the state: fields of `WellState` by name.
+
+        Raises
+        ------
+        TypeError
+            The state has no such part.
+        """
+        self.parts = dataclasses.replace(self.parts, **parts)
+        for name in parts:
+            self._touch(name, now)
 
     def on_link(self, link: LinkStatus, now: float) -> None:
         """Accept the state of the link by which the surface hears the tool."""
-        self._link = link
         for name in ("inclination", "azimuth", "toolface"):
             age = getattr(link, f"{name}_age")
             # A word that is taken back leaves the value shown as old as it was.
             if math.isfinite(age):
                 self._words[name] = (link.at - age, link.stamp_ns - round(age * NANOSECONDS))
-        self._touch("link", now)
-
-    def on_control(self, status: ControlStatus, now: float) -> None:
-        """Accept the owner of top drive and pumps, and the set-points."""
-        self._control = status
-        self._touch("control", now)
-
-    def on_advice(self, advice: Advice, now: float) -> None:
-        """Accept the advice on the next interval; the dial shows its toolface."""
-        self._advice = advice
-        self.on_advisory(advice.toolface if advice.mode == AdviceMode.SLIDE else None, advice.limit)
-        self._touch("advice", now)
-
-    def on_downlink(self, downlink: DownlinkStatus, now: float) -> None:
-        """Accept the state of the command to the tool at hand."""
-        self._downlink = downlink
-        self._touch("downlink", now)
-
-    def on_inputs(self, inputs: InputTable, now: float) -> None:
-        """Accept clocks, ages and the source of depth of all inputs."""
-        self._inputs = inputs
-        self._touch("inputs", now)
-
-    @property
-    def survey_active(self) -> bool:
-        """Whether a survey or a north seek is under way."""
-        return self._progress.active
+        self.show(now, link=link)
 
     def toolface_age(self, stamp_ns: int) -> float:
         """Age of the word that the toolface at a stamp, ns, was predicted from, s; 0 where no link is between."""
-        link = self._link
+        link = self.parts.link
         if link is None or math.isnan(link.toolface_age):
             return 0.0
         return max(link.toolface_age + (stamp_ns - link.stamp_ns) * 1e-9, 0.0)
 
-    def _attitude(self, now: float) -> AttitudeState:
-        """Continuous attitude; over a link each angle was measured when its word was."""
-        attitude = self.attitude(now)
-        return dataclasses.replace(
-            attitude,
-            inclination=self._of_word("inclination", attitude.inclination),
-            azimuth=self._of_word("azimuth", attitude.azimuth),
-        )
-
-    def _toolface(self, now: float) -> ToolfaceState:
-        toolface = self.toolface(now)
-        if "toolface" not in self._words:
-            return toolface
-        _, measured_ns = self._words["toolface"]
-        return dataclasses.replace(toolface, angle=self._of_word("toolface", toolface.angle), measured_ns=measured_ns)
-
-    def _of_word(self, name: str, value: LiveValue) -> LiveValue:
-        """Return a value with the time of the word that it comes from; without a link as it is."""
-        if value.value is None or name not in self._words:
-            return value
-        return dataclasses.replace(value, measured_at=self._words[name][0])
-
-    def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
-        """Accept the well, and the reference field in force; without one, that of the last survey counts."""
-        self._well, self._reference = well, reference
-        self._touch("well", now)
-
-    def on_records(self, records: Iterable[SurveyRecord], now: float, remarks: Iterable[Remark] = ()) -> None:
-        """Accept all records of the survey list, in order, and its remarks."""
-        self._records, self._remarks = tuple(records), tuple(remarks)
-        self._touch("records", now)
-        last = max(self._records, key=lambda r: r.survey.stamp_ns, default=None)
-        if last is not None and last.survey.has_reference:
-            self._survey_reference = ReferenceField.of_survey(last.survey)
-            self._touch("well", now)
-
-    def on_trajectory(self, path: Definitive, now: float, covariance: Array | None = None) -> None:
-        """Accept the well path; covariance, shape (m, 3, 3): of its first m positions, m^2, for the ellipses."""
-        self._path, self._covariance = path, covariance
-        self._touch("path", now)
-
-    def on_plan(self, plan: Plan | None, now: float) -> None:
-        """Accept the planned path, dense enough to draw (`plan.interpolated`); None: there is none."""
-        self._plan = plan
-        self._touch("plan", now)
-
-    def on_offset(self, offset: Offset | None, now: float, dogleg_to_target: float | None = None) -> None:
-        """Accept the offset of the end of the path from the plan; dogleg_to_target: of the arc to the target, rad/m."""
-        self._offset, self._dogleg_to_target = offset, dogleg_to_target
-        self._touch("offset", now)
-
-    def on_clearance(self, ahead: Sequence[Clearance], now: float, remarks: Iterable[Remark] = ()) -> None:
-        """Accept the clearances from the last survey on, the nearest by the rule first, and the remarks about them."""
-        self._clearance, self._clearance_remarks = tuple(ahead), tuple(remarks)
-        self._touch("clearance", now)
-
-    def on_steering(self, stretches: Sequence[Stretch], yields: Sequence[Yield], now: float) -> None:
-        """Accept the slide sheet: stretches and yields, deepest last."""
-        if (tuple(stretches), tuple(yields)) != (self._stretches, self._yields):
-            self._stretches, self._yields = tuple(stretches), tuple(yields)
-            self._touch("steering", now)
-
-    def on_survey_progress(self, progress: SurveyProgress, now: float) -> None:
-        """Accept the progress of a survey or north seek, or its end with a result."""
-        known = progress.active and progress.elapsed is not None and math.isfinite(progress.elapsed)
-        left = progress.active and progress.remaining is not None and math.isfinite(progress.remaining)
-        self._progress = dataclasses.replace(
-            progress,
-            elapsed=progress.elapsed if known else None,
-            remaining=progress.remaining if left else None,
-        )
-        self._touch("survey_progress", now)
-
     def on_recorder(self, status: RecorderStatus, now: float) -> None:
-        """Accept the status of the recorder."""
+        """Accept the status of the recorder, which is a stream as well."""
         self.on_stream("recorder", 1, now)
-        self._recorder = status
-        self._touch("recorder", now)
+        self.show(now, recorder=status)
 
-    def on_diagnostics(self, diagnostics: Iterable[NodeDiagnostic], now: float) -> None:
-        """Accept the diagnostics of all nodes as of now."""
-        worst_first = tuple(sorted(diagnostics, key=lambda d: (-d.level, d.name)))
-        if worst_first != self._diagnostics:
-            self._diagnostics = worst_first
-            self._touch("diagnostics", now)
-
-    def on_alarms(
-        self,
-        alarms: Sequence[Alarm],
-        events: Sequence[Event],
-        now: float,
-        now_ns: int | None = None,
-        not_evaluated: tuple[str, ...] = (),
-    ) -> None:
+    def on_stream(self, stream: str, count: int, now: float, lost: int = 0) -> None:
         """
-        Take alarms and events, newest first (`AlarmBook.alarms`, `.events`).
+        Count messages of a stream, for its rate, age and losses.
 
-        now_ns: `now` on their clock. not_evaluated: kinds of alarms that could not be judged, in words.
+        Raises
+        ------
+        ValueError
+            No such stream.
         """
-        self._not_evaluated = not_evaluated
-        self._clock_offset = None if now_ns is None else now_ns * 1e-9 - now
-        self._alarms, self._events = tuple(alarms), tuple(events)
-        self._touch("alarms", now)
-        self._touch("events", now)
+        self._values.arrived(stream, count, now, lost)
+
+    def on_attitude(self, samples: Samples, now: float) -> None:
+        """Accept attitudes, `wire.ATTITUDE`, oldest first, and select the toolface (`toolface_reading`)."""
+        if len(samples) == 0:
+            return
+        self.on_stream("estimator", len(samples), now)
+        last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        self._sample = samples[-1:].copy()
+        why = next((text for bit, text in _WHY if int(last["status"]) & bit), _NOT_KNOWN)
+        for name in _ANGLES:
+            self._angle(name, float(last[name]), float(last["sigma_" + name]), why, now)
+            angle = self._values.updated(name, now)
+            if angle is not None:
+                self._chart(name, angle, now)
+        every = int(np.bitwise_or.reduce(samples["status"]))
+        self._chart("doubt", 2.0 if every & _BAD else 1.0 if every & _DOUBTFUL else 0.0, now)
+        self._touch("attitude", now)
+        speed = self._values.last("rotary_speed")
+        reading = self._selector.update(samples, 0.0 if speed is None else speed)
+        if reading is not None:
+            self.on_toolface(reading, now, why)
+
+    def on_toolface(self, reading: ToolfaceReading, now: float, why: str = "not available") -> None:
+        """Accept a toolface that does not come from `on_attitude`; why: the reason shown where it has no sigma."""
+        self.toolface_reading = reading
+        self._angle("toolface", reading.angle, reading.sigma, why, now)
+        self._touch("toolface", now)
+        value = self._values.updated("toolface", now)
+        if value is None:
+            return
+        # Readings arrive with jitter: one that is 5 % early still counts.
+        if self._readings and now - self._readings[-1].at < self.settings.reading_spacing * 0.95:
+            return
+        self._readings.append(DialReading(value, reading.mode, now, reading.rotating, reading.stamp_ns))
+
+    def on_gravity(self, samples: Samples, now: float) -> None:
+        """Accept gravity, `wire.GRAVITY`: vibration (the largest of the block) and rotary speed of the tool."""
+        known = samples[np.isfinite(samples["sigma"])]
+        if len(known) == 0:
+            return
+        self._measured_at = self.moment(SONDE, int(known["stamp_ns"][-1]), now)
+        self._put("vibration", float(np.max(known["non_gravity"])), None, now)
+        self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
+
+    def on_dynamics(self, samples: Samples, now: float) -> None:
+        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; the last one counts."""
+        if len(samples) == 0:
+            return
+        self.on_stream("dynamics", len(samples), now)
+        last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        if math.isfinite(last["stick_slip_index"]):
+            self._put("stick_slip", float(last["stick_slip_index"]), None, now)
+        else:
+            self._withhold("stick_slip", "not turning", now)
+        for name, field in (
+            ("axial_vibration", "axial_rms"),
+            ("lateral_vibration", "lateral_rms"),
+            ("shocks", "shocks"),
+            ("shock_peak", "shock_peak"),
+            ("rotary_least", "rotary_speed_least"),
+            ("rotary_most", "rotary_speed_most"),
+        ):
+            self._put(name, float(last[field]), None, now)
+
+    def on_temperature(self, samples: Samples, now: float) -> None:
+        """Accept temperatures of the sonde, `wire.TEMPERATURE`; a variance of 0 means unknown."""
+        if len(samples) == 0:
+            return
+        self.on_stream("sonde", len(samples), now)
+        self.on_stream("temperature", len(samples), now)
+        last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        celsius, variance = float(last["temperature"]), float(last["variance"])
+        if _COLDEST <= celsius <= _HOTTEST:
+            self._put("temperature", celsius, math.sqrt(variance) if variance > 0.0 else None, now)
+        else:
+            self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
+
+    def on_magnetic_field(self, samples: Samples, now: float) -> None:
+        """Accept magnetic fields, `wire.MAG`; the mean of their totals counts."""
+        if len(samples) == 0:
+            return
+        self.on_stream("sonde", len(samples), now)
+        self.on_stream("magnetometer", len(samples), now)
+        self._measured_at = self.moment(SONDE, int(samples["stamp_ns"][-1]), now)
+        totals = np.linalg.norm(samples["magnetic_field"], axis=1)
+        if self._without_magnetometer(now):
+            self._withhold("total_field", "no magnetometer", now)
+        else:
+            self._put("total_field", float(np.mean(totals)), None, now)
+
+    def on_interference(self, samples: Samples, now: float) -> None:
+        """Accept estimates of interference, `wire.INTERFERENCE`; the last one counts."""
+        if len(samples) == 0:
+            return
+        self.on_stream("interference", len(samples), now)
+        last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        axial, sigma = float(last["axial"]), float(last["sigma_axial"])
+        across = np.asarray(last["cross_axial"], dtype=float)
+        sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
+        self._put_observed("axial_interference", axial, sigma, now)
+        self._put_observed("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
+        self._put("field_deviation", float(last["total_residual"]), None, now)
+        self._put("dip_deviation", float(last["dip_residual"]), None, now)
+
+    def on_rig_state(self, samples: Samples, now: float) -> None:
+        """Accept rig data, `wire.RIG_STATE`; only the fields that its `valid` marks are used."""
+        if len(samples) == 0:
+            return
+        self.on_stream("rig", len(samples), now)
+        last = samples[-1]
+        self._measured_at = self.moment("rig", int(last["stamp_ns"]), now)
+        valid = int(last["valid"])
+        for field, name in _RIG.items():
+            if valid & RIG_VALID[field]:
+                self._put(name, float(last[field]), None, now)
+        self._in_slips = bool(last["in_slips"]) if valid & RIG_VALID["in_slips"] else None
+
+    def on_log_depth(self, depth: float | None) -> None:
+        """Set the depth of the sensor, m, to which the next values belong; None while no hole is drilled."""
+        self._log_depth = depth if depth is not None and math.isfinite(depth) and depth >= 0.0 else None
+        if self._log_depth is not None:
+            self._log.advance(self._log_depth)
+
+    def on_vertical_limit(self, inclination: float | None) -> None:
+        """Set the inclination, rad, below which the estimator gives the magnetic toolface."""
+        if inclination != self._vertical_limit:
+            self._vertical_limit = inclination
+            self._touch("toolface")
 
     def at(self, now: float) -> WellState:
         """Return the state as of `now`."""
-        history, trend, depth_log = self.charts(now)
-        return WellState(
+        for strip in (self._history, self._trend):
+            strip.advance(now)
+        history, trend, depth_log = (
+            Chart(s.columns, s.rows(), s.length) for s in (self._history, self._trend, self._log)
+        )
+        return dataclasses.replace(
+            self.parts,
             now=now,
             attitude=self._attitude(now),
             toolface=self._toolface(now),
-            drilling=self.drilling(now),
+            drilling=DrillingState(**self._fields("drilling", now)),
             rig=self.rig(now),
             streams=self.streams(now),
-            well=self._well,
-            reference=self._reference or self._survey_reference,
-            records=self._records,
-            remarks=self._remarks,
-            path=self._path,
-            covariance=self._covariance,
-            plan=self._plan,
-            offset=self._offset,
-            dogleg_to_target=self._dogleg_to_target,
-            clearance=self._clearance,
-            clearance_remarks=self._clearance_remarks,
-            stretches=self._stretches,
-            yields=self._yields,
-            quill=self._quill,
-            link=self._link,
-            control=self._control,
-            advice=self._advice,
-            downlink=self._downlink,
-            inputs=self._inputs,
-            survey_progress=self._progress,
-            recorder=self._recorder,
-            diagnostics=self._diagnostics,
-            alarms=self._alarms,
-            events=self._events,
-            clock_offset=self._clock_offset,
-            not_evaluated=self._not_evaluated,
-            over_link=self.over_link,
-            well_given=self.well_given,
             history=history,
             trend=trend,
             depth_log=depth_log,
             changes=dict(self._changes),
         )
+
+    def rig(self, now: float) -> RigState:
+        """Return the measurements of the rig as of `now`."""
+        return RigState(**self._fields("rig", now), in_slips=self._in_slips)
+
+    def streams(self, now: float) -> dict[str, StreamState]:
+        """Return the streams by name as of `now`."""
+        return self._values.streams(now)
+
+    def _attitude(self, now: float) -> AttitudeState:
+        inclination, azimuth = (self._value(name, now) for name in _ANGLES)
+        if self._sample is None:
+            return AttitudeState(inclination, azimuth)
+        last = self._sample[0]
+        return AttitudeState(
+            inclination,
+            azimuth,
+            gravity_toolface=_angle(last, "gravity_toolface"),
+            magnetic_toolface=_angle(last, "magnetic_toolface"),
+            status=Status(int(last["status"])),
+            north=North(int(last["north"])) if int(last["north"]) in list(North) else North.UNKNOWN,
+            stamp_ns=int(last["stamp_ns"]),
+        )
+
+    def _toolface(self, now: float) -> ToolfaceState:
+        angle, reading = self._value("toolface", now), self.toolface_reading
+        advisory = self._advisory(angle)
+        if reading is None:
+            return ToolfaceState(angle, self._selector.mode, advisory=advisory, threshold=self._vertical_limit)
+        return ToolfaceState(
+            angle=angle,
+            mode=reading.mode,
+            rotating=reading.rotating,
+            stamp_ns=reading.stamp_ns,
+            measured_ns=self._words["toolface"][1] if "toolface" in self._words else reading.stamp_ns,
+            readings=tuple(self._readings),
+            advisory=advisory,
+            threshold=self._vertical_limit,
+        )
+
+    def _advisory(self, angle: LiveValue) -> Advisory | None:
+        """Return the advised toolface of a slide, and whether the toolface in force is within its limit."""
+        advice = self.parts.advice
+        toolface, limit = advice.toolface, abs(advice.limit)
+        if advice.mode != AdviceMode.SLIDE or not math.isfinite(toolface + limit):
+            return None
+        inside = None
+        if angle.state == Freshness.LIVE and angle.value is not None:
+            inside = abs(math.remainder(angle.value - toolface, math.tau)) <= limit
+        return Advisory(toolface % math.tau, limit, inside)
+
+    def _value(self, name: str, now: float) -> LiveValue:
+        """Return a value; over a link an angle was measured when its word was."""
+        value = self._values.value(name, now)
+        if value.value is None or name not in self._words:
+            return value
+        return dataclasses.replace(value, measured_at=self._words[name][0])
+
+    def _without_magnetometer(self, now: float) -> bool:
+        """Whether the estimator, while it lives, says that the magnetometer cannot be used."""
+        if self._sample is None or self._values.streams(now)["estimator"].state != Freshness.LIVE:
+            return False
+        return bool(int(self._sample[0]["status"]) & Status.NO_MAG)
+
+    def _fields(self, section: str, now: float) -> dict[str, LiveValue]:
+        return {signal.field: self._value(signal.name, now) for signal in _SECTIONS[section].values()}
+
+    def _angle(self, name: str, value: float, sigma: float, why: str, now: float) -> None:
+        if not math.isfinite(value + sigma):
+            self._withhold(name, why, now)
+        elif math.degrees(sigma) > self.settings.withheld_sigma_deg:
+            self._withhold(name, f"sigma {math.degrees(sigma):.0f} deg" if why == _NOT_KNOWN else why, now)
+        else:
+            self._put(name, value, sigma, now)
+
+    def _put_observed(self, name: str, value: float, sigma: float, now: float) -> None:
+        if math.isfinite(value + sigma):
+            self._put(name, value, sigma, now)
+        else:
+            self._withhold(name, "not observable yet", now)
+
+    def _put(self, name: str, value: float, sigma: float | None, now: float) -> None:
+        if not math.isfinite(value):
+            return
+        self._values.put(name, value, sigma, now, self._measured_at)
+        self._touch(_PART_OF[name], now)
+        if name not in _ANGLES:
+            self._chart(name, value, now)
+
+    def _chart(self, name: str, value: float, now: float) -> None:
+        if name in _HISTORY:
+            self._history.add(name, value, now)
+            self._trend.add(name, value, now)
+        if name in _LOGGED and self._log_depth is not None:
+            self._log.add(name, value, self._log_depth)
+
+    def _withhold(self, name: str, why: str, now: float) -> None:
+        if self._values.withhold(name, why):
+            self._touch(_PART_OF[name], now)
+
+    def _touch(self, part: str, now: float | None = None) -> None:
+        before = self._changes.get(part, Change())
+        self._changes[part] = Change(before.count + 1, before.at if now is None else now)
+
+
+def _when_it_came(_clock: str, _stamp_ns: int, now: float) -> float:
+    return now
+
+
+def _angle(sample: Any, name: str) -> Angle | None:
+    value, sigma = float(sample[name]), float(sample["sigma_" + name])
+    if not math.isfinite(value + sigma):
+        return None
+    return Angle(value % math.tau, sigma)

@@ -38,7 +38,7 @@ from mwd_surface.live.stream_decoder import RIG, StreamDecoder
 from mwd_surface.live.supervision_monitor import SupervisionMonitor
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_context import WellContext, WellOutlet
-from mwd_surface.live.well_state import WellState
+from mwd_surface.live.well_state import AlarmState, WellState
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
@@ -137,7 +137,8 @@ class LiveWell:
         self.live, self.alarm_log, self.clock = context.live, context.alarm_log, context.clock
         self.vertical_limit: float | None = None
         self._outlet, self._decode = context.outlet, decode
-        over_link = self.live.over_link = settings.link.source != "direct"
+        over_link = settings.link.source != "direct"
+        self.live.show(self.clock.now, over_link=over_link)
         self.decoder = StreamDecoder(
             context,
             on_attitude=self._on_attitude,
@@ -264,7 +265,7 @@ class LiveWell:
 
     def _on_sonde(self, samples: Samples) -> None:
         self._supervision.on_sonde(samples)
-        if not self.live.over_link:
+        if not self.live.parts.over_link:
             self.inputs.on_sonde(samples)
         self.book.on_sonde(samples)
 
@@ -317,7 +318,8 @@ class LiveWell:
             self._shown_alarms = (book.version, missing)
             stamp_ns = self.alarm_log.now_ns()
             self._outlet.on_alarms(book, missing, stamp_ns)
-            self.live.on_alarms(book.alarms(), book.events(), now, stamp_ns, missing)
+            alarms = AlarmState(book.alarms(), missing, stamp_ns / NANOSECONDS - now)
+            self.live.show(now, alarms=alarms, events=book.events())
 
     def not_evaluated(self) -> tuple[str, ...]:
         """Return what could not be judged so far, because nothing that would tell has come."""

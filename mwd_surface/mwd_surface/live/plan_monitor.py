@@ -67,9 +67,9 @@ class PlanMonitor:
 
     def show_plan(self) -> None:
         """Show the plan."""
-        self._live.on_plan(interpolated(self.plan, DRAWN_STEP) if self.plan is not None else None, self._clock.now)
+        drawn = None if self.plan is None else interpolated(self.plan, DRAWN_STEP)
+        self._live.show(self._clock.now, plan=drawn)
 
     def show_offset(self, path: Definitive) -> None:
         """Show where the end of the path is relative to the plan."""
-        offset, dogleg = offset_of_end(self.plan, path)
-        self._live.on_offset(offset, self._clock.now, dogleg)
+        self._live.show(self._clock.now, offset=offset_of_end(self.plan, path))

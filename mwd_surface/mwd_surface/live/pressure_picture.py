@@ -37,12 +37,15 @@ class PressurePicture:
         Power in dB, one tuple for each `STEP_S`, the newest last; each has `BINS` values from 0 Hz on.
     bin_hz : float
         Width of a bin.
+    line_hz : float
+        Values of `line` per second.
     """
 
     end_ns: int
     line: tuple[float, ...]
     spectra: tuple[tuple[int, ...], ...]
     bin_hz: float = 2.0 * RATE_HZ / WINDOW
+    line_hz: float = LINE_HZ
 
 
 class PressureHistory:

@@ -3,24 +3,24 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Collection
-from pathlib import Path
 from typing import Any
 
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.message_record import stamp_of
-from mwd_sensors.core.unknown import or_none
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
-from mwd_surface.control.set_point import LeaseLimits, Mode
-from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Reaction
+from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
-from mwd_surface.live.inputs import HAND, Clock, InputState, InputTable, Role
+from mwd_surface.live.inputs import HAND, InputTable
 from mwd_surface.live.survey_book import SurveyBook, outcome
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.surveys.message_conversion import advice_of, list_of
+from mwd_surface.live.well_state import AlarmState
+from mwd_surface.surveys.message_conversion import list_of
+from mwd_surface.trajectory.advice import Advice
 
 # Topics of the surface node itself that tell what the page shows.
 SAID = frozenset(
@@ -85,10 +85,10 @@ class SaidByTheSurface:
             "events": self._on_event,
             "surveys": self._on_list,
             "inputs": self._on_inputs,
-            "steering/advice": lambda message: self._live.on_advice(advice_of(message), self._now),
-            "recorder": lambda message: self._live.on_recorder(recorder_status_of(message), self._now),
-            "control/state": lambda message: self._live.on_control(control_status_of(message), self._now),
-            "downlink/state": lambda message: self._live.on_downlink(downlink_status_of(message), self._now),
+            "steering/advice": lambda message: self._live.show(self._now, advice=Advice.from_message(message)),
+            "recorder": lambda message: self._live.on_recorder(RecorderStatus.from_message(message), self._now),
+            "control/state": lambda message: self._live.show(self._now, control=ControlStatus.from_message(message)),
+            "downlink/state": lambda message: self._live.show(self._now, downlink=DownlinkStatus.from_message(message)),
         }
         self.handlers = {topic: take for topic, take in every.items() if topic in topics}
         self.alarms, self.lists = "alarms" in topics, "surveys" in topics
@@ -114,22 +114,21 @@ class SaidByTheSurface:
         # A graph with simulated time stamps its alarms with that time.
         now_ns = stamp_ns if abs(stamp_ns - self.shown_ns) > NANOSECONDS else self.shown_ns
         missing = tuple(str(one) for one in message.not_evaluated)
-        self._alarms = tuple(alarm_of(one) for one in message.alarms), now_ns - self.shown_ns, missing
+        self._alarms = tuple(map(Alarm.from_message, message.alarms)), now_ns - self.shown_ns, missing
         self._show_alarms()
 
     def _show_alarms(self) -> None:
         if self._alarms is not None:
             alarms, ahead_ns, missing = self._alarms
-            now_ns = self.shown_ns + ahead_ns
-            self._live.on_alarms(alarms, tuple(reversed(self._events)), self._now, now_ns, missing)
+            shown = AlarmState(alarms, missing, (self.shown_ns + ahead_ns) / NANOSECONDS - self._now)
+            self._live.show(self._now, alarms=shown, events=tuple(reversed(self._events)))
 
     @property
     def _now(self) -> float:
         return self._clock.seconds(self.shown_ns)
 
     def _on_event(self, message: Any) -> None:
-        stamp_ns, severity = stamp_of(message.header.stamp), int(message.severity)
-        self._events.append(Event(stamp_ns, str(message.kind), str(message.source), str(message.text), severity))
+        self._events.append(Event.from_message(message))
         self._show_alarms()
 
     def _on_list(self, message: Any) -> None:
@@ -138,10 +137,10 @@ class SaidByTheSurface:
         self._tell_outcome()
 
     def _on_inputs(self, message: Any) -> None:
-        table = input_table_of(message)
-        self._live.on_inputs(table, self._now)
+        table = InputTable.from_message(message)
+        self._live.show(self._now, inputs=table)
         hand = table.named(HAND)
-        if hand is None or hand.bit_depth is None or hand.data_age is None:
+        if hand is None or math.isnan(hand.bit_depth + hand.data_age):
             return
         set_ns = stamp_of(message.header.stamp) - round(hand.data_age * NANOSECONDS)
         # A depth is told at the moment at which it is set; a recording that begins later has its age.
@@ -150,88 +149,3 @@ class SaidByTheSurface:
             self._on_depth_by_hand(hand.bit_depth)
             self._book.depth.set_by_hand(set_ns, hand.bit_depth)
         self._by_hand_ns = set_ns
-
-
-def alarm_of(message: Any) -> Alarm:
-    """Return the Alarm of a mwd_msgs/Alarm."""
-    fields = ("id", "severity", "text", "remedy", "active", "acknowledged", "acknowledged_by", "count")
-    values = {name: getattr(message, name) for name in fields}
-    return Alarm(raised_ns=stamp_of(message.raised), last_ns=stamp_of(message.last), **values)
-
-
-def input_table_of(message: Any) -> InputTable:
-    """Return the InputTable of a mwd_msgs/InputList."""
-    rows = tuple(
-        InputState(
-            name=str(row.name),
-            clock=Clock(row.clock),
-            clock_offset=or_none(row.clock_offset),
-            offset_age=or_none(row.offset_age),
-            data_age=or_none(row.data_age),
-            role=Role(row.role),
-            priority=int(row.priority),
-            bit_depth=or_none(row.bit_depth),
-            reason=str(row.reason),
-        )
-        for row in message.inputs
-    )
-    return InputTable(rows, str(message.depth_source), or_none(message.depth_age), or_none(message.depth_difference))
-
-
-def recorder_status_of(message: Any) -> RecorderStatus:
-    """Return the RecorderStatus of a mwd_msgs/RecorderStatus; what only the recorder itself knows is 0."""
-    return RecorderStatus(
-        state=RecorderState(message.state),
-        reason=str(message.reason),
-        path=Path(message.path) if message.path else None,
-        messages=int(message.messages),
-        bytes=int(message.bytes),
-        dropped=int(message.dropped),
-        queued_messages=0,
-        queued_bytes=0,
-        queue_limit=0,
-        free_bytes=float(message.free_bytes),
-        duration_s=float(message.duration),
-        files=0,
-        unsaved_s=0.0,
-        recovered=(),
-    )
-
-
-def control_status_of(message: Any) -> ControlStatus:
-    """Return the ControlStatus of a mwd_msgs/ControlState."""
-    same = (
-        *("enabled", "lease", "owner", "role", "priority", "pending", "pending_controller", "pending_reason"),
-        *("reason", "rotary_speed", "turn", "sequence", "acknowledged", "refusal", "mwd_alive"),
-    )
-    reactions = ("controller_lost_sliding", "controller_lost_rotating", "mwd_lost_sliding", "mwd_lost_rotating")
-    limits = (f"{name}_limit" for name in ("speed", "speed_rate", "torque", "turn", "flow"))
-    return ControlStatus(
-        **{name: getattr(message, name) for name in same},
-        state=ControlState(message.state),
-        heartbeat_age=or_none(message.heartbeat_age),
-        remaining=or_none(message.remaining),
-        limits=LeaseLimits(*(float(getattr(message, name)) for name in limits)),
-        mode=Mode(message.mode),
-        flow_rate=or_none(message.flow_rate),
-        achieved=Achieved(
-            or_none(message.achieved_speed), or_none(message.achieved_torque), or_none(message.achieved_flow)
-        ),
-        reactions={name: Reaction(getattr(message, name)) for name in reactions},
-    )
-
-
-def downlink_status_of(message: Any) -> DownlinkStatus:
-    """Return the DownlinkStatus of a mwd_msgs/DownlinkState; what the tool takes is not part of the message."""
-    same = (
-        *("number", "state", "command", "value", "argument", "counter", "about", "requested_by", "decided_by"),
-        *("reason", "symbol", "symbols", "duration", "remaining"),
-    )
-    return DownlinkStatus(
-        **{name: getattr(message, name) for name in same},
-        medium=("flow", "rotation")[int(message.medium)],
-        blocked_by=tuple(str(one) for one in message.blocked_by),
-        base=or_none(message.base),
-        set_point=or_none(message.set_point),
-        in_force=tuple(int(one) for one in message.in_force),
-    )

@@ -89,8 +89,8 @@ class SlideRecorder:
 
     def on_quill(self, message: Any) -> None:
         """Show the angle of the quill: the first joint of a sensor_msgs/JointState."""
-        if len(message.position):
-            self._live.on_quill(float(message.position[0]), self._clock.now)
+        if len(message.position) and math.isfinite(message.position[0]):
+            self._live.show(self._clock.now, quill=float(message.position[0]) % math.tau)
 
     def update(self, now: float, surveys: SurveyList) -> None:
         """Show a changed sheet, with the yields between the stations; called once a second. now: time, s."""
@@ -99,5 +99,4 @@ class SlideRecorder:
         if state == self._shown:
             return
         self._shown = state
-        found = yields(stretches, surveys.definitive())
-        self._live.on_steering(stretches, found, now)
+        self._live.show(now, stretches=tuple(stretches), yields=tuple(yields(stretches, surveys.definitive())))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -67,14 +68,14 @@ class SupervisionMonitor:
         self,
         now: float,
         clock_difference: float | None,
-        depth_difference: float | None,
+        depth_difference: float,
         machine: Mapping[str, float],
     ) -> None:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: time, s. clock_difference: of the clocks of rig and sonde, s; depth_difference: of the sources of depth, m;
-        None: not known. machine: readings of the machine that records, by the id of their row.
+        now: time, s. clock_difference: of the clocks of rig and sonde, s, None if unknown; depth_difference: of the
+        sources of depth, m, NaN if unknown. machine: readings of the machine that records, by the id of their row.
         """
         readings = {f"input.{topic}": now - at for topic, at in self._received_at.items()}
         readings |= {f"heartbeat.{node}": now - at for node, at in self._beat_at.items()}
@@ -82,7 +83,7 @@ class SupervisionMonitor:
         readings["clock.sonde"] = self._sampled_at - self._advanced_at
         if clock_difference is not None:
             readings["clock.rig"] = abs(clock_difference)
-        if depth_difference is not None:
+        if math.isfinite(depth_difference):
             readings["depth.sources"] = depth_difference
         readings |= machine
         self.judged = set(readings)

@@ -230,7 +230,7 @@ class SurveyBook:
         self._alarm_revisions()
         self._alarm_assumptions(path)
         self._outlet.on_surveys(surveys, path)
-        self._live.on_records(surveys.records, self._clock.now, surveys.remarks)
+        self._live.show(self._clock.now, surveys=surveys)
         self._covariance, self._shown_bit = None, self.bit_depth
         self._show_path(path)
         made_ns = self._alarm_log.now_ns()
@@ -240,7 +240,7 @@ class SurveyBook:
 
     def _show_path(self, path: Definitive) -> None:
         self._path = path
-        self._live.on_trajectory(path, self._clock.now, self._covariance)
+        self._live.show(self._clock.now, path=path, covariance=self._covariance)
         self._plan.show_offset(path)
 
     def _show_ellipses(self, surveys: SurveyList, job: concurrent.futures.Future[Any]) -> None:
@@ -249,7 +249,7 @@ class SurveyBook:
         if covariance is not None and surveys is self.surveys:
             measured = np.isfinite(covariance).all(axis=(1, 2))
             self._covariance = covariance[measured]
-            self._live.on_trajectory(self._path, self._clock.now, self._covariance)
+            self._live.show(self._clock.now, covariance=self._covariance)
 
     def update_projection(self) -> None:
         """Show projection and offset to the plan again when the bit has moved; called once a second."""

@@ -9,6 +9,7 @@ the inclination hovers, and never shows a high side that the estimator calls und
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 
 import numpy as np
@@ -16,15 +17,23 @@ import numpy as np
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 
-GRAVITY, MAGNETIC = 0, 1
+
+class ToolfaceMode(enum.IntEnum):
+    """Direction from which a toolface counts, as in mwd_msgs/Toolface: the high side, or north."""
+
+    GRAVITY = 0
+    MAGNETIC = 1
+
+
+GRAVITY, MAGNETIC = ToolfaceMode
 
 
 @dataclasses.dataclass(frozen=True)
 class ToolfaceReading:
-    """As the Toolface message: mode GRAVITY or MAGNETIC, angle and sigma in rad (sigma -1: not available), rad/s."""
+    """A toolface, as mwd_msgs/Toolface: angle and sigma in rad, NaN if it is not available; rotary speed in rad/s."""
 
     stamp_ns: int
-    mode: int
+    mode: ToolfaceMode
     angle: float
     sigma: float
     rotating: bool = False
@@ -39,7 +48,7 @@ class ToolfaceSelector:
     """
 
     def __init__(self) -> None:
-        self.mode = GRAVITY
+        self.mode: ToolfaceMode = GRAVITY
 
     def update(self, samples: Samples, rotary_speed: float = 0.0) -> ToolfaceReading | None:
         """

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The state of a well at one moment, typed: what the live page shows and what the rig interfaces send.
+The state of a well at one moment: one immutable value that the live page shows and the rig interfaces send.
 
-`live_state.LiveState.at` makes it. The page turns it into its JSON, the rig into its values. Numbers are SI and rad,
-finite; None means unknown, and zero is only ever a measured zero. Times are s of one steady clock, except stamps, which
-are ns since the epoch and come from the measurement.
+`live_state.LiveState.at` makes it. The page turns its fields into JSON, the rig interfaces turn them into their values.
+Numbers are in SI and rad; a number that is unknown is NaN or None, and zero is always a measured zero. Times are s of
+one steady clock, except stamps, which are ns since the epoch and come from the measurement.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import enum
+import math
 from collections.abc import Mapping
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.unknown import or_none
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
@@ -24,11 +25,11 @@ from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
-from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
+from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, StreamState
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
-from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
 from mwd_surface.trajectory.plan import Offset, Plan
@@ -67,8 +68,8 @@ class AttitudeState:
         Of the last sample; None before the first.
     """
 
-    inclination: LiveValue
-    azimuth: LiveValue
+    inclination: LiveValue = NO_VALUE
+    azimuth: LiveValue = NO_VALUE
     gravity_toolface: Angle | None = None
     magnetic_toolface: Angle | None = None
     status: Status = NO_STATUS
@@ -81,7 +82,7 @@ class DialReading:
     """An earlier toolface on the dial: angle, rad; mode GRAVITY or MAGNETIC; at, s of the steady clock."""
 
     angle: float
-    mode: int
+    mode: ToolfaceMode
     at: float
     rotating: bool
     stamp_ns: int
@@ -104,8 +105,7 @@ class ToolfaceState:
     Attributes
     ----------
     angle : LiveValue
-    mode : int
-        GRAVITY or MAGNETIC.
+    mode : ToolfaceMode
     rotating : bool
     stamp_ns : int or None
         Of the last sample; None before the first.
@@ -118,8 +118,8 @@ class ToolfaceState:
         Inclination, rad, below which the mode is MAGNETIC; None while the estimator has not told it.
     """
 
-    angle: LiveValue
-    mode: int = GRAVITY
+    angle: LiveValue = NO_VALUE
+    mode: ToolfaceMode = GRAVITY
     rotating: bool = False
     stamp_ns: int | None = None
     measured_ns: int | None = None
@@ -132,37 +132,37 @@ class ToolfaceState:
 class DrillingState:
     """Drilling dynamics, temperature and interference; units as in the signal table."""
 
-    vibration: LiveValue
-    rotary_speed: LiveValue
-    stick_slip: LiveValue
-    axial_vibration: LiveValue
-    lateral_vibration: LiveValue
-    shocks: LiveValue
-    shock_peak: LiveValue
-    rotary_least: LiveValue
-    rotary_most: LiveValue
-    temperature: LiveValue
-    total_field: LiveValue
-    axial_interference: LiveValue
-    cross_axial_interference: LiveValue
-    field_deviation: LiveValue
-    dip_deviation: LiveValue
+    vibration: LiveValue = NO_VALUE
+    rotary_speed: LiveValue = NO_VALUE
+    stick_slip: LiveValue = NO_VALUE
+    axial_vibration: LiveValue = NO_VALUE
+    lateral_vibration: LiveValue = NO_VALUE
+    shocks: LiveValue = NO_VALUE
+    shock_peak: LiveValue = NO_VALUE
+    rotary_least: LiveValue = NO_VALUE
+    rotary_most: LiveValue = NO_VALUE
+    temperature: LiveValue = NO_VALUE
+    total_field: LiveValue = NO_VALUE
+    axial_interference: LiveValue = NO_VALUE
+    cross_axial_interference: LiveValue = NO_VALUE
+    field_deviation: LiveValue = NO_VALUE
+    dip_deviation: LiveValue = NO_VALUE
 
 
 @dataclasses.dataclass(frozen=True)
 class RigState:
     """Measurements of the rig; in_slips: None where the rig does not report it."""
 
-    bit_depth: LiveValue
-    hole_depth: LiveValue
-    block_position: LiveValue
-    hookload: LiveValue
-    weight_on_bit: LiveValue
-    torque: LiveValue
-    rotary_speed: LiveValue
-    flow_rate: LiveValue
-    pressure: LiveValue
-    rate_of_penetration: LiveValue
+    bit_depth: LiveValue = NO_VALUE
+    hole_depth: LiveValue = NO_VALUE
+    block_position: LiveValue = NO_VALUE
+    hookload: LiveValue = NO_VALUE
+    weight_on_bit: LiveValue = NO_VALUE
+    torque: LiveValue = NO_VALUE
+    rotary_speed: LiveValue = NO_VALUE
+    flow_rate: LiveValue = NO_VALUE
+    pressure: LiveValue = NO_VALUE
+    rate_of_penetration: LiveValue = NO_VALUE
     in_slips: bool | None = None
 
     @property
@@ -176,24 +176,24 @@ class RigState:
 
 @dataclasses.dataclass(frozen=True)
 class ReferenceField:
-    """The reference field in force: T, rad, m/s^2; source: where it comes from, in words."""
+    """A reference field: T, rad, m/s^2, NaN if unknown; source: where it comes from, in words."""
 
-    total: float | None = None
-    dip: float | None = None
-    declination: float | None = None
-    convergence: float | None = None
-    gravity: float | None = None
+    total: float = math.nan
+    dip: float = math.nan
+    declination: float = math.nan
+    convergence: float = math.nan
+    gravity: float = math.nan
     source: str = ""
 
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceField:
         """Return the reference a survey was judged by."""
         return cls(
-            total=or_none(survey.b_reference),
-            dip=or_none(survey.dip_reference),
-            declination=or_none(survey.declination),
-            convergence=or_none(survey.convergence),
-            gravity=or_none(survey.g_reference),
+            total=survey.b_reference,
+            dip=survey.dip_reference,
+            declination=survey.declination,
+            convergence=survey.convergence,
+            gravity=survey.g_reference,
             source=f"as of survey {survey.sequence}",
         )
 
@@ -201,41 +201,71 @@ class ReferenceField:
 @dataclasses.dataclass(frozen=True)
 class SurveyProgress:
     """
-    A survey or north seek under way: elapsed and remaining, s; result: how the last one ended.
+    A survey or north seek under way: elapsed and remaining, s, NaN if unknown; result: how the last one ended.
 
     waits_for: why a survey that has averaged enough is not given yet; elapsed and remaining are then of that wait.
     """
 
     active: bool = False
     state: str = ""
-    elapsed: float | None = None
-    remaining: float | None = None
+    elapsed: float = math.nan
+    remaining: float = math.nan
     result: str = ""
     waits_for: str = ""
 
 
+class DiagnosticLevel(enum.IntEnum):
+    """Level of a diagnostic, as in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARNING = 1
+    ERROR = 2
+    STALE = 3
+
+
 @dataclasses.dataclass(frozen=True)
 class NodeDiagnostic:
-    """A line of diagnostics of a node; level: 0 ok, 1 warning, 2 error, 3 stale."""
+    """A line of diagnostics of a node."""
 
     name: str
-    level: int
+    level: DiagnosticLevel
     message: str
     remedy: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class AlarmState:
+    """
+    The alarms in force.
+
+    Attributes
+    ----------
+    rows : tuple of Alarm
+        Newest first.
+    not_evaluated : tuple of str
+        Kinds of alarms that could not be judged, in words.
+    epoch : float
+        Time since the epoch at which the clock of `WellState.now` was zero, s, by the clock that stamps the alarms; NaN
+        if unknown.
+    """
+
+    rows: tuple[Alarm, ...] = ()
+    not_evaluated: tuple[str, ...] = ()
+    epoch: float = math.nan
 
 
 @dataclasses.dataclass(frozen=True)
 class Chart:
     """Rows of a strip chart, oldest or shallowest first, the names of their columns, and its length, s or m."""
 
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    length: float
+    columns: tuple[str, ...] = ()
+    rows: tuple[Row, ...] = ()
+    length: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """How often a part of the state changed, and when it last did, s of the steady clock."""
+    """How often a part of the state was set, and when it last was, s of the steady clock."""
 
     count: int = 0
     at: float | None = None
@@ -244,7 +274,7 @@ class Change:
 @dataclasses.dataclass(frozen=True)
 class WellState:
     """
-    All that is known of a well at `now`.
+    All that is known of a well at `now`; before anything has come, the defaults.
 
     Attributes
     ----------
@@ -252,94 +282,103 @@ class WellState:
         s of the steady clock.
     streams : mapping of str to StreamState
         The streams by name.
-    records, remarks
-        The survey list, in its order, and the remarks behind it.
+    reference_given : ReferenceField or None
+        The field that the estimator or the receiver reports.
+    surveys : SurveyList
+        The survey list in force.
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     offset : Offset or None
         From the plan to the end of the path.
-    dogleg_to_target : float or None
-        Of the arc that hits the target, rad/m.
     clearance, clearance_remarks
         To offset wells from the last survey on, the nearest by the rule first; what it left out and assumed.
     stretches, yields
         The slide sheet, deepest last.
     quill : float or None
         Angle of the quill, rad clockwise looking down-hole from the zero of the rig.
+    link : LinkStatus or None
+        The telemetry link in use.
     control : ControlStatus
         Who has control of top drive and pumps, what was asked and what the rig does.
     advice : Advice
         How to drill the next interval.
+    downlink : DownlinkStatus or None
+        The command to the tool.
     inputs : InputTable
         Clocks and ages of the inputs, and which gives the depth.
     recorder : RecorderStatus or None
     diagnostics : tuple of NodeDiagnostic
         Worst first.
-    alarms, events
+    events : tuple of Event
         Newest first.
-    not_evaluated : tuple of str
-        Kinds of alarms that could not be judged, in words.
     well_given : bool
         Whether somebody described the well; False: its description is assumed.
     over_link : bool or None
         Whether a telemetry link stands between tool and surface; None: not known.
-    clock_offset : float or None
-        Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
     history, trend, depth_log : Chart
         Charts over the last minutes, over the last hours (in larger steps), and over the depth of the sensor.
     changes : mapping of str to Change
-        By the name of the part (a field of this class); a part that never changed is missing.
+        By the name of the part (a field of this class); a part that was never set is missing.
     """
 
-    now: float
-    attitude: AttitudeState
-    toolface: ToolfaceState
-    drilling: DrillingState
-    rig: RigState
-    streams: Mapping[str, StreamState]
-    well: Well
-    reference: ReferenceField
-    records: tuple[SurveyRecord, ...]
-    remarks: tuple[Remark, ...]
-    path: Definitive | None
-    covariance: Array | None
-    plan: Plan | None
-    offset: Offset | None
-    dogleg_to_target: float | None
-    clearance: tuple[Clearance, ...]
-    clearance_remarks: tuple[Remark, ...]
-    stretches: tuple[Stretch, ...]
-    yields: tuple[Yield, ...]
-    quill: float | None
-    survey_progress: SurveyProgress
-    recorder: RecorderStatus | None
-    diagnostics: tuple[NodeDiagnostic, ...]
-    alarms: tuple[Alarm, ...]
-    events: tuple[Event, ...]
-    clock_offset: float | None
-    history: Chart
-    trend: Chart
-    depth_log: Chart
-    changes: Mapping[str, Change]
+    now: float = 0.0
+    attitude: AttitudeState = dataclasses.field(default_factory=AttitudeState)
+    toolface: ToolfaceState = dataclasses.field(default_factory=ToolfaceState)
+    drilling: DrillingState = dataclasses.field(default_factory=DrillingState)
+    rig: RigState = dataclasses.field(default_factory=RigState)
+    streams: Mapping[str, StreamState] = dataclasses.field(default_factory=dict)
+    well: Well = dataclasses.field(default_factory=Well)
+    well_given: bool = True
+    over_link: bool | None = None
+    reference_given: ReferenceField | None = None
+    surveys: SurveyList = dataclasses.field(default_factory=SurveyList)
+    path: Definitive | None = None
+    covariance: Array | None = None
+    plan: Plan | None = None
+    offset: Offset | None = None
+    clearance: tuple[Clearance, ...] = ()
+    clearance_remarks: tuple[Remark, ...] = ()
+    stretches: tuple[Stretch, ...] = ()
+    yields: tuple[Yield, ...] = ()
+    quill: float | None = None
     link: LinkStatus | None = None
     control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
     advice: Advice = dataclasses.field(default_factory=Advice)
     downlink: DownlinkStatus | None = None
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
-    not_evaluated: tuple[str, ...] = ()
-    over_link: bool | None = None
-    well_given: bool = True
+    survey_progress: SurveyProgress = dataclasses.field(default_factory=SurveyProgress)
+    recorder: RecorderStatus | None = None
+    diagnostics: tuple[NodeDiagnostic, ...] = ()
+    alarms: AlarmState = dataclasses.field(default_factory=AlarmState)
+    events: tuple[Event, ...] = ()
+    history: Chart = dataclasses.field(default_factory=Chart)
+    trend: Chart = dataclasses.field(default_factory=Chart)
+    depth_log: Chart = dataclasses.field(default_factory=Chart)
+    changes: Mapping[str, Change] = dataclasses.field(default_factory=dict)
 
     @property
-    def against_plan(self) -> dict[str, float | None]:
-        """Fields of the offset from the plan, and the dogleg severity to the target; empty where there is none."""
-        return {} if self.offset is None else {**vars(self.offset), "dogleg_to_target": self.dogleg_to_target}
+    def reference(self) -> ReferenceField:
+        """Reference field in force: the one given, else that of the latest survey that has one."""
+        if self.reference_given is not None:
+            return self.reference_given
+        known = (record.survey for record in self.surveys.records if record.survey.has_reference)
+        last = max(known, key=lambda survey: survey.stamp_ns, default=None)
+        return ReferenceField() if last is None else ReferenceField.of_survey(last)
+
+    @property
+    def section_azimuth(self) -> float:
+        """Azimuth of the vertical section, rad: of the path, else of the well, else of the plan."""
+        if self.path is not None:
+            return self.path.section_azimuth
+        if self.well.section_azimuth_deg is not None:
+            return math.radians(self.well.section_azimuth_deg)
+        return 0.0 if self.plan is None else self.plan.section_azimuth
 
     def change(self, part: str) -> Change:
-        """Return how often a part changed, and when."""
+        """Return how often a part was set, and when."""
         return self.changes.get(part, Change())
 
     def age(self, part: str) -> float | None:
-        """Return the time since the last change of a part, s; None before the first."""
+        """Return the time since a part was last set, s; None before the first."""
         at = self.change(part).at
         return None if at is None else max(0.0, self.now - at)

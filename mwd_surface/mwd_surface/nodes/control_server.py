@@ -13,8 +13,8 @@ from rclpy.serialization import deserialize_message
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.message_record import stamp_of
-from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
+from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.lease_numbers import LeaseNumbers
@@ -186,8 +186,8 @@ class ControlServer:
             return
         self._shown, self._published_at = fields, now
         self._reserve()
-        self._live.on_control(status, self._context.well_now)
-        message = state_message(status)
+        self._live.show(self._context.well_now, control=status)
+        message = status.to_message(make)
         message.header.stamp = stamp(self._context.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._state.publish(message)
@@ -233,35 +233,3 @@ class ControlServer:
 
 def _if_live(value: LiveValue) -> float | None:
     return value.value if value.state == Freshness.LIVE else None
-
-
-def state_message(status: ControlStatus) -> Any:
-    """Return the message of the state of control, without its header."""
-    limits, achieved = status.limits, status.achieved
-    return msg.ControlState(
-        state=int(status.state),
-        enabled=status.enabled,
-        lease=status.lease,
-        owner=status.owner,
-        role=status.role,
-        priority=status.priority,
-        heartbeat_age=or_nan(status.heartbeat_age),
-        remaining=or_nan(status.remaining),
-        pending=status.pending,
-        pending_controller=status.pending_controller,
-        pending_reason=status.pending_reason,
-        reason=status.reason,
-        **{f"{name}_limit": value for name, value in vars(limits).items()},
-        mode=int(status.mode),
-        rotary_speed=status.rotary_speed,
-        turn=status.turn,
-        flow_rate=or_nan(status.flow_rate),
-        sequence=status.sequence,
-        acknowledged=status.acknowledged,
-        refusal=status.refusal,
-        achieved_speed=or_nan(achieved.speed),
-        achieved_torque=or_nan(achieved.torque),
-        achieved_flow=or_nan(achieved.flow),
-        mwd_alive=status.mwd_alive,
-        **{name: int(reaction) for name, reaction in status.reactions.items()},
-    )

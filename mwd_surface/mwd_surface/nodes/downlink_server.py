@@ -15,9 +15,9 @@ from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.ros.deferred import DeferredGoal
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
+from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
@@ -218,7 +218,7 @@ class DownlinkServer:
             in_slips=bool(row["in_slips"]) if valid & kind.SLIPS else None,
             link_locked=locked,
             link_age_s=time.monotonic() - at,
-            survey_running=self._live.survey_active,
+            survey_running=self._live.parts.survey_progress.active,
             no_control=self._rig.why_not(time.monotonic()),
             **known,
         )
@@ -260,8 +260,8 @@ class DownlinkServer:
     def _publish(self, machine: Machine, now: float) -> None:
         self._published_at = now
         status = DownlinkStatus.of(machine, now)
-        self._live.on_downlink(status, self._context.well_now)
-        message = state_message(status)
+        self._live.show(self._context.well_now, downlink=status)
+        message = status.to_message(make)
         message.header.stamp = stamp(self._context.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._state.publish(message)
@@ -293,18 +293,3 @@ class DownlinkServer:
             return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]
         level = WARN if machine.state in _LOUD else OK
         return [Diagnostic("downlink", level, machine.reason or "no command was sent yet")]
-
-
-def state_message(status: DownlinkStatus) -> Any:
-    """Return the message of the state, without its header."""
-    fields = {
-        name: value for name, value in vars(status).items() if name not in ("medium", "base", "set_point", "choices")
-    }
-    fields["blocked_by"] = list(status.blocked_by)
-    fields["in_force"] = list(status.in_force)
-    return msg.DownlinkState(
-        **fields,
-        medium=msg.DownlinkState.ROTATION if status.medium == ROTATION else msg.DownlinkState.FLOW,
-        base=or_nan(status.base),
-        set_point=or_nan(status.set_point),
-    )

@@ -140,7 +140,7 @@ class RecordingServer:
     def _start(self, name: str) -> Path:
         """Begin a recording."""
         path = self._recorder.start(name)
-        over_link = self._live.over_link
+        over_link = self._live.parts.over_link
         resolve = self._node.resolve_topic_name
         recorded = {resolve(topic) for topic in self._settings.topics}
         every = {**{name: name for name in SAMPLES}, **burst.TOPICS}

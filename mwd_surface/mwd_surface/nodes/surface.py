@@ -337,7 +337,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _of_inputs(self) -> Diagnostic:
         """Return the source of the depth, and the clock of each input."""
         table = self._well.inputs.table
-        apart = f", {table.depth_difference:.1f} m from another source" if table.depth_difference is not None else ""
+        apart = f", {table.depth_difference:.1f} m from another source" if math.isfinite(table.depth_difference) else ""
         text = f"depth from {table.depth_source}{apart}" if table.depth_source else "no depth is received"
         rows = tuple((row.name, _words(row)) for row in table.inputs)
         level, remedy = (OK, "") if table.depth_source else (WARN, "connect the rig data, or set the depth by hand")
@@ -345,7 +345,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
 
 def _words(row: InputState) -> str:
-    if row.data_age is None or row.clock_offset is None:
+    if math.isnan(row.data_age + row.clock_offset):
         return "none came yet"
     return f"clock {row.clock.name.lower()}, offset {row.clock_offset:+.3f} s, age {row.data_age:.3f} s {row.reason}"
 

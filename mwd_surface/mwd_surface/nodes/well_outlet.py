@@ -15,6 +15,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.qos import DEADLINE_STATE, EVENT, LATCHED
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
@@ -24,7 +25,6 @@ from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.toolface import ToolfaceReading
 from mwd_surface.live.well_context import WellOutlet
 from mwd_surface.nodes.survey_list_server import SurveyListServer
-from mwd_surface.ros import messages
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.ros.worker import BackgroundWorker
 from mwd_surface.surveys.survey_list import SurveyList
@@ -110,14 +110,14 @@ class NodeOutlet(WellOutlet):
 
     def on_inputs(self, table: InputTable) -> None:
         """Publish the inputs."""
-        message = messages.inputs_message(table)
+        message = table.to_message(make)
         message.header.stamp = stamp(self.alarm_log.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._inputs.publish(message)
 
     def on_advice(self, advice: Advice) -> None:
         """Publish the advice."""
-        message = messages.advice_message(advice)
+        message = advice.to_message(make)
         message.header.stamp = stamp(advice.stamp_ns) if advice.stamp_ns else self._now()
         message.header.frame_id = self._node.frame(wire.SONDE_FRAME)
         self._advice.publish(message)
@@ -125,9 +125,9 @@ class NodeOutlet(WellOutlet):
     def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
         """Publish the events since the last call, then all alarms."""
         for event in book.events_after(self._told):
-            self._events.publish(messages.event_message(event))
+            self._events.publish(event.to_message(make))
         self._told = book.logged
-        alarms = msg.AlarmList(alarms=[messages.alarm_message(a) for a in book.alarms()], not_evaluated=list(missing))
+        alarms = msg.AlarmList(alarms=[a.to_message(make) for a in book.alarms()], not_evaluated=list(missing))
         alarms.header.stamp = stamp(stamp_ns)
         self._alarms.publish(alarms)
 

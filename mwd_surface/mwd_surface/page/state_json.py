@@ -2,71 +2,74 @@
 """
 State of a well as the JSON of the live page: finite numbers, text, lists, and None for unknown.
 
-Numbers stay in SI and rad; the page converts them. The revision of each table changes whenever the table changes, apart
-from the ages in it, so that clients are sent only what is new to them.
+Most sections are the parts of `WellState` under their own names, with the fields of each part. Numbers stay in SI and
+rad; the page converts them. The revision of each section changes whenever the section changes, apart from the ages in
+it, so that clients are sent only what is new to them.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mwd_estimation.core.north import North
-from mwd_estimation.core.status import words
-from mwd_sensors.core import settings as settings_tables
-from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.list_files.remark import sentences
-from mwd_surface.live.alarms import Alarm, Event, Severity
-from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import Chart, ToolfaceState, WellState
-from mwd_surface.page.control_table import advice_table, control_table
-from mwd_surface.page.downlink_table import downlink_table
-from mwd_surface.page.input_table import input_table
-from mwd_surface.page.link_table import link_table
-from mwd_surface.page.plain import number, numbers
+from mwd_surface.live.well_state import Chart, WellState
+from mwd_surface.page.plain import number, numbers, plain
 from mwd_surface.page.survey_panel import COLUMNS, path_table, quality_lights, survey_row
-from mwd_surface.signals.table import page_fields
 from mwd_surface.trajectory.plan import Plan
 
 # Sections that grow row by row: a client is sent only the new rows.
 STRIPS = ("history", "trend", "depth_log")
-_RECORDER_WORDS = {
-    RecorderState.STOPPED: "stopped",
-    RecorderState.RECORDING: "recording",
-    RecorderState.PAUSED_DISK_FULL: "paused: disk full",
-    RecorderState.FAILED: "failed",
-}
-_TOOLFACE_WORDS = ("gravity", "magnetic")
-_LEVEL_WORDS = ("ok", "warning", "error", "stale")
+# Sections made of samples: they hold the state and the age of each value, so they are made anew each time.
+_MEASURED = ("attitude", "toolface", "drilling", "rig")
+# Parts of the state that are sections with the same fields; a part that is a sequence has its first rows.
+_PARTS = (
+    *("offset", "quill", "link", "control", "advice", "downlink", "inputs", "survey_progress"),
+    *("diagnostics", "alarms", "events"),
+)
 _MAX_NEAR = 3  # number of offset wells shown
-_MAX_EVENTS = 200
-_MAX_DIAGNOSTICS = 200
+_MAX_ROWS = 200  # number of diagnostics and of events shown
 
 Table = dict[str, Any]
 
 
+class _View(NamedTuple):
+    """
+    A section that is kept until it changes.
+
+    parts: names of the parts of the state it is made of, the first of which dates it. more: any other value that
+    changes it. build: function that makes it.
+    """
+
+    parts: tuple[str, ...]
+    more: Any
+    build: Callable[[], Table | None]
+
+
 class StateJson:
     """
-    Tables of the page with their revisions.
+    Sections of the page with their revisions.
 
-    Tables that are expensive to build are kept until the part of the state from which they are made changes.
-    revised_from: tables of an earlier state, for example before a recording was rewound; each gets a higher revision.
+    Sections are kept until a part of the state from which they are made changes. revised_from: sections of an earlier
+    state, for example before a recording was rewound; each gets a higher revision.
     """
 
     def __init__(self, settings: LiveSettings | None = None, revised_from: StateJson | None = None) -> None:
         self._settings = settings or LiveSettings()
         self._signatures: dict[str, Any] = {}
-        # Start from the earlier revisions, so that every table counts as new to clients that saw the earlier state.
+        # Start from the earlier revisions, so that every section counts as new to clients that saw the earlier state.
         self._revisions: dict[str, int] = {} if revised_from is None else dict(revised_from._revisions)
-        self._kept: dict[str, Table] = {}
-        self._links_at = -math.inf
-        self._links_count = 0
+        self._kept: dict[str, Table | None] = {}
+        self._counted_at = -math.inf
+        self._counted = 0
 
     def snapshot(self, state: WellState) -> dict[str, Any]:
         """
@@ -75,101 +78,71 @@ class StateJson:
         Returns
         -------
         dict
-            now: time of the state. sections: table by name. revisions: by name, a number that changes whenever the
-            table does, apart from the ages in it. Single values are {value, sigma, unit, at, measured_at, age,
-            stale_after, state, reason}: value is None if there never was one; state is "live", "stale" or "no data"; at
-            is the time of arrival, which decides when the value becomes stale; measured_at is the time of measurement;
-            both in s of the clock of `now`. Tables have since and age of their last change. Sections history,
-            trend and depth_log (STRIPS) are {columns, rows, length}, with the oldest or shallowest row first; the first
-            column is s of that clock, or the depth of the sensor, m.
+            now: time of the state. sections: table by name, None if nothing has come. revisions: by name, a number that
+            changes whenever the section does, apart from the ages in it. Single values are the fields of `LiveValue`:
+            at is the time of arrival, which decides when the value becomes stale; measured_at is the time of
+            measurement; both in s of the clock of `now`. Other sections have since, the time at which they were last
+            set. Sections history, trend and depth_log (STRIPS) are {columns, rows, length}, with the oldest or
+            shallowest row first; the first column is s of that clock, or the depth of the sensor, m.
         """
-        sections = {**self._streams(state), **self._tables(state)}
+        sections: dict[str, Table | None] = dict(self._measured(state))
+        for name, view in self._views(state).items():
+            if self._revise(name, ([state.change(part).count for part in view.parts], view.more)):
+                self._kept[name] = view.build()
+            table = self._kept[name]
+            sections[name] = table and {**table, "since": number(state.change(view.parts[0]).at)}
         for name in STRIPS:
             chart: Chart = getattr(state, name)
             sections[name] = {"columns": list(chart.columns), "rows": chart.rows, "length": chart.length}
             self._revise(name, chart.rows[-1][0] if chart.rows else None)
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
-    def _streams(self, state: WellState) -> dict[str, Table]:
-        """Build the tables that contain their own freshness."""
+    def _measured(self, state: WellState) -> Iterator[tuple[str, Table]]:
+        """Make the sections whose values have their own freshness."""
         # Stream counts change all the time; updating them once per second is enough.
-        if state.now - self._links_at >= 1.0 or state.now < self._links_at:
-            self._links_at = state.now
-            self._links_count += 1
-        attitude, toolface = state.attitude, state.toolface
-        north = "" if attitude.north == North.UNKNOWN else North(attitude.north).name.lower()
-        tables = {
-            "attitude": {
-                **_values("attitude", attitude),
-                "status": [word for word in words(attitude.status).split("|") if word],
-                "north": north,
-                "stamp_ns": attitude.stamp_ns,
-            },
-            "toolface": _toolface(toolface, north),
-            "drilling": _values("drilling", state.drilling),
-            "rig": {
-                **_values("rig", state.rig),
-                "in_slips": state.rig.in_slips,
-                "pumps_on": state.rig.pumps_on,
-            },
-            "links": {name: _link(link) for name, link in state.streams.items()},
-            "recorder": _recorder(state),
-        }
-        freshness = {
-            "attitude": (attitude.inclination.state, attitude.azimuth.state),
-            "toolface": (toolface.angle.state,),
-            "drilling": tuple(value.state for value in vars(state.drilling).values()),
-            "rig": tuple(value.state for value in vars(state.rig).values() if isinstance(value, LiveValue)),
-            "links": tuple(link.state for link in state.streams.values()),
-            "recorder": (tables["recorder"]["fresh"],),
-        }
-        for name in tables:
-            count = self._links_count if name == "links" else state.change(name).count
-            self._revise(name, (count, freshness[name]))
-        return tables
+        if state.now - self._counted_at >= 1.0 or state.now < self._counted_at:
+            self._counted_at = state.now
+            self._counted += 1
+        for name in (*_MEASURED, "streams"):
+            table = plain(getattr(state, name))
+            fresh = [one["state"] for one in table.values() if isinstance(one, dict) and "state" in one]
+            count = self._counted if name == "streams" else state.change(name).count
+            # The advised toolface is drawn on the dial.
+            self._revise(name, (count, fresh, state.change("advice").count if name == "toolface" else 0))
+            yield name, table
 
-    def _tables(self, state: WellState) -> dict[str, Table]:
-        """Build the tables that change only with new data."""
-        north, section, most = state.well.north_reference, _section(state), self._settings.max_rows
-        builders: dict[str, tuple[str, Any, Callable[[], Table]]] = {
-            "well": ("well", section, lambda: _well(state)),
-            "quality": ("records", north, lambda: self._quality(state)),
-            "surveys": ("records", north, lambda: self._surveys(state, most)),
-            "path": ("path", None, lambda: _path(state, most)),
-            "plan": ("plan", section, lambda: _plan(state.plan, section, most)),
-            "offset": ("offset", None, lambda: _offset(state)),
-            "clearance": ("clearance", None, lambda: _clearance(state)),
-            "steering": ("steering", None, lambda: _steering(state, most)),
-            "control": ("control", None, lambda: control_table(state.control)),
-            "advice": ("advice", None, lambda: advice_table(state.advice)),
-            "quill": ("quill", None, lambda: {"angle": number(state.quill)}),
-            "link": ("link", None, lambda: link_table(state.link)),
-            "downlink": ("downlink", None, lambda: downlink_table(state.downlink)),
-            "inputs": ("inputs", None, lambda: input_table(state.inputs)),
-            "survey_progress": ("survey_progress", None, lambda: _progress(state)),
-            "findings": ("diagnostics", None, lambda: _diagnostics(state)),
-            "alarms": ("alarms", None, lambda: _alarms(state)),
-            "events": ("events", None, lambda: {"rows": plain_events(state.events[:_MAX_EVENTS])}),
+    def _views(self, state: WellState) -> dict[str, _View]:
+        """Return the sections that change only with new data."""
+        section, north, most = state.section_azimuth, state.well.north_reference, self._settings.max_rows
+        whole = ("surveys",)
+        return {
+            "well": _View(("well", "reference_given", "surveys"), section, lambda: _well(state)),
+            "quality": _View(whole, north, lambda: self._quality(state)),
+            "surveys": _View(whole, north, lambda: self._surveys(state, most)),
+            "path": _View(
+                ("path", "covariance"), None, lambda: path_table(state.path, section, state.covariance, most)
+            ),
+            "plan": _View(("plan",), section, lambda: _plan(state.plan, section, most)),
+            "clearance": _View(("clearance",), None, lambda: _clearance(state)),
+            "recorder": _View(("recorder",), None, lambda: _sent(state.recorder)),
+            "steering": _View(("stretches",), None, lambda: _steering(state, most)),
+            **{name: _View((name,), None, functools.partial(_part, getattr(state, name))) for name in _PARTS},
         }
-        tables = {}
-        for name, (part, more, build) in builders.items():
-            if self._revise(name, (state.change(part).count, more)):
-                self._kept[name] = build()
-            tables[name] = _dated(self._kept[name], state, part)
-        return tables
 
-    def _quality(self, state: WellState) -> Table:
-        last = max(state.records, key=lambda r: r.survey.stamp_ns, default=None)
+    def _quality(self, state: WellState) -> Table | None:
+        last = max(state.surveys.records, key=lambda r: r.survey.stamp_ns, default=None)
+        if last is None:
+            return None
         return quality_lights(last, self._settings.limits, North[state.well.north_reference.upper()])
 
     def _surveys(self, state: WellState, most: int) -> Table:
-        north, kept = North[state.well.north_reference.upper()], state.records[-most:]
-        rows = [survey_row(record, north, self._settings.limits) for record in kept]
-        remarks, left_out = list(sentences(state.remarks)), len(state.records) - len(kept)
-        return {"columns": COLUMNS, "rows": rows, "left_out": left_out, "remarks": remarks}
+        records, north = state.surveys.records, North[state.well.north_reference.upper()]
+        rows = [survey_row(record, north, self._settings.limits) for record in records[-most:]]
+        remarks = list(sentences(state.surveys.remarks))
+        return {"columns": COLUMNS, "rows": rows, "left_out": len(records) - len(rows), "remarks": remarks}
 
     def _revise(self, name: str, signature: Any) -> bool:
-        """Increase the revision of a table if its signature has changed; return whether it has."""
+        """Increase the revision of a section if its signature has changed; return whether it has."""
         if name in self._signatures and self._signatures[name] == signature:
             return False
         self._signatures[name] = signature
@@ -177,139 +150,28 @@ class StateJson:
         return True
 
 
-def plain_alarms(alarms: Iterable[Alarm]) -> list[Table]:
-    """Return alarms as plain tables."""
-    return [{**dataclasses.asdict(a), "severity_word": Severity(a.severity).name.lower()} for a in alarms]
+def _part(part: Any) -> Table | None:
+    """Return a part of the state as a section: the rows of a sequence, the value of a number, else its fields."""
+    if isinstance(part, tuple):
+        return {"rows": plain(part[:_MAX_ROWS])}
+    table: Table | None = {"value": number(part)} if isinstance(part, float) else plain(part)
+    return table
 
 
-def _alarms(state: WellState) -> Table:
-    """
-    Return the alarms.
-
-    raised_at: time on the steady clock, s; None if the clock of the stamps is unknown. epoch: time since the epoch, s,
-    at which the steady clock was zero, or None.
-    """
-    offset = state.clock_offset
-    ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
-    rows = [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]
-    return {"rows": rows, "not_evaluated": list(state.not_evaluated), "epoch": number(offset)}
-
-
-def plain_events(events: Iterable[Event]) -> list[Table]:
-    """Return events as plain tables."""
-    return [{**dataclasses.asdict(e), "severity_word": Severity(e.severity).name.lower()} for e in events]
-
-
-def _dated(table: Table, state: WellState, part: str) -> Table:
-    return {**table, "since": number(state.change(part).at), "age": number(state.age(part))}
-
-
-def _values(section: str, part: Any) -> Table:
-    """Return the live values of a section of the page, by their names in the signal table."""
-    return {name: _value(getattr(part, signal.field)) for name, signal in page_fields(section).items()}
-
-
-def _value(value: LiveValue) -> Table:
-    return {
-        "value": number(value.value),
-        "sigma": number(value.sigma),
-        "unit": value.unit,
-        "at": number(value.at),
-        "measured_at": number(value.measured_at),
-        "age": number(value.age),
-        "stale_after": value.stale_after,
-        "state": value.state,
-        "reason": value.reason,
-    }
-
-
-def _link(link: StreamState) -> Table:
-    return {
-        "state": link.state,
-        "at": number(link.at),
-        "age": number(link.age),
-        "stale_after": link.stale_after,
-        "count": link.count,
-        "lost": link.lost,
-        "rate": number(link.rate),
-    }
-
-
-def _toolface(toolface: ToolfaceState, north: str) -> Table:
-    advisory = toolface.advisory
-    return {
-        "angle": _value(toolface.angle),
-        "mode": _TOOLFACE_WORDS[toolface.mode],
-        "known": toolface.stamp_ns is not None,
-        "rotating": toolface.rotating,
-        "stamp_ns": toolface.stamp_ns,
-        "measured_ns": toolface.measured_ns,
-        "north": north,
-        "threshold": number(toolface.threshold),
-        "readings": [
-            {
-                "angle": number(reading.angle),
-                "mode": _TOOLFACE_WORDS[reading.mode],
-                "at": number(reading.at),
-                "rotating": reading.rotating,
-                "stamp_ns": reading.stamp_ns,
-            }
-            for reading in toolface.readings
-        ],
-        "advisory": advisory
-        and {"toolface": number(advisory.toolface), "limit": number(advisory.limit), "inside": advisory.inside},
-    }
-
-
-def _recorder(state: WellState) -> Table:
-    status, link = state.recorder, state.streams["recorder"]
-    table: Table = {"state": Freshness.NO_DATA}
-    if status is not None:
-        table = {
-            "state": _RECORDER_WORDS[status.state],
-            "path": str(status.path or ""),
-            "reason": status.reason,
-            "messages": status.messages,
-            "bytes": status.bytes,
-            "dropped": status.dropped,
-            "free_bytes": number(status.free_bytes),
-            "duration": number(status.duration_s),
-        }
-    return {**_dated(table, state, "recorder"), "fresh": link.state, "stale_after": link.stale_after}
+def _sent(status: RecorderStatus | None) -> Table | None:
+    """Return what the recorder tells others: a recording that is viewed does not have the rest."""
+    return None if status is None else {name: plain(getattr(status, name)) for name in status.sent()}
 
 
 def _well(state: WellState) -> Table:
-    well, reference = state.well, state.reference
+    shown = ("name", "wellbore_name", "rig", "depth_datum", "north_reference", "sensor_to_bit")
     return {
-        "name": well.name,
-        "wellbore": well.wellbore_name,
-        "rig": well.rig,
-        "depth_datum": well.depth_datum,
-        "north_reference": well.north_reference,
-        "section_azimuth": number(_section(state)),
-        "sensor_to_bit": number(well.sensor_to_bit),
+        **{name: plain(getattr(state.well, name)) for name in shown},
+        "section_azimuth": number(state.section_azimuth),
         "over_link": state.over_link,
         "given": state.well_given,
-        "field_total": number(reference.total),
-        "field_dip": number(reference.dip),
-        "field_declination": number(reference.declination),
-        "field_convergence": number(reference.convergence),
-        "field_gravity": number(reference.gravity),
-        "field_source": reference.source,
+        "field": plain(state.reference),
     }
-
-
-def _section(state: WellState) -> float:
-    """Return the azimuth of the vertical section, rad: of the path, else of the well, else of the plan."""
-    if state.path is not None:
-        return state.path.section_azimuth
-    if state.well.section_azimuth_deg is not None:
-        return math.radians(state.well.section_azimuth_deg)
-    return 0.0 if state.plan is None else state.plan.section_azimuth
-
-
-def _path(state: WellState, most: int) -> Table:
-    return path_table(state.path, _section(state), state.covariance, most)
 
 
 def _plan(plan: Plan | None, section: float, most: int) -> Table:
@@ -325,14 +187,6 @@ def _plan(plan: Plan | None, section: float, most: int) -> Table:
         "vertical_depth": numbers(positions[:, 2]),
         "vertical_section": numbers(along),
     }
-
-
-def _offset(state: WellState) -> Table:
-    if state.offset is None:
-        return {"known": False}
-    against = state.against_plan
-    table = {name: number(against.get(signal.field)) for name, signal in page_fields("offset").items()}
-    return {"known": True, "assumed": state.path is not None and state.path.assumed, **table}
 
 
 def _clearance(state: WellState) -> Table:
@@ -351,31 +205,14 @@ def _near(one: Clearance) -> Table:
         "allowed": number(one.allowed[k]),
         "factor": number(one.factor[k]),
         "toolface": number(one.toolface[k]),
-        "level": one.level.name.lower(),
+        "level": plain(one.level),
     }
 
 
 def _steering(state: WellState, most: int) -> Table:
-    rows = [{**settings_tables.to_mapping(s), "length": s.length} for s in state.stretches[-most:]]
-    yields = [{**settings_tables.to_mapping(y), "motor": y.motor} for y in state.yields[-most:]]
-    return {"rows": rows, "yields": yields, "left_out": len(state.stretches) - len(rows)}
-
-
-def _progress(state: WellState) -> Table:
-    progress = state.survey_progress
+    rows = state.stretches[-most:]
     return {
-        "active": progress.active,
-        "state": progress.state,
-        "elapsed": number(progress.elapsed),
-        "remaining": number(progress.remaining),
-        "result": progress.result,
-        "waits_for": progress.waits_for,
+        "rows": plain(rows),
+        "yields": plain(state.yields[-most:]),
+        "left_out": len(state.stretches) - len(rows),
     }
-
-
-def _diagnostics(state: WellState) -> Table:
-    rows = [
-        {"name": d.name, "level": _LEVEL_WORDS[min(max(d.level, 0), 3)], "message": d.message, "remedy": d.remedy}
-        for d in state.diagnostics[:_MAX_DIAGNOSTICS]
-    ]
-    return {"rows": rows}

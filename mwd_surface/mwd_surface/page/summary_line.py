@@ -20,14 +20,14 @@ def summary_line(sections: Mapping[str, Any]) -> str:
     toolface = sections.get("toolface", {})
     north = attitude.get("north", "")
     rows = sections.get("surveys", {}).get("rows", [])
-    recorder = sections.get("recorder", {})
+    recorder: Mapping[str, Any] = sections.get("recorder") or {"state": "no recorder"}
     parts = [
         f"incl {_angle(attitude.get('inclination'))}",
         f"azi {_angle(attitude.get('azimuth'))}" + (f" {north}" if north else ""),
         f"{'mtf' if toolface.get('mode') == 'magnetic' else 'gtf'} {_angle(toolface.get('angle'), 0)}",
         f"bit {_number(rig.get('bit_depth'))} m",
         f"{len(rows)} survey" + ("" if len(rows) == 1 else "s"),
-        f"{_RECORDER.get(recorder.get('state'), recorder.get('state', 'no recorder'))} {recorder.get('messages', 0)}",
+        f"{_RECORDER.get(recorder['state'], recorder['state'])} {recorder.get('messages', 0)}",
     ]
     return "  ".join(parts)
 

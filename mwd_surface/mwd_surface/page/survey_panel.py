@@ -126,18 +126,15 @@ def _lights(s: Survey, limits: QualityLimits | None) -> list[dict[str, Any]]:
     ]
 
 
-def quality_lights(record: SurveyRecord | None, limits: QualityLimits, north: North = North.UNKNOWN) -> dict[str, Any]:
+def quality_lights(record: SurveyRecord, limits: QualityLimits, north: North = North.UNKNOWN) -> dict[str, Any]:
     """
     Return the quality of a survey: verdicts, totals, and alternative azimuths.
 
     limits: limits of the totals, used if the survey has none. north: north of the azimuths, if possible.
     """
-    if record is None:
-        return {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
     s = record.survey
     line = Line(record, north)
     return {
-        "known": True,
         "lights": _lights(s, limits),
         "verdict": Verdict(s.verdict).name.lower(),
         "verdicts": list(s.verdicts),

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from mwd_sensors.core.unknown import or_none
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.list_files.remark import sentences
@@ -25,9 +26,8 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     for name in ("inclination", "azimuth"):
         value = float(getattr(path, name)[-1]) if beyond else None
         values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
-    against = state.against_plan
     for signal in FROM_PLAN:
-        values[signal.name] = _derived(against.get(signal.field), state.age("offset"), now_ns)
+        values[signal.name] = _derived(getattr(state.offset, signal.field, None), state.age("offset"), now_ns)
     doubt = _doubt(state)
     if doubt is None:
         return values
@@ -54,7 +54,7 @@ def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
     waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
     asked = {signal.name: getattr(control, signal.field) for signal in FROM_CONTROL}
     return {
-        name: waiting if value is None else RigValue(value, Condition.GOOD, now_ns, 0.0)
+        name: RigValue(value, Condition.GOOD, now_ns, 0.0) if value is not None and math.isfinite(value) else waiting
         for name, value in asked.items()
     }
 
@@ -64,7 +64,7 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     advice = state.advice
     slides = advice.mode == AdviceMode.SLIDE
     # While rotating there is no toolface, and the slide ends where it begins.
-    bare = {} if slides else {"advised_toolface": None, "advised_slide_to": advice.from_depth}
+    bare = {} if slides else {"advised_toolface": math.nan, "advised_slide_to": advice.from_depth}
     table = {signal.name: getattr(advice, signal.field) for signal in FROM_ADVICE} | bare
     age = state.age("advice")
     values = {name: _derived(value, age, now_ns) for name, value in table.items()}
@@ -73,7 +73,7 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
         k: v if v.condition == Condition.GOOD else dataclasses.replace(v, reason=reason) for k, v in values.items()
     }
     face = values["advised_toolface"]
-    values["advised_toolface"] = dataclasses.replace(face, sigma=advice.sigma) if slides else face
+    values["advised_toolface"] = dataclasses.replace(face, sigma=or_none(advice.sigma)) if slides else face
     return values
 
 
@@ -95,12 +95,12 @@ def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     values = {name: RigValue(reason=reason) for name, reason in waiting.items()}
     stamp_ns = now_ns - round(since * NANOSECONDS)
     for name, number in (("depth_age", inputs.depth_age), ("depth_difference", inputs.depth_difference)):
-        if number is not None:
+        if math.isfinite(number):
             grown = number + since if name == "depth_age" else number
             values[name] = RigValue(grown, Condition.GOOD, stamp_ns, since)
     clocks = {"sonde_clock_offset": inputs.named(SONDE), "rig_clock_offset": rig_input(inputs)}
     for name, row in clocks.items():
-        if row is not None and row.clock_offset is not None and row.offset_age is not None:
+        if row is not None and math.isfinite(row.clock_offset + row.offset_age):
             age = row.offset_age + since
             values[name] = RigValue(row.clock_offset, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
     return values

@@ -126,7 +126,7 @@ def rig_values(
         heartbeat=int(state.now),
         values=values,
         surveys=tuple(surveys),
-        alarms=state.alarms,
+        alarms=state.alarms.rows,
         well=state.well.name,
         wellbore=state.well.wellbore_name,
         north=state.well.north_reference,

@@ -150,7 +150,7 @@ class Player:
         )
         limit = dict(tables.get(ESTIMATOR, {})).get("attitude.vertical_deg")
         self.well.vertical_limit = None if limit is None else math.radians(float(limit))
-        self.well.live.well_given = SURFACE in tables or self._settings.well != Well()
+        self.well.live.show(clock.now, well_given=SURFACE in tables or self._settings.well != Well())
         self.well.diagnostics.show_well(settings.well)
         planned.show_plan()
         book.show()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversion between ROS messages and the survey list, its path and the advice; records have their own conversion.
+Conversion between ROS messages and the survey list and its path; records have their own conversion.
 
 No ROS code is imported: a message is any object with the fields of its .msg file, and `make` makes one by its name.
 Both sides hold the same SI numbers (`mwd_sensors.core.message_record`).
@@ -13,29 +13,17 @@ from collections.abc import Iterable
 from typing import Any
 
 from mwd_sensors.core.message_record import HEADER, Make, stamp_of, time_message
-from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Decision, Judgement, SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.advice import Advice, AdviceMode
 from mwd_surface.trajectory.plan import Plan, plan_of
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, Definitive
 
 # Numbers of a tie-on, with the same names in Leg.msg and `TieOn`.
 _TIE_ON = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth")
-# Numbers of SteeringAdvice that are None in `Advice` where unknown.
-_MAY_BE_UNKNOWN = (
-    "sigma",
-    "confidence",
-    "from_depth",
-    "slide_to_depth",
-    "to_depth",
-    "dogleg_severity",
-    "motor_yield",
-)
 
 
 def record_of(message: Any) -> SurveyRecord:
@@ -117,22 +105,6 @@ def list_message(surveys: SurveyList, frame_id: str, make: Make) -> Any:
             "plan": make("mwd_msgs/msg/Plan", plan),
             "remarks": _remark_messages(surveys.remarks, make),
         },
-    )
-
-
-def advice_of(message: Any) -> Advice:
-    """Return the Advice of a mwd_msgs/msg/SteeringAdvice."""
-    mode = AdviceMode(message.mode)
-    return Advice(
-        mode=mode,
-        toolface=float(message.toolface) if mode == AdviceMode.SLIDE else None,
-        magnetic=bool(message.toolface_mode),
-        limit=float(message.limit),
-        **{name: or_none(getattr(message, name)) for name in _MAY_BE_UNKNOWN},
-        survey=int(message.survey),
-        stamp_ns=stamp_of(message.header.stamp),
-        source=str(message.source),
-        reason=str(message.reason),
     )
 
 

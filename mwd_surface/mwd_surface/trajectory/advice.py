@@ -14,8 +14,10 @@ import enum
 import math
 import statistics
 from collections.abc import Sequence
+from typing import ClassVar
 
 from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.message_record import MessageRecord
 from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.trajectory.plan import Plan, azimuth_at, nearest, steering_to
@@ -84,53 +86,65 @@ class AdvisorySettings:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class Advice:
+@dataclasses.dataclass(frozen=True, eq=False)
+class Advice(MessageRecord):
     """
-    Advice for the next interval; the fields are those of mwd_msgs/SteeringAdvice.
+    Advice for the next interval, field for field mwd_msgs/SteeringAdvice; NaN if unknown.
 
     Attributes
     ----------
     mode : AdviceMode
-    toolface : float or None
-        Toolface for SLIDE, rad, from the high side, or from north if `magnetic`.
+    toolface : float
+        Toolface for SLIDE, rad, from the high side, or from north if `magnetic`; NaN for any other mode.
+    toolface_mode : int
+        As in mwd_msgs/Toolface: 0 from the high side, 1 from north.
     limit : float
         Allowed deviation of the toolface, rad.
-    sigma, confidence : float or None
+    sigma, confidence : float
         1 sigma of the toolface, rad; probability that the needed direction lies within the limit of the toolface.
-    from_depth, slide_to_depth, to_depth : float or None
+    from_depth, slide_to_depth, to_depth : float
         Measured depths of the bit: start, end of the slide, end of the interval, m.
-    dogleg_severity, motor_yield : float or None
+    valid_for : float
+        Time after the stamp for which it holds, s; NaN: until the interval is drilled.
+    dogleg_severity, motor_yield : float
         Dogleg severity needed, and dogleg per metre slid, rad/m.
     survey, stamp_ns
         Number and stamp of the survey on which the advice is based, or 0.
     """
 
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/SteeringAdvice"
+
     mode: AdviceMode = AdviceMode.NONE
-    toolface: float | None = None
-    magnetic: bool = False
+    toolface: float = math.nan
+    toolface_mode: int = 0
     limit: float = 0.0
-    sigma: float | None = None
-    confidence: float | None = None
-    from_depth: float | None = None
-    slide_to_depth: float | None = None
-    to_depth: float | None = None
-    dogleg_severity: float | None = None
-    motor_yield: float | None = None
+    sigma: float = math.nan
+    confidence: float = math.nan
+    from_depth: float = math.nan
+    slide_to_depth: float = math.nan
+    to_depth: float = math.nan
+    valid_for: float = math.nan
+    dogleg_severity: float = math.nan
+    motor_yield: float = math.nan
     survey: int = 0
     stamp_ns: int = 0
     source: str = ""
     reason: str = ""
 
+    @property
+    def magnetic(self) -> bool:
+        """Whether the toolface counts from north."""
+        return self.toolface_mode == 1
+
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """Basis of an advice: survey number and stamp, its sigmas, rad or None; magnetic: the kind of toolface."""
+    """Basis of an advice: survey number and stamp, its sigmas, rad, NaN if unknown; magnetic: the kind of toolface."""
 
     survey: int = 0
     stamp_ns: int = 0
-    sigma_inclination: float | None = None
-    sigma_azimuth: float | None = None
+    sigma_inclination: float = math.nan
+    sigma_azimuth: float = math.nan
     magnetic: bool = False
 
 
@@ -149,7 +163,9 @@ def advise(
     path: path to the bit if the bit depth is known. yields: from the slide sheet, deepest last.
     """
     limit = math.radians(settings.limit_deg)
-    base = Advice(limit=limit, magnetic=known.magnetic, survey=known.survey, stamp_ns=known.stamp_ns, source="plan")
+    base = Advice(
+        limit=limit, toolface_mode=int(known.magnetic), survey=known.survey, stamp_ns=known.stamp_ns, source="plan"
+    )
     if settings.toolface_deg >= 0.0:
         wanted = math.radians(settings.toolface_deg) % math.tau
         said = "set by hand"
@@ -206,21 +222,19 @@ def _to_plan(
         # Near the vertical the high side rotates with the azimuth; the toolface from north is their sum.
         toolface=(arc.toolface + (azimuth_at(inclination, azimuth) if known.magnetic else 0.0)) % math.tau,
         sigma=sigma,
-        confidence=None if sigma is None else math.erf(base.limit / (math.sqrt(2.0) * max(sigma, 1e-12))),
+        confidence=math.erf(base.limit / (math.sqrt(2.0) * max(sigma, 1e-12))),
         slide_to_depth=depth + min(slide, interval),
         reason=f"{needs}; {words}",
     )
 
 
-def _toolface_sigma(toolface: float, inclination: float, turn: float, known: Known) -> float | None:
+def _toolface_sigma(toolface: float, inclination: float, turn: float, known: Known) -> float:
     """
-    Return 1 sigma of the steering direction, rad, from the sigmas of the survey; None if they are unknown.
+    Return 1 sigma of the steering direction, rad, from the sigmas of the survey; NaN if they are unknown.
 
     turn: angle from the hole direction to the direction of the target, rad. A survey error across the steering plane
     rotates that plane by the error divided by the turn.
     """
-    if known.sigma_inclination is None or known.sigma_azimuth is None:
-        return None
     along_high = math.sin(toolface) * known.sigma_inclination
     along_right = math.cos(toolface) * known.sigma_azimuth * math.sin(inclination)
     return min(math.hypot(along_high, along_right) / max(turn, 1e-12), math.pi)

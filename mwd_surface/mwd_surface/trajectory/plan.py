@@ -101,6 +101,7 @@ class Offset:
     distance: to the nearest point of the plan, m. plan_md: measured depth of that point, m. up, right: from the plan to
     the point, in the plane across the plan, m. horizontal: distance in the map, m. vertical: below the plan (+), m.
     toolface: direction from the well to the plan, across the hole, from its high side, rad; this toolface steers back.
+    dogleg_to_target: dogleg severity of the arc that hits the target of the plan, rad/m; NaN if no arc does.
     """
 
     distance: float
@@ -110,6 +111,7 @@ class Offset:
     horizontal: float
     vertical: float
     toolface: float
+    dogleg_to_target: float = math.nan
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,17 +197,17 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
     )
 
 
-def offset_of_end(plan: Plan | None, path: Definitive) -> tuple[Offset | None, float | None]:
-    """Return the offset of a path's end from the plan, and the dogleg severity to the target, rad/m, if possible."""
+def offset_of_end(plan: Plan | None, path: Definitive) -> Offset | None:
+    """Return the offset of a path's end from the plan; None without a plan or a survey."""
     if plan is None or len(path.md) < 2:
-        return None, None
+        return None
     end = path.positions[-1], float(path.inclination[-1]), float(path.azimuth[-1])
     try:
-        dogleg: float | None = steering_to(*end, plan.target).dogleg_severity
+        dogleg = steering_to(*end, plan.target).dogleg_severity
     except ValueError:
         # The target is reached or lies behind the bit, so no arc leads there.
-        dogleg = None
-    return offset_from(plan, *end), dogleg
+        dogleg = math.nan
+    return dataclasses.replace(offset_from(plan, *end), dogleg_to_target=dogleg)
 
 
 def nearest(plan: Plan, point: ArrayLike) -> float:

@@ -9,7 +9,7 @@ READY = {"estimator": "preparing the filters\nthe filters are ready\n", "surface
 
 
 def page(message):
-    return {"findings": {"rows": [{"name": "well_1/estimator: lifecycle", "message": message}]}}
+    return {"diagnostics": {"rows": [{"name": "well_1/estimator: lifecycle", "message": message}]}}
 
 
 def test_nothing_is_missing_once_the_estimator_is_active():
@@ -21,7 +21,7 @@ def test_nothing_is_missing_once_the_estimator_is_active():
     [
         ({}, {}, "its page does not answer"),
         ({}, {"estimator": "preparing the filters; the first time ..."}, "is compiling its filters"),
-        ({"findings": {"rows": []}}, READY, "receives nothing from the estimator"),
+        ({"diagnostics": {"rows": []}}, READY, "receives nothing from the estimator"),
         (page("inactive"), READY, "the estimator is inactive"),
     ],
 )

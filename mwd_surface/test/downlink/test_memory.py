@@ -10,7 +10,7 @@ from mwd_surface.downlink.machine import Machine
 from mwd_surface.downlink.memory import Kept, Memory
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.status import DownlinkStatus
-from mwd_surface.page.downlink_table import downlink_table
+from mwd_surface.page.plain import plain
 
 TOOL = ToolConfiguration(downlink=Downlink(pulse_widths_s=(0.3, 0.5)))
 
@@ -54,13 +54,12 @@ def test_a_file_that_cannot_be_read_says_what_to_do(tmp_path, text):
 
 
 def test_the_page_shows_the_command_its_programme_and_what_can_be_sent():
-    assert downlink_table(None) == {"known": False}
     machine = Machine(TOOL, DownlinkSettings())
-    table = downlink_table(DownlinkStatus.of(machine, 0.0))
+    table = plain(DownlinkStatus.of(machine, 0.0))
     assert (table["state"], table["base"]) == ("idle", None)
     assert ["pulse_width", [0.3, 0.5]] in table["choices"]
     machine.draft("pulse_width", 0.5, "Ann", 1.0)
-    table = downlink_table(DownlinkStatus.of(machine, 1.0))
+    table = plain(DownlinkStatus.of(machine, 1.0))
     assert (table["state"], table["about"], table["requested_by"]) == ("draft", "pulse width 0.5 s", "Ann")
     assert (table["symbols"], table["symbol"]) == (12, 0)
     assert table["remaining"] == pytest.approx(machine.programme.duration_s)

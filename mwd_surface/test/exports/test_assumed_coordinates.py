@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from mwd_surface.exports.export import FORMATS
+from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.export_witsml import NAMESPACE
 from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.report_plots import plan_view, section_view
@@ -26,6 +27,7 @@ from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import nothing_yet, survey_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
+from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.survey_list import OF_START, SurveyList
@@ -92,6 +94,18 @@ def test_path_csv_flags_it_too():
     for tie_on, words in ((UNTIED, {"assumed"}), (GIVEN, {""})):
         rows = csv.DictReader(io.StringIO(path_csv(example.table(tie_on=tie_on))))
         assert {row["coordinates"] for row in rows} == words
+
+
+def test_path_csv_has_the_numbers_of_the_definitive_survey_under_the_same_names_with_more_digits():
+    table = example.table()
+    exact = list(csv.DictReader(io.StringIO(path_csv(table))))
+    printed = definitive_csv(table).splitlines()
+    printed = list(csv.DictReader(line for line in printed if not line.startswith("#")))
+    for signal, listed in LISTED:
+        for one, other in zip(exact, printed, strict=True):
+            assert (one[listed.key] == "") == (other[listed.key] == ""), signal.name
+            if one[listed.key]:
+                assert abs(float(one[listed.key]) - float(other[listed.key])) <= 0.5001 * 10.0**-listed.decimals
 
 
 def test_the_hole_above_an_untied_survey_is_drawn_in_a_line_of_its_own():

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.live.well_clock import WellClock
+from mwd_surface.live.well_state import WellState
 
 FIELD = {"total": "5.1e-05", "dip": "1.2", "declination": "0.05", "convergence": "0.0", "gravity": "9.81"}
 
@@ -18,11 +19,12 @@ FIELD = {"total": "5.1e-05", "dip": "1.2", "declination": "0.05", "convergence":
 def monitor():
     """A monitor, and what it shows of fields and progress."""
     fields, progress = [], []
-    live = SimpleNamespace(
-        over_link=False,
-        on_well=lambda _well, _now, reference: fields.append(reference),
-        on_survey_progress=lambda shown, _now: progress.append(shown),
-    )
+
+    def show(_now, **parts):
+        fields.extend([parts["reference_given"]] if "reference_given" in parts else [])
+        progress.extend([parts["survey_progress"]] if "survey_progress" in parts else [])
+
+    live = SimpleNamespace(parts=WellState(over_link=False), show=show)
     context = SimpleNamespace(clock=WellClock(10**18), live=live, alarm_log=None)
     return DiagnosticsMonitor(context, "/w/surface"), fields, progress
 

@@ -6,12 +6,12 @@ import dataclasses
 import pytest
 
 from mwd_sensors.core.settings import SettingsError, from_mapping
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.streams import LiveStreams
 
 
 def test_every_stream_has_its_period_and_every_period_its_stream():
-    links = LiveStreams().streams(0.0)
+    links = LiveState().streams(0.0)
     periods = {f.name.removesuffix("_period") for f in dataclasses.fields(LiveSettings) if f.name.endswith("_period")}
     assert periods == set(links)
     for name, link in links.items():

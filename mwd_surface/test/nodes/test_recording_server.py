@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.live.alarms import AlarmBook
+from mwd_surface.live.well_state import WellState
 from mwd_surface.nodes.recording_server import RecordingServer
 from mwd_surface.nodes.settings import RecordSettings
 
@@ -22,7 +23,9 @@ def server(folder, name="", **recorder):
     )
     node = SimpleNamespace(resolve_topic_name=lambda topic: f"/{topic}")
     settings = SimpleNamespace(record=RecordSettings(name=name), recorder=RecorderSettings(**recorder))
-    context = SimpleNamespace(node=node, folder=folder, live=SimpleNamespace(over_link=False), alarm_log=alarm_log)
+    context = SimpleNamespace(
+        node=node, folder=folder, live=SimpleNamespace(parts=WellState(over_link=False)), alarm_log=alarm_log
+    )
     return RecordingServer(context, settings, tables=dict, attachments=tuple, on_start=lambda: None), book
 
 

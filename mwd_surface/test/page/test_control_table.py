@@ -18,16 +18,16 @@ def sections(state):
 def test_before_anybody_asks_the_driller_has_the_rig():
     table = sections(LiveState().at(1.0))
     assert (table["control"]["enabled"], table["control"]["state"]) == (False, "driller")
-    assert table["control"]["achieved_speed"] is None
+    assert table["control"]["achieved"]["speed"] is None
     assert table["advice"]["mode"] == "none"
 
 
 def test_owner_set_point_and_what_the_rig_does_are_shown():
     shown = sections(live().at(NOW))["control"]
     status = control(NOW)
-    assert (shown["owner"], shown["state"], shown["asked"]) == ("modbus 5", "controller", "rotate")
-    assert shown["speed"] == pytest.approx(status.rotary_speed, rel=1e-9)
-    assert shown["acknowledged"] is True
+    assert (shown["owner"], shown["state"], shown["mode"]) == ("modbus 5", "controller", "rotate")
+    assert shown["asked_speed"] == pytest.approx(status.rotary_speed, rel=1e-9)
+    assert shown["acknowledged"] == status.acknowledged > 0
     assert shown["reactions"]["controller_lost_sliding"] == "hold"
 
 

@@ -14,9 +14,10 @@ from mwd_surface.live.link_state import (
     LinkFrameState,
     LinkStatus,
     LinkWordState,
+    WordStatus,
 )
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.page.link_table import link_table
+from mwd_surface.page.plain import plain
 from mwd_surface.page.state_feed import dumps
 from mwd_surface.page.state_json import StateJson
 
@@ -29,13 +30,15 @@ QUALITY = LinkStatus(
 
 def word(place, frame=0, kind=SURVEY, status=0, revision=0, raw_confidence=0.99):
     return LinkWordState(
-        *(f"W{place}", 1.0, 0.01, "rad", raw_confidence, status, kind, frame, place, revision, 10, 20, (0.5, 1.0))
+        *(f"W{place}", 1.0, 0.01, "rad", raw_confidence, WordStatus(status), kind, frame, place, revision),
+        start_ns=10,
+        stamp_ns=20,
+        pulses=(0.5, 1.0),
     )
 
 
 def test_without_a_link_there_is_none_to_show():
-    assert link_table(None) == {"known": False}
-    assert StateJson().snapshot(LiveState().at(1.0))["sections"]["link"]["known"] is False
+    assert StateJson().snapshot(LiveState().at(1.0))["sections"]["link"] is None
 
 
 def test_a_survey_fills_word_by_word_and_a_final_word_replaces_the_provisional_one():
@@ -43,13 +46,13 @@ def test_a_survey_fills_word_by_word_and_a_final_word_replaces_the_provisional_o
     for place in (0, 1):
         collector.on_word(word(place))
     collector.on_word(word(0, status=1, revision=1))
-    table = link_table(collector.status(QUALITY))
+    table = plain(collector.status(QUALITY))
     assert [(one["name"], one["status"], one["final"]) for one in table["survey"]] == [
         ("W0", "erased", True),
         ("W1", "believed", False),
     ]
     collector.on_word(word(0, frame=4))
-    assert [one["name"] for one in link_table(collector.status(QUALITY))["survey"]] == ["W0"]
+    assert [one["name"] for one in plain(collector.status(QUALITY))["survey"]] == ["W0"]
 
 
 def test_toolface_words_do_not_end_the_survey_shown():
@@ -64,7 +67,7 @@ def test_toolface_words_do_not_end_the_survey_shown():
 def test_what_is_unknown_is_none_and_the_state_is_said_in_words():
     unknown = dict.fromkeys(("ebn0_db", "margin_db", "clock_error", "goodput"), math.nan)
     quiet = dataclasses.replace(QUALITY, state=NO_FLOW, reason="the pumps are off", **unknown)
-    table = link_table(quiet)
+    table = plain(quiet)
     assert (table["state"], table["reason"]) == ("no flow", "the pumps are off")
     assert table["margin_db"] is None
     assert table["goodput"] is None
@@ -76,7 +79,7 @@ def test_each_link_in_use_is_named_with_its_own_words():
     collector = LinkCollector()
     collector.on_word(word(0))
     second = dataclasses.replace(collector.status(QUALITY), link="em", state=NO_FLOW)
-    table = link_table(dataclasses.replace(QUALITY, others=(second,)))
+    table = plain(dataclasses.replace(QUALITY, others=(second,)))
     assert (table["name"], table["words"]) == ("mud pulse", [])
     assert [(one["name"], one["state"], len(one["words"])) for one in table["others"]] == [("em", "no flow", 1)]
 

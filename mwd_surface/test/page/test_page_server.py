@@ -734,12 +734,12 @@ def test_pushing_is_cheap_safe_from_any_thread_and_allowed_before_start_and_afte
 
 def test_names_with_markup_travel_as_text():
     state = ShownState()
-    state.on_diagnostics([NodeDiagnostic("<script>alert(1)</script>", 1, "</script>")], 0.0)
+    state.show(0.0, diagnostics=(NodeDiagnostic("<script>alert(1)</script>", 1, "</script>"),))
     with running() as server:
         server.push(state.snapshot(0.0))
         status, body, headers = ask(server, "/state.json")
         assert (status, headers["Content-Type"].split(";")[0]) == (200, "application/json")
-        assert json.loads(body)["sections"]["findings"]["rows"][0]["name"] == "<script>alert(1)</script>"
+        assert json.loads(body)["sections"]["diagnostics"]["rows"][0]["name"] == "<script>alert(1)</script>"
 
 
 def test_garbage_instead_of_http_and_half_closed_sockets_do_no_harm():

@@ -91,8 +91,8 @@ def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
             assert sections["well"]["sensor_to_bit"] == 3.0
             assert sections["plan"]["name"] == "straight"
             assert sections["path"]["measured_depth"][-1] == pytest.approx(deepest(recorded[1], at))
-            assert sections["offset"]["known"]
-            assert sections["links"]["sonde"]["state"] == "live"
+            assert sections["offset"]["up"] is not None
+            assert sections["streams"]["sonde"]["state"] == "live"
 
 
 def test_a_recording_without_settings_says_that_the_well_is_assumed_and_what_is_not_evaluated(recorded, tmp_path):

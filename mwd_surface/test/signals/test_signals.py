@@ -133,8 +133,7 @@ NEW = (
         "modbus": "80",
         "wits": "0899 BLKH 1",
         "reads": "0199",
-        "page": "rig.block_height",
-        "field": "block_position",
+        "page": "rig.block_position",
         "series": "block_height_m 2",
     },
     {
@@ -168,7 +167,8 @@ from mwd_surface.rig.wits.records import RECORD_1, RecordWriter, Wits0Format
 values, listed = example_rig.values(), survey_table.survey_table(example_surveys.surveys(), 1)
 sections = StateJson().snapshot(example_rig.live().at(example_rig.NOW))["sections"]
 print(json.dumps({
-    "page": [sections["rig"]["block_height"]["value"], sections["path"]["walk_rate"] == sections["path"]["turn_rate"]],
+    "page": [sections["rig"]["block_position"]["value"], sections["path"]["walk_rate"]],
+    "turn": sections["path"]["turn_rate"],
     "opcua": [variable_values(values)[name].value for name in ("BlockHeight", "WalkRate", "TurnRate")],
     "dwis": [v["VariableID"] for v in manifest()["ProvidedVariables"]],
     "modbus": registers.FLOATS[80],
@@ -195,7 +195,7 @@ def test_a_new_row_appears_on_page_and_in_every_protocol_and_file(tmp_path):
     done = subprocess.run(words, cwd=here, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     got = json.loads(done.stdout)
-    assert got["page"] == [12.0, True]
+    assert got["page"] == [12.0, got["turn"]]
     assert got["opcua"][0] == 12.0
     assert got["opcua"][1] == got["opcua"][2] != 0.0
     assert {"BlockHeight", "WalkRate"} <= set(got["dwis"])

@@ -192,7 +192,7 @@ class Recorder:
         return RecorderStatus(
             state=session.state if session else RecorderState.STOPPED,
             reason=session.reason if session else "",
-            path=session.writer.path if session else None,
+            path=str(session.writer.path) if session else "",
             messages=session.writer.messages if session else 0,
             bytes=session.writer.bytes_written if session else 0,
             dropped=session.lost if session else 0,
@@ -200,7 +200,7 @@ class Recorder:
             queued_bytes=self._queue.waiting_bytes,
             queue_limit=self._queue.limit,
             free_bytes=session.free if session else self._free,
-            duration_s=now - session.began if session else 0.0,
+            duration=now - session.began if session else 0.0,
             files=len(session.writer.files) + int(session.writing) if session else 0,
             unsaved_s=now - waiting if waiting is not None else 0.0,
             recovered=tuple(self._recovery.reports),

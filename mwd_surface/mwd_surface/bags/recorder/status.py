@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from pathlib import Path
+import math
+from typing import ClassVar
 
+from mwd_sensors.core.message_record import MessageRecord
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
@@ -44,28 +46,28 @@ class RecorderEvent:
     text: str
 
 
-@dataclasses.dataclass(frozen=True)
-class RecorderStatus:
+@dataclasses.dataclass(frozen=True, eq=False)
+class RecorderStatus(MessageRecord):
     """
-    Status of the recorder.
+    Status of the recorder; what is sent is field for field mwd_msgs/RecorderStatus.
 
     Attributes
     ----------
     state : RecorderState
     reason : str
         Reason of a pause or failure; otherwise empty.
-    path : Path or None
-        Folder of the current recording.
+    path : str
+        Folder of the current recording; empty if there is none.
     messages, bytes : int
         Messages written in this recording, and their bytes on disk.
     dropped : int
         Messages received since the recording began but not written because the queue or the disk was full.
-    queued_messages, queued_bytes, queue_limit : int
-        Messages and bytes waiting to be written, and the limit in bytes.
     free_bytes : float
         Free bytes on the disk; NaN if unknown.
-    duration_s : float
+    duration : float
         Time since the recording began, s.
+    queued_messages, queued_bytes, queue_limit : int
+        Messages and bytes waiting to be written, and the limit in bytes.
     files : int
         Number of files of this recording.
     unsaved_s : float
@@ -74,17 +76,22 @@ class RecorderStatus:
         Files of earlier recordings recovered at this start.
     """
 
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/RecorderStatus"
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset(
+        {"queued_messages", "queued_bytes", "queue_limit", "files", "unsaved_s", "recovered"}
+    )
+
     state: RecorderState
-    reason: str
-    path: Path | None
-    messages: int
-    bytes: int
-    dropped: int
-    queued_messages: int
-    queued_bytes: int
-    queue_limit: int
-    free_bytes: float
-    duration_s: float
-    files: int
-    unsaved_s: float
-    recovered: tuple[RecoveryReport, ...]
+    reason: str = ""
+    path: str = ""
+    messages: int = 0
+    bytes: int = 0
+    dropped: int = 0
+    free_bytes: float = math.nan
+    duration: float = 0.0
+    queued_messages: int = 0
+    queued_bytes: int = 0
+    queue_limit: int = 0
+    files: int = 0
+    unsaved_s: float = 0.0
+    recovered: tuple[RecoveryReport, ...] = ()

@@ -126,7 +126,7 @@ export class Connection {
     this.server = message.server;
     if (whole) this.sections = {};
     for (const [name, section] of Object.entries(message.sections)) {
-      this.sections[name] = "whole" in section ? this.joined(name, section) : section;
+      this.sections[name] = section && "whole" in section ? this.joined(name, section) : section;
     }
     this.onChange(whole ? null : new Set(Object.keys(message.sections)));
   }

@@ -10,14 +10,14 @@ const facts = (rows) => el("dl", { class: "facts" }, rows.map(([name, text]) => 
 const value = (kind, v) => (v === null ? "–" : `${units.number(kind, v)}${units.after(kind)}`);
 
 function asked(control) {
-  if (control.speed !== null) return `${control.asked} at ${value("rotation", control.speed)}`;
-  if (control.turn !== null) return `${control.asked}: ${value("coarse_angle", control.turn)}`;
-  return control.asked;
+  if (control.asked_speed !== null) return `${control.mode} at ${value("rotation", control.asked_speed)}`;
+  if (control.asked_turn !== null) return `${control.mode}: ${value("coarse_angle", control.asked_turn)}`;
+  return control.mode;
 }
 
 function buttons(control, judge) {
   if (!control.enabled) return [];
-  const button = (id, text, decision, on) => el("button", { type: "button", id, disabled: !(judge && on), onclick: () => judge(decision, control.pending_number) }, text);
+  const button = (id, text, decision, on) => el("button", { type: "button", id, disabled: !(judge && on), onclick: () => judge(decision, control.pending) }, text);
   const held = control.state === "controller" || control.state === "fault";
   return [el("div", { class: "buttons" },
     button("grant-control", "Grant", GRANT, control.pending), button("deny-control", "Deny", DENY, control.pending),
@@ -29,13 +29,13 @@ function controlPart(control) {
   if (!control.enabled) return [el("p", { class: "empty" }, `The driller has the rig: ${control.reason || "control is switched off (control.enabled)."}`)];
   return [
     el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),
-    control.pending ? el("p", { class: "headline" }, `${control.pending} asks for control (request ${control.pending_number}), ${control.pending_reason}.`) : "",
+    control.pending ? el("p", { class: "headline" }, `${control.pending_controller} asks for control (request ${control.pending}), ${control.pending_reason}.`) : "",
     control.reason ? el("p", {}, control.reason) : "",
     control.refusal ? el("p", { class: "headline" }, control.refusal) : "",
     facts([
-      ["Commanded", `${asked(control)}${control.acknowledged ? ", acknowledged" : ""}`],
-      ["Top drive actual", `${value("rotation", control.achieved_speed)}, ${value("torque", control.achieved_torque)}`],
-      ["Flow commanded, actual", `${control.flow === null ? "the driller's" : value("flow", control.flow)}, ${value("flow", control.achieved_flow)}`],
+      ["Commanded", `${asked(control)}${control.sequence && control.acknowledged === control.sequence ? ", acknowledged" : ""}`],
+      ["Top drive actual", `${value("rotation", control.achieved.speed)}, ${value("torque", control.achieved.torque)}`],
+      ["Flow commanded, actual", `${control.flow_rate === null ? "the driller's" : value("flow", control.flow_rate)}, ${value("flow", control.achieved.flow)}`],
       ["If the controller dies", `sliding: ${control.reactions.controller_lost_sliding}, rotating: ${control.reactions.controller_lost_rotating}`],
       ["If the MWD dies", `sliding: ${control.reactions.mwd_lost_sliding}, rotating: ${control.reactions.mwd_lost_rotating}`],
     ]),
@@ -73,5 +73,5 @@ export function showControl(place, control, advice, judge) {
   if (advice) keep(next.children[1], JSON.stringify([advice, units.isField()]), () => advicePart(advice));
   if (!control) return;
   keep(rig.children[1], JSON.stringify([control, units.isField()]), () => controlPart(control));
-  keep(rig.children[2], JSON.stringify([control.enabled, control.state, control.pending_number, judge !== null]), () => buttons(control, judge));
+  keep(rig.children[2], JSON.stringify([control.enabled, control.state, control.pending, judge !== null]), () => buttons(control, judge));
 }

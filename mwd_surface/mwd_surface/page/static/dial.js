@@ -93,7 +93,7 @@ export class Dial {
     }
   }
 
-  show(toolface, quill, now, silent, wordAge) {
+  show({ toolface, attitude, quill }, now, silent, wordAge) {
     if (!toolface) return;
     this.showAge(wordAge);
     this.showQuill(quill, now, silent);
@@ -106,7 +106,7 @@ export class Dial {
     mark(this.svg, "data-rotating", toolface.rotating && state === "live" ? "yes" : "no");
     this.showAdvisory(toolface, state);
     this.showReadings(toolface.readings, now);
-    const words = gravity ? "GTF · high side up" : `MTF · ${toolface.north || "unnamed"} north up`;
+    const words = gravity ? "GTF · high side up" : `MTF · ${attitude?.north || "unnamed"} north up`;
     setText(this.mode, gravity ? "GTF" : "MTF");
     if (state === "none") {
       setText(this.number, "no data");
@@ -157,10 +157,10 @@ export class Dial {
 
   // Second pointer with the angle of the top drive from the rig: hollow, outside the ring, hidden when the angle is too old.
   showQuill(quill, now, silent) {
-    const known = quill && quill.angle !== null && quill.since !== null && !silent && now - quill.since <= QUILL_LASTS;
+    const known = quill && !silent && now - quill.since <= QUILL_LASTS;
     mark(this.quill, "visibility", known ? "visible" : "hidden");
-    this.quillText = known ? `▽ quill ${units.bearing(quill.angle, 0)}°` : "";
-    if (known) mark(this.quill, "transform", `rotate(${((quill.angle * 180) / Math.PI).toFixed(1)} 200 200)`);
+    this.quillText = known ? `▽ quill ${units.bearing(quill.value, 0)}°` : "";
+    if (known) mark(this.quill, "transform", `rotate(${((quill.value * 180) / Math.PI).toFixed(1)} 200 200)`);
   }
 
   // Put the newest reading on the outer ring; round marks are gravity, square ones magnetic toolfaces.

@@ -16,10 +16,10 @@ const decide = (word, number) => () => act("decide_downlink", { decision: DECISI
 
 export function showDownlink(table, server) {
   const place = byId("downlink");
-  place.hidden = !table?.known;
-  if (!table?.known) return;
+  place.hidden = !table;
+  if (!table) return;
   const may = mayCommand(server);
-  const key = JSON.stringify([table, may]);
+  const key = JSON.stringify([table, may, units.isField()]);
   // Do not replace a list while it is open.
   if (key === place.dataset.key || place.contains(document.activeElement) && document.activeElement.tagName === "SELECT") return;
   place.dataset.key = key;
@@ -32,7 +32,7 @@ export function showDownlink(table, server) {
 }
 
 function say(table) {
-  const running = table.state === "running" ? `symbol ${table.symbol} of ${table.symbols}, ${units.age(table.remaining)} left, ${table.medium} ${table.set_point?.toFixed(0)} ${table.unit} of ${table.base?.toFixed(0)}` : "";
+  const running = table.state === "running" ? `symbol ${table.symbol} of ${table.symbols}, ${units.age(table.remaining)} left, ${table.medium} ${units.number(table.medium, table.set_point)}${units.after(table.medium)} of ${units.number(table.medium, table.base)}` : "";
   const who = [table.requested_by && `asked by ${table.requested_by}`, table.decided_by && `decided by ${table.decided_by}`].filter(Boolean).join(", ");
   return [table.reason || "No command was sent yet.", running, who].filter(Boolean).join(" \u00b7 ");
 }

@@ -36,9 +36,9 @@ function timeIn(zone, at) {
 }
 
 export function showWell(well) {
-  setText(byId("well-name"), well.wellbore || well.name);
+  setText(byId("well-name"), well.wellbore_name || well.name);
   const angle = (v) => (v === null ? "not given" : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
-  const { field_declination: declination, field_convergence: convergence } = well;
+  const { declination, convergence, source } = well.field;
   const total = {
     grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
   }[well.north_reference];
@@ -51,13 +51,13 @@ export function showWell(well) {
     `decl. ${angle(declination)}`,
     `conv. ${angle(convergence)}`,
     `total correction ${angle(total)}`,
-    `field ${well.field_source || "not given"}`,
+    `field ${source || "not given"}`,
   ].join(" · "));
-  document.title = `${well.wellbore || well.name} · MWD`;
+  document.title = `${well.wellbore_name || well.name} · MWD`;
 }
 
 export function showTitle(well) {
-  document.title = `${well?.wellbore || "Well"} · MWD`;
+  document.title = `${well?.wellbore_name || "Well"} · MWD`;
 }
 
 function pillTo(select, [tabName, kind, text]) {
@@ -90,19 +90,19 @@ function telemetryPill(link, now) {
   return ["link", kind, `${link.name}: ${words}`];
 }
 
-function linkPills(links, now, silent, link) {
-  const stream = (name) => stateOfStream(links[name], now, silent);
+function linkPills(streams, now, silent, link) {
+  const stream = (name) => stateOfStream(streams[name], now, silent);
   // Over a link, no data come directly from the sonde.
   const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
-  const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - links[name].at)}`}`;
+  const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - streams[name].at)}`}`;
   if (silent) return [["system", "reject", "link lost"]];
   const pills = down.map((name) => ["system", "doubtful", word(name)]);
   if (link) return [...pills, telemetryPill(link, now)];
   return pills.length ? pills : [["system", "good", "link"]];
 }
 
-function recorderPill(recorder, now, silent) {
-  if (recorder.since === null || silent || now - recorder.since > recorder.stale_after) return ["system", "stale", "recorder no data"];
+function recorderPill(recorder, live) {
+  if (!recorder || !live) return ["system", "stale", "recorder no data"];
   const kind = { recording: recorder.dropped ? "doubtful" : "good", stopped: "idle" }[recorder.state] || "reject";
   const word = recorder.state === "recording" ? "recording" : `recorder ${recorder.state}`;
   return ["system", kind, `${word}${recorder.dropped ? `, ${recorder.dropped} dropped` : ""}`];
@@ -110,10 +110,10 @@ function recorderPill(recorder, now, silent) {
 
 // Show the states of tool and rig only while they are reported.
 export function showPills(sections, now, silent, select, replayed) {
-  const { links, recorder, attitude, rig } = sections;
+  const { streams, recorder, attitude, rig } = sections;
   const list = [];
-  const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
-  if (links) list.push(...linkPills(links, now, silent, sections.link?.known ? sections.link : null));
+  const alive = (name) => streams && stateOfStream(streams[name], now, silent) === "live";
+  if (streams) list.push(...linkPills(streams, now, silent, sections.link));
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
@@ -130,7 +130,7 @@ export function showPills(sections, now, silent, select, replayed) {
   const rank = (kind) => ["reject", "doubtful", "stale"].indexOf(kind) + 1 || 9;
   list.sort((a, b) => rank(a[1]) - rank(b[1]));
   // Hide the recorder state while a recording is played.
-  if (recorder && !replayed) list.unshift(recorderPill(recorder, now, silent));
+  if (streams && !replayed) list.unshift(recorderPill(recorder, alive("recorder")));
   const text = JSON.stringify(list);
   if (text === pillsText) return;
   const held = [...byId("pills").children].indexOf(document.activeElement);
@@ -169,7 +169,7 @@ export function showAlarmStrip({ alarms }, now) {
   setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${first.severity_word.toUpperCase()}: ${first.text}` : none);
   setText(remedy, first?.active ? first.remedy : first ? `gone, not yet acknowledged: ${rows.map((a) => a.text).join("; ")}` : "");
   setText(age, first?.active ? [
-    first.raised_at === null ? `since ${units.clock(first.raised_ns)} UTC` : `for ${units.age(Math.max(0, now - first.raised_at))}`,
+    alarms.epoch === null ? `since ${units.clock(first.raised_ns)} UTC` : `for ${units.age(Math.max(0, now + alarms.epoch - first.raised_ns / 1e9))}`,
     first.acknowledged ? "acknowledged" : "", rows.length > 1 ? `+ ${rows.length - 1} more` : "",
   ].filter(Boolean).join(" · ") : "");
 }

@@ -7,6 +7,7 @@ const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "no flo
 const UNITS = { rad: "angle", T: "field" };
 const SAYS = { locked: "Words arrive", searching: "No words yet", "no flow": "No mud flows: the tool is silent", doubtful: "Words are doubtful", "no pressure": "No pressure arrives" };
 const HARMONICS = [1, 2, 3, 6];
+const MOST_PASSES = 12; // shown
 
 function valueText(word) {
   if (word.unit === "rad") return `${units.number("angle", word.value)}°`;
@@ -31,8 +32,8 @@ const margin = (link) => (link.margin_db === null ? "" : `margin ${link.margin_d
 // State, margin, present pass, and words of the last survey.
 export function showLinkStrip(link, since) {
   const place = byId("link-strip");
-  place.hidden = !link?.known;
-  if (!link?.known) return;
+  place.hidden = !link;
+  if (!link) return;
   const running = link.words_expected ? `${link.mode} ${link.words_done} of ${link.words_expected}` : "";
   const old = link.survey_age === null ? "" : `survey ${units.age(link.survey_age + since)} old`;
   const key = JSON.stringify([link.state, link.reason, link.margin_db, running, old, link.survey, link.others.map((one) => [one.name, one.state])]);
@@ -48,7 +49,7 @@ export function showLinkStrip(link, since) {
 // overLink: false if the tool is connected directly; null or true if no link state has come yet.
 export function showLink(link, overLink) {
   const place = byId("link-body");
-  if (!link?.known) {
+  if (!link) {
     place.replaceChildren(el("p", { class: "empty" }, overLink === false ? "The tool is connected directly: there is no telemetry link to show." : "No telemetry link has reported yet."));
     return;
   }
@@ -86,21 +87,21 @@ function figures(link) {
     ["believed bits", link.goodput === null ? "none yet" : `${link.goodput.toFixed(2)} /s`],
     ["words expected wrong", link.word_error === null ? "not known" : `${(100 * link.word_error).toFixed(1)} %`],
     ["tool clock", link.clock_error === null ? "not known" : `${(100 * link.clock_error).toFixed(3)} %`],
-    ["pumps", link.pumps_hz.length ? link.pumps_hz.map((hz) => `${(60 * hz).toFixed(1)} /min`).join(", ") : "not counted"],
+    ["pumps", link.strokes.length ? link.strokes.map((hz) => `${(60 * hz).toFixed(1)} /min`).join(", ") : "not counted"],
   ];
   return el("table", { class: "link-figures" }, el("tbody", {}, rows.map(([name, text]) => el("tr", {}, el("th", { scope: "row" }, name), el("td", {}, text)))));
 }
 
 function passes(link) {
-  const rows = [...link.frames].reverse().map((frame) => el("tr", {}, [
-    units.clock(frame.start_ns), frame.kind, `${frame.believed} of ${frame.words}`, frame.ebn0_db.toFixed(1), frame.reason || "complete",
+  const rows = link.frames.slice(-MOST_PASSES).reverse().map((frame) => el("tr", {}, [
+    units.clock(frame.start_ns), frame.kind, `${frame.believed} of ${frame.words}`, frame.ebn0_db === null ? "–" : frame.ebn0_db.toFixed(1), frame.reason || "complete",
   ].map((text) => el("td", {}, text))));
   return table(["begin, UTC", "pass", "believed", "Eb/N0 dB", "end"], rows, "No pass yet.");
 }
 
 function words(link) {
   const rows = [...link.words].reverse().slice(0, 20).map((word) => el("tr", { "data-status": word.status }, [
-    units.clock(word.end_ns), word.name, valueText(word), `${(Math.floor(1000 * word.confidence) / 10).toFixed(1)} %`, `${word.status}${word.final ? "" : ", provisional"}`,
+    units.clock(word.stamp_ns), word.name, valueText(word), `${(Math.floor(1000 * word.confidence) / 10).toFixed(1)} %`, `${word.status}${word.final ? "" : ", provisional"}`,
   ].map((text) => el("td", {}, text))));
   return table(["end, UTC", "word", "value", "right with", "status"], rows, "No word yet.");
 }
@@ -146,7 +147,7 @@ function drawWaterfall(canvas, link) {
   for (let hz = 0; hz < top; hz += 2) context.fillText(`${hz} Hz`, 4, height - (hz / top) * height - 2);
   context.fillStyle = colour("--text");
   const rows = [];
-  link.pumps_hz.forEach((hz, k) => HARMONICS.forEach((n) => { if (n * hz < top) rows.push([n * hz, `pump ${k + 1} ×${n}`]); }));
+  link.strokes.forEach((hz, k) => HARMONICS.forEach((n) => { if (n * hz < top) rows.push([n * hz, `pump ${k + 1} ×${n}`]); }));
   let last = Infinity;
   for (const [hz, text] of rows.sort((a, b) => a[0] - b[0])) {
     const y = height - (hz / top) * height;

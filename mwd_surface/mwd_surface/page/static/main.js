@@ -16,7 +16,7 @@ import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
 import { showOffset, showProgress, showQuality } from "./survey_quality.js";
 import { SurveyTable } from "./survey_table.js";
-import { showFindings, showInputs, showStreams } from "./system_tab.js";
+import { showDiagnostics, showInputs, showStreams } from "./system_tab.js";
 import { select, startTabs } from "./tabs.js";
 import * as units from "./units.js";
 import { current, setView } from "./view.js";
@@ -71,18 +71,18 @@ const SHOW = {
   },
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
-  offset: ({ offset, plan }) => offset && showOffset(offset, plan),
+  offset: showOffPlan,
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
   control: showControlAndAdvice,
   advice: showControlAndAdvice,
   depth_log: showCharts,
-  path: () => { showSurveys(); showWellPath(); },
-  plan: ({ offset, plan }) => { showWellPath(); if (offset) showOffset(offset, plan); },
+  path: (sections) => { showSurveys(); showWellPath(); showOffPlan(sections); },
+  plan: (sections) => { showWellPath(); showOffPlan(sections); },
   alarms: showAlarmsAndEvents,
   events: showAlarmsAndEvents,
-  findings: ({ findings }) => showFindings(findings),
+  diagnostics: ({ diagnostics }) => showDiagnostics(diagnostics),
   inputs: ({ inputs }) => showInputs(inputs),
   link: ({ link, well }) => showLink(link, well?.over_link),
   downlink: ({ downlink }) => showDownlink(downlink, connection.server),
@@ -110,7 +110,7 @@ function showSections(names) {
 }
 
 // Age of the word from which a link's toolface was predicted, s; null without a link.
-const wordAge = (link, since) => (link?.known && link.toolface_age !== null ? link.toolface_age + since : null);
+const wordAge = (link, since) => (link && link.toolface_age !== null ? link.toolface_age + since : null);
 
 function tick() {
   const { sections } = connection;
@@ -120,7 +120,7 @@ function tick() {
   if (now === null) return;
   refresh(sections, now, silent);
   const linkSince = sections.link?.since ? Math.max(0, now - sections.link.since) : 0;
-  dial.show(sections.toolface, sections.quill, now, silent, wordAge(sections.link, linkSince));
+  dial.show(sections, now, silent, wordAge(sections.link, linkSince));
   showProgress(sections, now, silent);
   showPills(sections, now, silent, select, Boolean(connection.server.replay));
   showAlarmStrip(sections, now);
@@ -128,6 +128,10 @@ function tick() {
   showLinkStrip(sections.link, linkSince);
   showStreams(connection, now, silent);
   showSince(now);
+}
+
+function showOffPlan({ offset, plan, path }) {
+  if (offset !== undefined) showOffset(offset, plan, path);
 }
 
 function showCharts() {

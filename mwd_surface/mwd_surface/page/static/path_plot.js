@@ -110,7 +110,7 @@ function describe(path, offset) {
   const k = path.measured_depth.length - 1;
   if (k < 0) return "no stations yet";
   const where = `at ${units.number("depth", path.measured_depth[k])} ${units.unit("depth")}`;
-  return offset?.known ? `${where}, ${units.number("length", offset.distance)} ${units.unit("length")} from the plan` : where;
+  return offset ? `${where}, ${units.number("length", offset.distance)} ${units.unit("length")} from the plan` : where;
 }
 
 export function planView(path, plan, offset, size) {

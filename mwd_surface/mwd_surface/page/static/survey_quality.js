@@ -13,7 +13,7 @@ const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": "Survey in progress" }), result: el("p", { class: "result" }) };
 
 // State of the survey under way, its time, and the result of the last one; the box keeps its height.
-export function showProgress({ survey_progress: progress, quality, rig, links }, now, silent) {
+export function showProgress({ survey_progress: progress, quality, rig, streams }, now, silent) {
   const { head, state, bar, result } = progressParts;
   const place = byId("progress");
   if (!progress) return;
@@ -24,12 +24,12 @@ export function showProgress({ survey_progress: progress, quality, rig, links },
   const left = progress.remaining === null ? null : Math.max(0, progress.remaining - past);
   const pumps = { true: "pumps on", false: "pumps off" }[rig?.pumps_on] || "";
   // Without new samples no survey can be running, whatever the last report said.
-  const held = progress.active && Boolean(links) && stateOfStream(links.estimator, now, silent) !== "live";
+  const held = progress.active && Boolean(streams) && stateOfStream(streams.estimator, now, silent) !== "live";
   mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
   // Between surveys, if the last survey was not accepted, its instruction fills the box, so that it is not cut off. The
   // result of a later attempt has priority over the instruction.
   const newest = !progress.result || progress.result.startsWith(`survey ${quality?.sequence}:`);
-  const instructs = !silent && !progress.active && newest && quality?.known && quality.verdict !== "accept";
+  const instructs = !silent && !progress.active && newest && quality && quality.verdict !== "accept";
   const instruction = instructs ? quality.headline : "";
   mark(place, "data-instructs", instruction ? "yes" : "no");
   setText(head, silent ? "NO SURVEY REPORT" : held ? "SURVEY HELD UP" : waiting
@@ -65,23 +65,23 @@ const NONE = ["total gravity", "total field", "dip"].map((name) => ({ name, unit
 export function showQuality(quality) {
   const verdict = (word) => VERDICTS[word] || ["idle", word];
   byId("lights").replaceChildren(
-    el("p", { class: "verdict" }, quality.known ? [`No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(...verdict(quality.verdict))] : "No survey yet."),
-    el("p", { class: "each" }, quality.known ? NAMES.map((name, k) => el("span", { class: `word ${verdict(quality.verdicts[k])[0]}` }, `${name} ${SIGNS[quality.verdicts[k]] || "–"}`)) : ""),
-    ...(quality.known ? quality.lights : NONE).map(lightRow),
+    el("p", { class: "verdict" }, quality ? [`No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(...verdict(quality.verdict))] : "No survey yet."),
+    el("p", { class: "each" }, quality ? NAMES.map((name, k) => el("span", { class: `word ${verdict(quality.verdicts[k])[0]}` }, `${name} ${SIGNS[quality.verdicts[k]] || "–"}`)) : ""),
+    ...(quality ? quality.lights : NONE).map(lightRow),
   );
-  const other = quality.known && quality.alternatives.length
+  const other = quality && quality.alternatives.length
     ? `Azimuth may also be ${quality.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(" or ")}.` : "";
-  const details = quality.known ? quality.reasons.filter((text) => text !== quality.headline) : [];
+  const details = quality ? quality.reasons.filter((text) => text !== quality.headline) : [];
   byId("reasons").replaceChildren(
-    quality.headline ? el("p", { class: "headline" }, quality.headline) : "",
+    quality?.headline ? el("p", { class: "headline" }, quality.headline) : "",
     other ? el("p", {}, other) : "",
     details.length ? el("ul", { class: "reasons" }, details.map((text) => el("li", {}, text))) : "",
   );
 }
 
-export function showOffset(o, plan) {
+export function showOffset(o, plan, path) {
   const place = byId("offset");
-  if (!o.known) {
+  if (!o) {
     const why = plan?.name ? `not known yet: no depth or survey to compare with ${plan.name}` : "no plan loaded";
     place.replaceChildren(el("p", { class: "empty" }, `Off plan: ${why}.`));
     return;
@@ -92,6 +92,6 @@ export function showOffset(o, plan) {
     ["Steer back at", `${units.bearing(o.toolface, 0)}° GTF`],
   ];
   if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
-  const doubt = o.assumed ? el("p", {}, pill("doubtful", "assumed"), " the position rests on an assumption: see Path") : "";
+  const doubt = path?.assumptions.length ? el("p", {}, pill("doubtful", "assumed"), " the position rests on an assumption: see Path") : "";
   place.replaceChildren(doubt, el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
 }

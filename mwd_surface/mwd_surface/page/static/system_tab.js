@@ -22,7 +22,7 @@ const streamBody = el("tbody", {});
 const recorderBox = el("div", {});
 const inputBody = el("tbody", {});
 const browserBox = el("div", {});
-const findingsBox = el("div", {});
+const diagnosticsBox = el("div", {});
 byId("tab-system").append(el("div", { class: "split" },
   el("div", {},
     el("h2", {}, "Streams"),
@@ -31,12 +31,12 @@ byId("tab-system").append(el("div", { class: "split" },
     el("h2", {}, "Inputs"),
     el("table", { class: "log", id: "inputs" }, el("thead", {}, el("tr", {}, ["Input", "Clock", "Offset", "Age", "Bit depth"].map((t) => el("th", { scope: "col" }, t)))), inputBody)),
   el("div", {}, el("h2", {}, "Recorder"), recorderBox, el("h2", {}, "Rig"), rigBox),
-  el("div", {}, el("h2", {}, "Diagnostics"), findingsBox)));
+  el("div", {}, el("h2", {}, "Diagnostics"), diagnosticsBox)));
 
 export function showStreams(connection, now, silent) {
-  const { links, recorder } = connection.sections;
-  if (!links || byId("tab-system").hidden) return;
-  for (const [name, row] of Object.entries(links)) {
+  const { streams, recorder } = connection.sections;
+  if (!streams || byId("tab-system").hidden) return;
+  for (const [name, row] of Object.entries(streams)) {
     if (!streamRows[name]) {
       const cells = [1, 2, 3, 4].map(() => el("td", {}));
       streamRows[name] = { cells, word: "" };
@@ -54,8 +54,8 @@ export function showStreams(connection, now, silent) {
     setText(cells[2], row.rate === null ? "–" : `${row.rate.toFixed(row.rate < 10 ? 1 : 0)}/s`);
     setText(cells[3], row.at === null ? "–" : String(row.lost));
   }
-  if (recorder) {
-    const text = recorder.since === null ? "no data" : [
+  if (recorder !== undefined) {
+    const text = recorder === null ? "no data" : [
       recorder.state, recorder.reason, recorder.path, units.duration(recorder.duration), `${recorder.messages} messages`,
       `${units.bytes(recorder.bytes)} on disk`, `${recorder.dropped} dropped`, recorder.free_bytes === null ? "" : `${units.bytes(recorder.free_bytes)} free`,
     ].filter(Boolean).join(" · ");
@@ -65,18 +65,18 @@ export function showStreams(connection, now, silent) {
   else setText(browserBox, connection.server.skipped ? `Slow link to this browser: ${connection.server.skipped} states skipped.` : "");
 }
 
-export function showInputs({ rows }) {
-  inputBody.replaceChildren(...rows.map((row) => el("tr", { title: row.reason },
+export function showInputs({ inputs }) {
+  inputBody.replaceChildren(...inputs.map((row) => el("tr", { title: row.reason },
     el("th", { scope: "row" }, row.name),
     el("td", {}, row.clock),
-    el("td", {}, row.offset === null ? "–" : `${row.offset < 0 ? "−" : "+"}${Math.abs(row.offset).toFixed(3)} s`),
-    el("td", {}, row.age === null ? "–" : units.age(row.age)),
+    el("td", {}, row.clock_offset === null ? "–" : `${row.clock_offset < 0 ? "−" : "+"}${Math.abs(row.clock_offset).toFixed(3)} s`),
+    el("td", {}, row.data_age === null ? "–" : units.age(row.data_age)),
     el("td", {}, row.bit_depth === null ? "" : `${units.number("depth", row.bit_depth)}${units.after("depth")} `,
       row.role ? pill({ "in force": "good", "stands by": "idle", silent: "stale" }[row.role], row.role) : ""))));
 }
 
-export function showFindings({ rows }) {
-  findingsBox.replaceChildren(rows.length
+export function showDiagnostics({ rows }) {
+  diagnosticsBox.replaceChildren(rows.length
     ? el("ul", { class: "findings" }, rows.map((f) => el("li", {},
       pill({ ok: "good", warning: "doubtful", error: "reject", stale: "stale" }[f.level], f.level),
       el("div", {}, el("strong", {}, f.name), ` ${f.message}`, f.remedy && f.level !== "ok" ? el("p", { class: "quiet-text" }, f.remedy) : null))))

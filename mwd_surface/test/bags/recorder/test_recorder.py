@@ -73,7 +73,7 @@ def test_everything_handed_over_is_in_the_bag_with_its_stamps_and_bytes(tmp_path
                 assert recorder.put("/well/b", IMU, bytes(340), START + k * 1_000_000)
         assert recorder.stop() == path == tmp_path / "run"
         status = recorder.status()
-    assert (status.state, status.path) == (RecorderState.STOPPED, None)
+    assert (status.state, status.path) == (RecorderState.STOPPED, "")
     with Reader(path) as reader:
         found = [(c.topic, stamp, bytes(data)) for c, stamp, data in reader.messages()]
         topics = reader.topics

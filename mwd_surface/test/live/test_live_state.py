@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Single values of the page: the last good one with sigma and age, a reason where withheld, never an invented zero."""
 
+import dataclasses
 import math
 
 import pytest
@@ -10,48 +11,49 @@ from hypothesis import strategies as st
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.streams import LiveStreams
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC, ToolfaceReading
+from mwd_surface.trajectory.advice import Advice, AdviceMode
 
 
 @pytest.mark.fault_case(96)
 def test_a_value_carries_sigma_unit_and_age_and_goes_stale_after_two_periods():
-    state = LiveStreams(LiveSettings(estimator_period=0.5))
+    state = LiveState(LiveSettings(estimator_period=0.5))
     state.on_attitude(attitude(inclination=0.8, sigma=0.01), 10.0)
-    cell = state.attitude(10.9).inclination
+    cell = state.at(10.9).attitude.inclination
     assert (cell.value, cell.sigma, cell.unit, cell.state) == (0.8, 0.01, "rad", "live")
     assert cell.age == pytest.approx(0.9)
-    stale = state.attitude(11.1).inclination
+    stale = state.at(11.1).attitude.inclination
     assert (stale.state, stale.value) == ("stale", 0.8)
 
 
 def test_an_angle_without_sigma_keeps_the_last_good_one_stale_and_says_why():
-    state = LiveStreams()
+    state = LiveState()
     state.on_attitude(attitude(azimuth=1.5), 0.0)
     state.on_attitude(attitude(azimuth=0.0, sigma_azimuth=math.nan, status=int(Status.NEAR_VERTICAL)), 0.1)
-    cell = state.attitude(0.1).azimuth
+    cell = state.at(0.1).attitude.azimuth
     assert (cell.value, cell.state) == (1.5, "stale")
     assert "vertical" in cell.reason
-    assert state.attitude(0.1).inclination.state == "live"
+    assert state.at(0.1).attitude.inclination.state == "live"
 
 
 def test_an_angle_that_was_never_known_is_no_data_with_the_reason():
-    state = LiveStreams()
+    state = LiveState()
     state.on_attitude(attitude(sigma_azimuth=math.nan, status=int(Status.NO_MAG)), 0.0)
-    cell = state.attitude(0.0).azimuth
+    cell = state.at(0.0).attitude.azimuth
     assert (cell.value, cell.state, cell.reason) == (None, "no data", "no magnetometer")
 
 
 def test_an_angle_whose_sigma_is_half_a_turn_is_not_shown_as_a_number():
-    state = LiveStreams()
+    state = LiveState()
     state.on_attitude(attitude(sigma_azimuth=math.pi), 0.0)
-    cell = state.attitude(0.0).azimuth
+    cell = state.at(0.0).attitude.azimuth
     assert (cell.value, cell.reason) == (None, "sigma 180 deg")
 
 
 def test_rig_values_count_only_while_their_bit_vouches_for_them():
-    state = LiveStreams()
+    state = LiveState()
     state.on_rig_state(rig(valid=1 | 64, bit_depth=0.0, rotary_speed=12.0, hookload=5.0), 0.0)
     got = state.rig(0.0)
     assert (got.bit_depth.value, got.bit_depth.state) == (0.0, "live")
@@ -63,22 +65,22 @@ def test_rig_values_count_only_while_their_bit_vouches_for_them():
 
 
 def test_interference_that_is_not_observable_is_no_data_and_not_zero():
-    state = LiveStreams()
+    state = LiveState()
     i = wire.INTERFERENCE.empty(1)
     i["axial"] = i["cross_axial"] = i["sigma_axial"] = i["sigma_cross_axial"] = math.nan
     state.on_interference(i, 0.0)
-    cell = state.drilling(0.0).axial_interference
+    cell = state.at(0.0).drilling.axial_interference
     assert (cell.value, cell.state, cell.reason) == (None, "no data", "not observable yet")
     i["axial"], i["sigma_axial"] = 6e-7, 1e-7
     state.on_interference(i, 0.0)
-    assert state.drilling(0.0).axial_interference.sigma == 1e-7
+    assert state.at(0.0).drilling.axial_interference.sigma == 1e-7
 
 
 def test_the_dial_keeps_the_last_readings_at_their_spacing_with_their_mode():
-    state = LiveStreams(LiveSettings(readings=3, reading_spacing=1.0))
+    state = LiveState(LiveSettings(readings=3, reading_spacing=1.0))
     for k in range(60):
         state.on_attitude(attitude(toolface=0.01 * k), k * 0.1)
-    toolface = state.toolface(5.9)
+    toolface = state.at(5.9).toolface
     assert [r.at for r in toolface.readings] == pytest.approx([3.0, 4.0, 5.0])
     assert {r.mode for r in toolface.readings} == {GRAVITY}
     assert toolface.angle.value == pytest.approx(0.59)
@@ -86,26 +88,27 @@ def test_the_dial_keeps_the_last_readings_at_their_spacing_with_their_mode():
 
 
 def test_a_toolface_from_another_source_is_shown_with_its_own_mode():
-    state = LiveStreams()
+    state = LiveState()
     state.on_toolface(ToolfaceReading(1, MAGNETIC, 2.0, 0.1), 0.0)
-    toolface = state.toolface(0.0)
+    toolface = state.at(0.0).toolface
     assert (toolface.mode, toolface.angle.value) == (MAGNETIC, 2.0)
 
 
 def test_the_advisory_knows_inside_and_outside_across_north_and_says_nothing_when_stale():
-    state = LiveStreams()
+    state = LiveState()
     state.on_attitude(attitude(toolface=math.radians(355.0)), 0.0)
-    state.on_advisory(math.radians(5.0), math.radians(15.0))
-    assert state.toolface(0.0).advisory.inside is True
-    state.on_advisory(math.radians(30.0), math.radians(15.0))
-    assert state.toolface(0.0).advisory.inside is False
-    assert state.toolface(9.0).advisory.inside is None
-    state.on_advisory(None, 0.1)
-    assert state.toolface(0.0).advisory is None
+    slide = Advice(AdviceMode.SLIDE, toolface=math.radians(5.0), limit=math.radians(15.0))
+    state.show(0.0, advice=slide)
+    assert state.at(0.0).toolface.advisory.inside is True
+    state.show(0.0, advice=dataclasses.replace(slide, toolface=math.radians(30.0)))
+    assert state.at(0.0).toolface.advisory.inside is False
+    assert state.at(9.0).toolface.advisory.inside is None
+    state.show(0.0, advice=Advice(AdviceMode.ROTATE))
+    assert state.at(0.0).toolface.advisory is None
 
 
 def test_links_give_the_rate_of_whole_seconds_and_refuse_unknown_streams():
-    state = LiveStreams()
+    state = LiveState()
     for k in range(60):
         state.on_stream("sonde", 10, 100.0 + k * 0.1, lost=1)
     link = state.streams(106.0)["sonde"]
@@ -118,48 +121,48 @@ def test_links_give_the_rate_of_whole_seconds_and_refuse_unknown_streams():
 
 
 def test_the_history_is_bounded_and_has_no_value_for_a_silent_second():
-    state = LiveStreams(LiveSettings(history_seconds=30.0))
+    state = LiveState(LiveSettings(history_seconds=30.0))
     g = wire.GRAVITY.empty(1)
     g["sigma"], g["non_gravity"] = 0.01, 5.0
     for k in range(100):
         if k != 90:
             state.on_gravity(g, k + 0.5)
-        state.charts(k + 0.9)
-    history = state.charts(100.0)[0]
+        state.at(k + 0.9)
+    history = state.at(100.0).history
     column = history.columns.index("vibration")
     assert len(history.rows) == 30
     assert [row[column] for row in history.rows].count(None) == 1
 
 
 def test_a_clock_that_steps_back_gives_no_negative_age():
-    state = LiveStreams()
+    state = LiveState()
     state.on_attitude(attitude(), 100.0)
-    assert state.attitude(99.0).inclination.age == 0.0
+    assert state.at(99.0).attitude.inclination.age == 0.0
 
 
 def test_the_worst_of_a_block_is_charted_and_its_last_is_shown():
-    state = LiveStreams()
+    state = LiveState()
     g = wire.GRAVITY.empty(3)
     g["sigma"], g["non_gravity"], g["rotary_speed"] = [0.01, math.nan, 0.01], [3.0, 99.0, 1.0], [1.0, 9.0, 2.0]
     state.on_gravity(g, 0.0)
-    drilling = state.drilling(0.0)
+    drilling = state.at(0.0).drilling
     # The second does not know its gravity, so what is left over means nothing.
     assert drilling.vibration.value == 3.0
     assert drilling.rotary_speed.value == 2.0
 
 
 def test_a_tool_that_does_not_turn_has_no_stick_slip():
-    state = LiveStreams()
+    state = LiveState()
     d = wire.DYNAMICS.empty(1)
     d["stick_slip_index"], d["shocks"] = math.nan, 4
     state.on_dynamics(d, 0.0)
-    drilling = state.drilling(0.0)
+    drilling = state.at(0.0).drilling
     assert (drilling.stick_slip.value, drilling.stick_slip.reason) == (None, "not turning")
     assert drilling.shocks.value == 4.0
 
 
 def test_depth_tracks_grow_only_while_hole_is_made():
-    state = LiveStreams(LiveSettings(log_step=1.0))
+    state = LiveState(LiveSettings(log_step=1.0))
     state.on_attitude(attitude(inclination=0.1), 0.0)
     state.on_log_depth(100.2)
     state.on_attitude(attitude(inclination=0.2), 1.0)
@@ -167,21 +170,21 @@ def test_depth_tracks_grow_only_while_hole_is_made():
     state.on_attitude(attitude(inclination=0.3), 2.0)
     state.on_log_depth(None)
     state.on_attitude(attitude(inclination=0.9), 3.0)
-    log = state.charts(4.0)[1]
+    log = state.at(4.0).depth_log
     column = log.columns.index("inclination")
     assert {row[column] for row in log.rows} <= {0.2, 0.3}
     state.on_log_depth(math.nan)
     state.on_log_depth(-5.0)
-    assert len(log.rows) == len(state.charts(5.0)[1].rows)
+    assert len(log.rows) == len(state.at(5.0).depth_log.rows)
 
 
 @given(st.lists(st.sampled_from([int(Status.SENSOR_FAULT), int(Status.REJECTED), 0]), min_size=1, max_size=5))
 def test_the_doubt_of_a_block_is_that_of_its_worst_sample(statuses):
-    state = LiveStreams()
+    state = LiveState()
     samples = attitude(n=len(statuses))
     samples["status"] = statuses
     state.on_attitude(samples, 10.5)
-    history = state.charts(12.0)[0]
+    history = state.at(12.0).history
     column = history.columns.index("doubt")
     shown = max(row[column] for row in history.rows if row[column] is not None)
     assert shown == (2.0 if int(Status.SENSOR_FAULT) in statuses else 1.0 if any(statuses) else 0.0)
@@ -190,10 +193,10 @@ def test_the_doubt_of_a_block_is_that_of_its_worst_sample(statuses):
 @pytest.mark.fault_case(23)
 @pytest.mark.parametrize("celsius", [300.0, -80.0])
 def test_a_temperature_that_no_tool_has_is_withheld_with_the_reason(celsius):
-    streams = LiveStreams()
+    streams = LiveState()
     heat = wire.TEMPERATURE.empty(1)
     heat["temperature"] = celsius
     streams.on_temperature(heat, 1.0)
-    shown = streams.drilling(1.0).temperature
+    shown = streams.at(1.0).drilling.temperature
     assert shown.value is None
     assert "no temperature of a tool" in shown.reason
