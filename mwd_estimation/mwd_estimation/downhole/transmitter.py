@@ -61,6 +61,7 @@ class TransmitterState(enum.StrEnum):
     WAITING = "flow is on: transmit delay"
     SENDING = "sending"
     MUTED = "silent: muted by downlink until the flow is switched on again or a command comes"
+    DONE = "silent: the survey was sent, and the tool sends surveys only"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -201,15 +202,14 @@ class Transmitter:
                 return []
             if self._flow.update(now, flow[1] > self.tool.flow_threshold):
                 self._switch_flow()
-        elif self.state == TransmitterState.SILENT:
+        elif self.state == TransmitterState.SILENT or (self.state == TransmitterState.DONE and self._fresh):
             self._begin_sending(now)
         turned = self._rotation.update(now, bool(status & Status.ROTATING))
         if turned and self._settings.rotation_switching_s > 0.0 and self.tool.names_sequences and not self.wired:
             self._begins_anew = self.state == TransmitterState.SENDING
-        if (self.state == TransmitterState.WAITING and now >= self._next_ns) or (
-            self.state == TransmitterState.MUTED and self._commanded
-        ):
-            self._begin_sending(max(now, self._next_ns) if self.state == TransmitterState.MUTED else self._next_ns)
+        quiet = self.state in (TransmitterState.MUTED, TransmitterState.DONE)
+        if (self.state == TransmitterState.WAITING and now >= self._next_ns) or (quiet and self._commanded):
+            self._begin_sending(max(now, self._next_ns) if quiet else self._next_ns)
         sent = []
         while self.state == TransmitterState.SENDING and self._next_ns <= now:
             if self._commanded:
@@ -219,7 +219,8 @@ class Transmitter:
                 self._on_air = self._parts(with_survey=self._rotation.on)
             part = next(self._on_air, None)
             if part is None:
-                self.state = TransmitterState.MUTED
+                muted = self.tool.toolfaces or self._commands.settings.mute
+                self.state = TransmitterState.MUTED if muted else TransmitterState.DONE
                 break
             sent += self._put_on_air(part)
         return sent
@@ -248,7 +249,7 @@ class Transmitter:
         return int(self._rotation.on) if switches else self._commands.settings.sequence
 
     def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
-        """Yield sync, header and survey, then the toolface sequence until muted."""
+        """Yield sync, header and survey, then the toolface sequence, if there is one, until muted."""
         number = self._number
         if self.tool.code in PULSE_CODES:
             yield _Part(Kind.SYNC, number, Group("", number, 0, ()))
@@ -258,13 +259,13 @@ class Transmitter:
         if with_survey:
             self._choose_survey()
             yield from self._pass("survey", number)
-        while not self._commands.settings.mute:
+        while self.tool.toolfaces and not self._commands.settings.mute:
             self._frame += 1
             yield from self._pass("toolface", number)
 
     def _frames(self) -> Iterator[_Part]:
         """Yield the frames of a tool on a wire until muted: the survey if there is a new one, else toolfaces."""
-        while not self._commands.settings.mute:
+        while (self._fresh or self.tool.toolfaces) and not self._commands.settings.mute:
             kind = "survey" if self._fresh else "toolface"
             if self._fresh:
                 self._choose_survey()

@@ -263,3 +263,25 @@ def test_a_switching_shorter_than_half_a_second_is_refused():
     with pytest.raises(ValueError, match=r"rotation_switching_s: 0\.2 s is below the shortest time, 0\.5 s"):
         Transmit(rotation_switching_s=0.2)
     assert Transmit(rotation_switching_s=0.5).rotation_switching_s == 0.5
+
+
+def test_a_tool_of_surveys_only_sends_one_after_each_flow_on_and_is_silent_between():
+    tool = dataclasses.replace(TOOL, toolface_sequences=())
+    transmitter, sent = run(
+        tool, Transmit(), attitude(200.0), flow(200.0, [(20.0, 90.0), (110.0, 190.0)]), [survey()], block=40
+    )
+    assert [one.kind for one in sent] == 2 * [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY]
+    transmitter, _ = run(tool, Transmit(), attitude(80.0), flow(80.0, [(20.0, 90.0)]), [survey()])
+    assert transmitter.state == TransmitterState.DONE
+
+
+def test_a_tool_of_surveys_only_on_a_wire_sends_each_survey_once():
+    tool = dataclasses.replace(TOOL, code="serial", survey_sequences=("Inc:12 Azm:12",), toolface_sequences=())
+    transmitter = Transmitter(tool, Transmit())
+    rows = attitude(60.0)
+    sent = transmitter.advance(rows[:400], REFERENCE)
+    transmitter.take_survey(survey())
+    sent += transmitter.advance(rows[400:800], REFERENCE)
+    transmitter.take_survey(survey(121.0))
+    sent += transmitter.advance(rows[800:], REFERENCE)
+    assert [one.name for one in sent if one.octets] == ["Inc", "Inc"]

@@ -146,7 +146,7 @@ def transmit(
     for begin, end in flows:
         at, kind, items = begin + tool.transmit_delay_s, "survey", tool.surveys[0]
         first, sent = at, []
-        while at + length <= end:
+        while items and at + length <= end:
             for place, block in enumerate(air.blocks_of(items, carrier.block_bits)):
                 if at + length > end:
                     break
@@ -157,7 +157,7 @@ def transmit(
                     for item, code in zip(block, codes, strict=True)
                 ]
                 at += length
-            kind, items = "toolface", tool.toolfaces[0]
+            kind, items = "toolface", tool.sequence("toolface", 0)
             frame += 1
         if sent:
             spans.append(CarrierSpan(first, np.concatenate(sent)))

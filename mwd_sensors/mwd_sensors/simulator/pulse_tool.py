@@ -81,8 +81,10 @@ def transmit(
             head = sent.length - tool.length_tu(items)
             words += _placed(tool, items, codes, at + head * tu, (tu, frame))
             at += sent.length * tu
-            items, first = tool.toolfaces[0], False
+            items, first = tool.sequence("toolface", 0), False
             frame += 1
+            if not items:
+                break
     return Transmission(tuple(words), np.array(pulses).reshape(-1, 2))
 
 

@@ -68,14 +68,14 @@ def transmit(tool: ToolConfiguration, seconds: float, seed: int) -> tuple[bytes,
     out, words = bytearray(), []
     kind, items, counter = "survey", tool.surveys[0], 0
     at = tool.transmit_delay_s
-    while at < seconds:
+    while items and at < seconds:
         codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in items)
         frame = _frame(tool, kind, items, codes, counter)
         end = at + len(frame) * serial_frames.BITS_PER_BYTE / tool.serial.baud
         out += frame
         words += [SentWord(at, end, counter, item.name, item.bits, c) for item, c in zip(items, codes, strict=True)]
         at = max(end, at + tool.serial.period_s)
-        kind, items, counter = "toolface", tool.toolfaces[0], counter + 1
+        kind, items, counter = "toolface", tool.sequence("toolface", 0), counter + 1
     return bytes(out), tuple(words)
 
 

@@ -54,12 +54,13 @@ def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]
     ----------
     tool : ToolConfiguration
     kind : str
-        "survey" or "toolface".
+        "survey" or "toolface"; no groups if the tool sends no such sequence.
     number : int
         Number of the sequence; a number beyond the last one selects the last one.
     """
-    sequences = tool.surveys if kind == "survey" else tool.toolfaces
-    items = sequences[min(number, len(sequences) - 1)]
+    items = tool.sequence(kind, number)
+    if not items:
+        return ()
     if tool.code == "psk":
         parts: Sequence[tuple[SequenceItem, ...]] = carrier.blocks_of(items, tool.carrier.block_bits)
     elif tool.code == "serial":

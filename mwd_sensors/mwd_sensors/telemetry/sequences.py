@@ -2,8 +2,9 @@
 """
 Parse and write sequences, the lists of words that a tool sends, in the grammar that kits use.
 
-`Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, number of bits, and P for a parity bit. A number before braces
-repeats their content. A name without bits takes them from the table of words.
+`Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, number of bits, and P for a parity bit (N or nothing: none). A number
+before braces repeats their content. Spaces, commas or semicolons separate words. Names may be written in any case if
+only one word fits. A name without bits takes them from the table of words.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from mwd_sensors.telemetry.words import COMMON, MAX_BITS, Word
 
 # Most words in one pass; a higher repeat count is taken for a typing error.
 MAX_WORDS = 1000
-_TOKEN = re.compile(r"\s*(?:(\d+)\s*\{|(\})|([A-Za-z][A-Za-z0-9_]*)(?::(\d+))?(:[Pp])?(?=[\s}]|$))")
+_TOKEN = re.compile(
+    r"[\s,;]*(?:(\d*)\s*\{|(\})|([A-Za-z][A-Za-z0-9_]*)(?:\s*:\s*(\d+))?(?:\s*:\s*([PpNn]))?(?=[\s},;]|$))"
+)
 
 
 class SequenceItem(NamedTuple):
@@ -51,7 +54,7 @@ def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, 
     """
     levels: list[tuple[int, list[SequenceItem]]] = [(1, [])]
     at = 0
-    text = text.strip()
+    text = text.strip(" \t\r\n,;")
     while at < len(text):
         found = _TOKEN.match(text, at)
         if found is None:
@@ -60,14 +63,14 @@ def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, 
             )
         repeat, closed, name, bits, parity = found.groups()
         if repeat is not None:
-            levels.append((int(repeat), []))
+            levels.append((int(repeat or 1), []))
         elif closed:
             if len(levels) == 1:
                 raise ValueError(f"sequence: one closing brace too many before {text[found.end() :][:20]!r}")
             times, inner = levels.pop()
             levels[-1][1].extend(inner * min(times, MAX_WORDS + 1))
         else:
-            levels[-1][1].append(_item(name, bits, parity is not None, words))
+            levels[-1][1].append(_item(name, bits, parity in ("P", "p"), words))
         if len(levels[-1][1]) > MAX_WORDS:
             raise ValueError(f"sequence: more than {MAX_WORDS} words in one pass")
         at = found.end()
@@ -88,6 +91,8 @@ def written(items: tuple[SequenceItem, ...]) -> str:
 
 
 def _item(name: str, bits: str | None, parity: bool, words: Mapping[str, Word]) -> SequenceItem:
+    alike = [one for one in words if one.lower() == name.lower()]
+    name = alike[0] if name not in words and len(alike) == 1 else name
     if name not in words:
         raise ValueError(f"sequence: {unknown_key(name, words, 'words')}")
     length = int(bits) if bits else words[name].bits

@@ -182,6 +182,8 @@ def _place(table: tuple[float, ...], value: float, name: str, unit: str) -> int:
 
 
 def _first(given: tuple[tuple[SequenceItem, ...], ...], number: int) -> tuple[tuple[SequenceItem, ...], ...]:
+    if not given:
+        return given
     number = min(number, len(given) - 1)
     return (given[number], *given[:number], *given[number + 1 :])
 

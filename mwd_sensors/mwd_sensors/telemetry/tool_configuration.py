@@ -95,7 +95,9 @@ class ToolConfiguration:
     downlink: Downlink | None = setting(None, "Downlink for commands from the surface; none if the tool accepts none.")
     words: dict[str, Word] = setting({}, "Ranges of words by name; they replace the ranges that kits commonly use.")
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
-    toolface_sequences: tuple[str, ...] = setting((_TOOLFACE,), "Sent repeatedly after the survey.")
+    toolface_sequences: tuple[str, ...] = setting(
+        (_TOOLFACE,), "Sent repeatedly after the survey. Leave it empty, {}, for a tool that sends surveys only."
+    )
 
     def __post_init__(self) -> None:
         """
@@ -104,8 +106,8 @@ class ToolConfiguration:
         Raises
         ------
         ValueError
-            A sequence cannot be read, there is none, or there are more than the header can number; or the unit of a
-            word does not fit the quantity of its name.
+            A sequence cannot be read, there is no survey, or there are more sequences than the header can number; or
+            the unit of a word does not fit the quantity of its name.
         """
         for name, word in self.words.items():
             try:
@@ -114,7 +116,7 @@ class ToolConfiguration:
                 raise ValueError(f"words.{name}.{error}") from error
         for name in ("survey_sequences", "toolface_sequences"):
             texts = getattr(self, name)
-            if not texts:
+            if not texts and name == "survey_sequences":
                 raise ValueError(f"{name}: at least one is needed")
             # Without a header only the first sequence is sent; the others may stay in the file unused.
             if self.header_bits and len(texts) > 2**self.header_bits:
@@ -211,6 +213,11 @@ class ToolConfiguration:
     def toolfaces(self) -> tuple[tuple[SequenceItem, ...], ...]:
         """Toolface sequences, parsed."""
         return tuple(sequences.parse(text, self.table) for text in self.toolface_sequences)
+
+    def sequence(self, kind: str, number: int) -> tuple[SequenceItem, ...]:
+        """Return the sequence of a kind and number, the last one for a higher number; empty if the tool sends none."""
+        sequences = self.surveys if kind == "survey" else self.toolfaces
+        return sequences[min(number, len(sequences) - 1)] if sequences else ()
 
     def parity_bit(self, code: int) -> int:
         """Return the parity bit of a word's value."""
@@ -312,6 +319,8 @@ def from_mapping(given: Mapping[str, Any]) -> ToolConfiguration:
             plain[name] = list(plain[name].values())
         elif isinstance(plain.get(name), str):
             plain[name] = [plain[name]]
+        elif name in plain and plain[name] is None:
+            plain[name] = []
     return settings.from_mapping(ToolConfiguration, plain)
 
 

@@ -43,3 +43,18 @@ def test_what_is_written_is_read_back(given_items):
 def test_a_slip_is_named(text, complaint):
     with pytest.raises(ValueError, match=complaint):
         parse(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Inc:12:P, Azm:12:P",
+        "Inc:12:P;Azm:12:P",
+        " inc:12:p\n AZM:12:P ",
+        "{Inc:12:P Azm:12:P}",
+        "Inc : 12 : P Azm : 12 : P",
+    ],
+)
+def test_spellings_of_kits_are_one_sequence(text):
+    assert parse(text) == parse("Inc:12:P Azm:12:P")
+    assert parse("Inc:12:N") == parse("Inc:12")

@@ -80,3 +80,15 @@ def test_the_usual_sync_does_not_resemble_its_own_copy():
     edges = ToolConfiguration().sync.edges_tu
     apart = sorted(b - a for k, a in enumerate(edges) for b in edges[k + 1 :])
     assert all(b - a >= 2 for a, b in itertools.pairwise(apart))
+
+
+@pytest.mark.parametrize("given", [{}, [], None])
+@pytest.mark.parametrize("code", ["mary", "combinatorial", "psk", "serial"])
+def test_a_tool_may_send_surveys_only_and_its_file_reads_back(given, code):
+    surveys = ["Inc:12 Azm:12"]
+    tool = from_mapping({"code": code, "survey_sequences": surveys, "toolface_sequences": given})
+    assert tool.toolfaces == ()
+    assert tool.sequence("toolface", 0) == ()
+    assert from_mapping(yaml.safe_load(text(tool))) == tool
+    with pytest.raises(ValueError, match="survey_sequences: at least one"):
+        from_mapping({"survey_sequences": given})

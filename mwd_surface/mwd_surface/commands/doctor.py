@@ -21,6 +21,8 @@ def doctor(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for recordings, checked for space.")] = Path(
         "runs"
     ),
+    gauge: Annotated[int, typer.Option(help="Number of the pressure gauge: 1 or 2.")] = 1,
+    topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
     columns: Annotated[str, typer.Option(help="Columns of FILE by name or number, as in `mwd decode`.")] = "",
 ) -> None:
     """
@@ -45,7 +47,8 @@ def doctor(
         from mwd_surface.runs.pressure_doctor import examine_pressure
 
         configuration = tool_configuration.read(tool) if tool is not None else None
-        results = examine_pressure(pressure_files.read(file, columns=columns), configuration)
+        link = "mud_pulse" if configuration is None else configuration.link
+        results = examine_pressure(pressure_files.read(file, gauge, topic, link, columns), configuration)
         _show(results)
     else:
         results = examine(os.environ, output)

@@ -18,7 +18,7 @@ from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import read_file
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
-_TABLES = (".csv", ".txt", ".dat", ".asc", ".tsv")
+_RECORDINGS = (".mcap", ".db3", ".bag", ".zstd", ".lz4")
 # WAV samples are fractions of full scale; this full-scale pressure keeps them far above any rounding.
 _WAV_FULL_SCALE = 1.0e7
 # Longest pause of a recording; a longer one means that the clock was set.
@@ -76,17 +76,17 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", c
     suffix = path.suffix.lower()
     strokes: dict[int, Array] = {}
     said: tuple[str, ...] = ()
-    if suffix in _TABLES:
-        from mwd_surface.receiver import pressure_table
-
-        time, pressure, origin, said = pressure_table.read_pressure(path, gauge, pressure_table.columns_of(columns))
-    elif suffix == ".wav":
+    if suffix == ".wav":
         time, pressure, origin = _wav(path, gauge)
-    else:
+    elif path.is_dir() or suffix in _RECORDINGS:
         from mwd_surface.receiver import recorded_link
 
         second = "standpipe_2" if gauge == 2 else ""
         time, pressure, strokes, origin = recorded_link.read(path, link, topic or second)
+    else:
+        from mwd_surface.receiver import pressure_table
+
+        time, pressure, origin, said = pressure_table.read_pressure(path, gauge, pressure_table.columns_of(columns))
     notes = (*said, *_notes(time, pressure))
     known = np.isfinite(time) & np.isfinite(pressure)
     time, pressure = time[known], pressure[known]

@@ -21,9 +21,12 @@ import numpy as np
 from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
-from mwd_sensors.core.input_files import check_regular
-from mwd_surface.list_files.number_cells import NULL_NUMBERS, looks_like_number
+from mwd_sensors.core.input_files import check_regular, read_file
+from mwd_surface.list_files.grid_file import is_spreadsheet
+from mwd_surface.list_files.las_table import is_las, las_table
+from mwd_surface.list_files.number_cells import NULL_NUMBERS, decimal_mark, looks_like_number, split
 from mwd_surface.list_files.table import Table, table_of
+from mwd_surface.receiver import table_times
 
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
 _FULL_SCALE = 1.0e7  # Pa of a gauge whose range is not known: 20 mA, or 1 in a WAV
@@ -32,17 +35,6 @@ _LIVE_ZERO, _SPAN, _BROKEN = (
     16e-3,
     3.6e-3,
 )  # A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR)
-_TIMES = {
-    "s": 1.0,
-    "sec": 1.0,
-    "secs": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-}
 _PRESSURES = {
     "pa": 1.0,
     "kpa": 1e3,
@@ -60,25 +52,26 @@ _PRESSURES = {
     "ma": 1e-3,
 }
 _TIME = re.compile(
-    r"^(?:rig |local |utc |gps |unix |elapsed |sample |log )?"
-    r"(?:time ?stamp|time|t|datetime|date ?time|epoch|stamp|clock|时间|zeit|uhrzeit|tiempo|temps|tid)\b"
+    r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source )?"
+    r"(?:time ?stamp|time|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|tiempo|"
+    r"hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b"
 )
-_DATE = re.compile(r"^(?:date|day|日期|datum|fecha|dato)\b")
-_PRESSURE = re.compile(
-    r"^(?:stand ?pipe|spp ?a?|sppa|pump ?press|press|voltage|volts?|p\b|pressure|current|loop|立压|立管压力|泵压|"
-    r"druck|presion|pression|trykk)"
+_DATE = re.compile(r"^(?:date|day|日期|datum|fecha|dato|data|дата)\b")
+# Names of the pressure that the tool modulates, of any pressure, and of pressures of other places.
+_STANDPIPE = re.compile(r"stand ?pipe|\bspp|standrohr|立压|立管")
+_PRESSURE = re.compile(r"press|druck|presion|presión|trykk|泵压|давл|voltage|\bvolts?\b|\bp\b|\bcurrent\b|\bloop\b")
+_ELSEWHERE = re.compile(
+    r"diff|annul|casing|choke|hydrostatic|downhole|bottom ?hole|\bbh|\bkill|cement|boost|\bmax|\bmin\b|hydraulic"
 )
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
+_QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
+_BAD_QUALITY = 64  # an OPC quality below it is bad
 _MARKS = re.compile(r"[^\w./%]+|_")
-# A date in front of a clock, either alone, or a clock with parts of a second and a half of the day.
-_DAY = r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})|(?P<a>\d{1,2})[-/.](?P<b>\d{1,2})[-/.](?P<z>\d{4})"
-_CLOCK = r"(?P<h>\d{1,2}):(?P<n>\d{2})(?::(?P<s>\d{2}(?:\.\d*)?))?\s*(?P<half>[AaPp][Mm])?"
-_ZONE = r"(?:Z|UTC|[+-]\d{2}:?\d{2})?"
-_MOMENT = rf"^(?:(?:{_DAY})(?:[T ,;]+|$))?(?:{_CLOCK})?{_ZONE}$"
 _NUMBER = r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$"
-# Unix times by their size: ns, us, ms and s of the years 2001 to 2100.
-_EPOCHS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
-_DAY_S = 86_400.0
+_GROUPED = r"^[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?$"
+_CLOCK = r"\d{1,2}:\d{2}(:\d{2}([.,:]\d*)?)?( ?[AaPp]\.?[Mm]\.?)?"
+_DIGITS = r"\d{3,6}(\.\d*)?"  # a clock HHMMSS next to a date
+_HIGHEST = 3.0e8  # Pa; no rig has more
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,9 +96,10 @@ def columns_of(text: str) -> dict[str, str]:
     for part in filter(None, text.split(",")):
         quantity, equals, column = part.partition("=")
         quantity = quantity.strip().lower()
-        if not equals or quantity.partition("_")[0] not in ("date", "time", "pressure", "pump"):
+        if not equals or quantity.partition("_")[0] not in ("date", "time", "pressure", "pump", "rate", "decimal"):
             raise ValueError(
-                f"--columns {part}: write time=NAME, date=NAME or pressure_bar=NAME; a number counts columns from 1"
+                f"--columns {part}: write time=NAME, date=NAME or pressure_bar=NAME, where a number counts columns from"
+                " 1; rate_hz=50 for rows without times; decimal=comma or decimal=point"
             )
         pairs[quantity] = column.strip()
     return pairs
@@ -131,29 +125,32 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
         The file cannot be read.
     """
     file = _TableFile(path, columns)
+    column = file.pressure(gauge)
     times = file.times()
-    pressures = file.found("pressure", _PRESSURE)
-    if len(pressures) < gauge:
-        raise ValueError(
-            file.missing("pressure", f"a column of pressure for gauge {gauge}" if pressures else "a column of pressure")
-        )
-    column = pressures[gauge - 1]
-    if column.unit not in _PRESSURES:
-        raise ValueError(
-            f"{path}: pressure (column {column.name!r}) has no unit that is one of a pressure; write pressure_bar or a"
-            f" line of units, or say it with --columns pressure_bar={column.name}; units: {', '.join(_PRESSURES)}"
-        )
-    cells = file.cells([*times, column])
-    time, origin, notes = _time(path, times, cells[:-1], file.comma)
+    quality = file.found("quality", _QUALITY)[:1]
+    cells = file.cells([*times, column, *quality])
+    pressure, notes = file.numbers(cells[len(times)], column)
+    if quality:
+        pressure, said = _of_good_quality(pressure, cells[-1])
+        notes = [*notes, *said]
+    if times:
+        time, origin, said = file.seconds(times, cells[: len(times)])
+    else:
+        time, origin, said = file.counted(len(pressure)), "first row of the file", []
+    notes = [*said, *notes]
+    time, rows, said = table_times.in_order(time)
+    pressure, notes = pressure[rows], [*notes, *said]
+    time, said = table_times.spread(time)
+    notes += said
     if file.skipped:
         notes.append(f"{file.skipped} lines have another number of cells, such as comments, and are left out")
-    pressure, more = _numbers(cells[-1], file.comma)
-    notes += more
     if column.unit == "ma":
         pressure, said = _of_current(pressure * 1e-3)
         notes += said
     else:
         pressure = pressure * _PRESSURES[column.unit]
+    if time.size and time[0] > 365.0 * 86_400.0:
+        return time - time[0], pressure, f"first time of the file ({times[-1].name})", tuple(notes)
     return time, pressure, origin, tuple(notes)
 
 
@@ -173,45 +170,88 @@ def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
     if not pumps:
         raise ValueError(file.missing("pump", "a column pump"))
     cells = file.cells([*times, pumps[0]])
-    time, _, _ = _time(path, times, cells[:-1], file.comma)
-    return _numbers(cells[-1], file.comma)[0], time
+    time, _, _ = file.seconds(times, cells[:-1])
+    return file.numbers(cells[-1], pumps[0])[0], time
 
 
 class _TableFile:
-    """A table whose head is known: where its rows begin, how they part, and what its columns are."""
+    """A table whose head is known: where its rows begin, how its cells are separated, and its columns."""
 
     def __init__(self, path: Path, columns: Mapping[str, str]) -> None:
         size = check_regular(path, budgets.PRESSURE)
         with path.open("rb") as file:
             start = file.read(_HEAD)
         self.path, self._said, self.skipped = path, columns, 0
-        self._encoding = _encoding(start)
-        text = start.decode(self._encoding, errors="ignore")
-        if size > len(start):
-            text = text[: text.rfind("\n") + 1] or text
-        self._table = table_of(text.encode(), str(path), _is_header, _are_units)
+        self._whole = is_spreadsheet(start)
+        self._encoding = "utf-8" if self._whole else _encoding(start)
+        self._las = False
+        if self._whole:
+            self._table = table_of(read_file(path, budgets.SPREADSHEET), str(path), _is_header, _are_units)
+        else:
+            text = start.decode(self._encoding, errors="ignore")
+            if size > len(start):
+                text = text[: text.rfind("\n") + 1] or text
+            self._las = is_las(text.lstrip("\ufeff"))
+            self._table = (
+                las_table(text, str(path)) if self._las else table_of(text.encode(), str(path), _is_header, _are_units)
+            )
         self.headless = any(looks_like_number(name) for name in self._table.names)
-        rows = self._table.rows[:200]
-        self.comma = self._table.separator != "," and any(
-            re.search(r"\d,\d", str(cell)) for row in rows for cell in row.cells
-        )
 
     def found(self, quantity: str, pattern: re.Pattern[str]) -> list[_Column]:
-        """Columns of a quantity in order, or the one that the caller names."""
-        table = self._table
-        for key, name in self._said.items():
-            if key.partition("_")[0] == quantity:
-                return [self._named(name, key.partition("_")[2])]
+        """Return the columns of a quantity in order, or the one that the caller names."""
+        named = self._by_caller(quantity)
+        return [named] if named else [one for one, words in self._columns() if pattern.match(words)]
+
+    def pressure(self, gauge: int) -> _Column:
+        """
+        Return the column of pressure for a gauge, from 1, with its unit.
+
+        Raises
+        ------
+        ValueError
+            There is no such column, or its unit is unknown.
+        """
+        one = self._by_caller("pressure")
+        found = [one] if one else self._pressures()
+        if len(found) < gauge:
+            what = f"a column of pressure for gauge {gauge}" if found else "a column of pressure"
+            raise ValueError(self.missing("pressure", what))
+        column = found[gauge - 1]
+        column = dataclasses.replace(column, unit=column.unit or self._unit_in_cells(column.number))
+        if column.unit not in _PRESSURES:
+            raise ValueError(
+                f"{self.path}: pressure (column {column.name!r}) has no unit of pressure; write pressure_bar or a line"
+                f" of units, or say it with --columns pressure_bar={column.name}; units: {', '.join(_PRESSURES)}"
+            )
+        return column
+
+    def _pressures(self) -> list[_Column]:
+        """Return columns of pressure, the standpipe first; without a name of pressure a unit of pressure suffices."""
+        rows = [(one, words) for one, words in self._columns() if not _ELSEWHERE.search(words)]
+        named = [one for one, words in rows if _STANDPIPE.search(words)]
+        named += [one for one, words in rows if one not in named and _PRESSURE.search(words)]
+        if named:
+            # A column without a unit is a flag or a counter if others have one.
+            return [one for one in named if one.unit in _PRESSURES] or named
+        return [one for one, _ in rows if one.unit in _PRESSURES]
+
+    def _columns(self) -> list[tuple[_Column, str]]:
+        """Return the columns with the words of their names; none if no line names them."""
         if self.headless:
             return []
-        pairs = [
-            (k, name, *_words(name, table.units[k] if k < len(table.units) else ""))
-            for k, name in enumerate(table.names)
-        ]
-        return [_Column(k, name, unit) for k, name, words, unit in pairs if pattern.match(words)]
+        table = self._table
+        units = [*table.units, *[""] * len(table.names)]
+        rows = [(k, name, *_words(name, units[k])) for k, name in enumerate(table.names)]
+        return [(_Column(k, name, unit), words) for k, name, words, unit in rows]
+
+    def _by_caller(self, quantity: str) -> _Column | None:
+        for key, name in self._said.items():
+            if key.partition("_")[0] == quantity:
+                return self._named(name, key.partition("_")[2])
+        return None
 
     def _named(self, name: str, unit: str) -> _Column:
-        """The column of a name, or of a number from 1."""
+        """Return the column of a name, or of a number from 1."""
         names = [one.strip().lower() for one in self._table.names]
         if name.lower() in names and not self.headless:
             k = names.index(name.lower())
@@ -231,54 +271,69 @@ class _TableFile:
         )
 
     def times(self) -> list[_Column]:
-        """Columns of the time: the time, with the date before it where it has a column of its own."""
-        clocks = self.found("time", _TIME)
-        if not clocks:
-            raise ValueError(self.missing("time", "a column of time"))
+        """Return columns of the time: the time, after the date if that is a separate column; none if a rate is said."""
+        if any(key.startswith("rate") for key in self._said):
+            return []
         dates = self.found("date", _DATE)
-        dates = [one for one in dates if one.number != clocks[0].number]
-        first = next(
-            (str(row.cells[clocks[0].number]) for row in self._table.rows if clocks[0].number < len(row.cells)), ""
-        )
-        # A date beside times that have one, or that count seconds, is not needed.
-        return (
-            [*dates[:1], clocks[0]]
-            if re.fullmatch(r"\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?( ?[AaPp][Mm])?", first.strip())
-            else clocks[:1]
-        )
+        clocks = self.found("time", _TIME) or [one for one in dates if ":" in self._first(one)]
+        if not clocks:
+            raise ValueError(self.missing("time", "a column of time (or say --columns rate_hz=50)"))
+        clock = dataclasses.replace(clocks[0], unit=clocks[0].unit or self._unit_in_cells(clocks[0].number))
+        dates = [one for one in dates if one.number != clock.number]
+        # A date next to times that have one, or that count seconds, is not needed.
+        form = _CLOCK if ":" in self._first(clock) or clock.unit in table_times.UNITS else _DIGITS
+        return [*dates[:1], clock] if re.fullmatch(form, self._first(clock).strip()) else [clock]
+
+    def counted(self, count: int) -> Array:
+        """Return the times of rows that come at the rate which the caller says, s."""
+        text = next(value for key, value in self._said.items() if key.startswith("rate"))
+        try:
+            rate = float(text)
+        except ValueError:
+            rate = math.nan
+        if not 0.0 < rate < 1e6:
+            raise ValueError(f"--columns rate_hz={text}: write the rows a second, such as rate_hz=50")
+        return np.arange(count) / rate
+
+    def _cells_of(self, number: int) -> list[Any]:
+        return [row.cells[number] for row in self._table.rows[:200] if number < len(row.cells)]
+
+    def _first(self, column: _Column) -> str:
+        return next((str(cell) for cell in self._cells_of(column.number)), "")
+
+    def _unit_in_cells(self, number: int) -> str:
+        """Return the unit behind the numbers of a column, such as "203.4 bar"; else ""."""
+        found = (split(cell) for cell in self._cells_of(number))
+        units = {_unit(one[1]) for one in found if one is not None}
+        return units.pop() if len(units) == 1 else ""
 
     def cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """The cells of columns as Arrow arrays of text."""
+        """Return the cells of columns as Arrow arrays of numbers or text."""
         import pyarrow as pa
 
-        first = 0 if self.headless else _line(self._table)
-        width = max((len(row.cells) for row in self._table.rows[:50]), default=len(self._table.names))
-        width = max(width, *(one.number + 1 for one in wanted))
+        numbers = [one.number for one in wanted]
         separator = self._table.separator
-        if separator.startswith(" ") or not separator:
-            return [
-                pa.chunked_array([pa.array(column, pa.string())])
-                for column in self._split(first, [one.number for one in wanted])
-            ]
-        names = [str(k) for k in range(width)]
-        wordless = [all(self._is_plain(row.cells, one.number) for row in self._table.rows[:50]) for one in wanted]
-        kinds = [pa.float64() if plain else pa.string() for plain in wordless]
+        if self._whole or self._las or separator.startswith(" ") or not separator:
+            columns = self._table_cells(numbers) if self._whole else self._split(numbers)
+            return [pa.chunked_array([pa.array(column, pa.string())]) for column in columns]
+        width = max((len(row.cells) for row in self._table.rows[:50]), default=len(self._table.names))
+        width = max(width, *(number + 1 for number in numbers))
+        kinds = [pa.float64() if self._is_plain(number) else pa.string() for number in numbers]
         for types in (kinds, [pa.string()] * len(kinds)):
             try:
-                return self._read(types, [str(one.number) for one in wanted], names, first)
+                return self._read(types, [str(number) for number in numbers], [str(k) for k in range(width)])
             except pa.ArrowInvalid as error:
                 # A cell that is not a number, if it was not text already.
                 if pa.float64() not in types:
                     raise ValueError(f"{self.path}: cannot be read as a table: {error}") from error
         raise AssertionError
 
-    def _is_plain(self, cells: Sequence[Any], number: int) -> bool:
-        """Whether a cell is a number as Arrow reads one."""
-        text = str(cells[number]) if number < len(cells) else ""
-        return bool(re.match(_NUMBER, text.replace(",", ".") if self.comma else text))
+    def _is_plain(self, number: int) -> bool:
+        """Return whether Arrow reads the cells of a column as numbers."""
+        return all(re.match(_NUMBER, str(cell)) for cell in self._cells_of(number)[:50])
 
-    def _read(self, types: Sequence[Any], wanted: list[str], names: list[str], first: int) -> list[Any]:
-        """Columns by their names in the types asked for; pyarrow.ArrowInvalid where a cell is not of its type."""
+    def _read(self, types: Sequence[Any], wanted: list[str], names: list[str]) -> list[Any]:
+        """Return columns by their names in these types; pyarrow.ArrowInvalid if a cell is not of its type."""
         from pyarrow import csv
 
         skipped: list[int] = []
@@ -291,13 +346,12 @@ class _TableFile:
         with self.path.open("rb") as file:
             table = csv.read_csv(
                 file,
-                csv.ReadOptions(skip_rows=first, column_names=names, encoding=self._encoding),
+                csv.ReadOptions(
+                    skip_rows=0 if self.headless else _line(self._table), column_names=names, encoding=self._encoding
+                ),
                 csv.ParseOptions(delimiter=self._table.separator, invalid_row_handler=skip),
                 csv.ConvertOptions(
-                    column_types=dict(zip(wanted, types, strict=True)),
-                    include_columns=wanted,
-                    strings_can_be_null=False,
-                    decimal_point="," if self.comma else ".",
+                    column_types=dict(zip(wanted, types, strict=True)), include_columns=wanted, strings_can_be_null=False
                 ),
             )
         self.skipped = len(skipped)
@@ -307,16 +361,130 @@ class _TableFile:
             raise ValueError(f"{self.path}: {error}") from error
         return [table.column(name) for name in wanted]
 
-    def _split(self, first: int, numbers: Sequence[int]) -> list[list[str]]:
-        """Cells of columns that spaces part."""
+    def _split(self, numbers: Sequence[int]) -> list[list[str]]:
+        """Return the cells of columns that spaces separate, in LAS those of the section ~A."""
         columns: list[list[str]] = [[] for _ in numbers]
+        first = 0 if self.headless or self._las else _line(self._table)
+        inside = not self._las
         with io.TextIOWrapper(self.path.open("rb"), encoding=self._encoding, errors="replace") as file:
             for k, line in enumerate(file):
+                if self._las and line.startswith("~"):
+                    inside = line[1:2] in "Aa"
+                    continue
                 cells = line.split()
-                if k >= first and len(cells) > max(numbers) and not line.lstrip().startswith(("#", "!", "%")):
+                if inside and k >= first and len(cells) > max(numbers) and not line.lstrip().startswith(("#", "!", "%")):
                     for column, number in zip(columns, numbers, strict=True):
                         column.append(cells[number])
         return columns
+
+    def _table_cells(self, numbers: Sequence[int]) -> list[list[str]]:
+        """Return the cells of columns of a spreadsheet."""
+        rows = [row.cells for row in self._table.rows if len(row.cells) > max(numbers)]
+        return [[repr(row[k]) if isinstance(row[k], float) else str(row[k]) for row in rows] for k in numbers]
+
+    def numbers(self, cells: Any, column: _Column) -> tuple[Array, list[str]]:
+        """
+        Return the numbers of a column, NaN where a cell has none or a null value, and notes on such cells.
+
+        Raises
+        ------
+        ValueError
+            Nothing tells whether 203,812 is 203.812 or 203 812.
+        """
+        import pyarrow as pa
+        import pyarrow.compute as pc
+
+        if pa.types.is_floating(cells.type):
+            return _without_nulls(table_times.array(cells))
+        text = pc.utf8_trim_whitespace(cells)
+        if column.unit:
+            text = pc.replace_substring_regex(text, rf"(?i)\s*(?:{column.unit}|kg/cm2|kg/cm²)\.?$", "")
+        mark = self._mark(text, column)
+        grouped = pc.match_substring_regex(text, _GROUPED)
+        bare = pc.replace_substring_regex(text, rf"['’   {'.' if mark == ',' else ','}]", "")
+        text = pc.if_else(grouped, bare, text)
+        if mark == ",":
+            # A point that is left in a cell is not a decimal mark of this column.
+            text = pc.replace_substring(pc.replace_substring(text, ".", "?"), ",", ".")
+        is_number = pc.match_substring_regex(text, _NUMBER)
+        kept = pc.if_else(is_number, text, pa.scalar(None, pa.string()))
+        values, notes = _without_nulls(table_times.array(pc.cast(kept, pa.float64())))
+        words = pc.and_(pc.invert(is_number), pc.greater(pc.utf8_length(text), 0))
+        if count := pc.sum(words).as_py():
+            example = cells.filter(words)[0].as_py()[:20]
+            notes.append(
+                f"{count} cells have a word in place of a number, such as {example!r}, and are missing samples"
+            )
+        return values, notes
+
+    def _mark(self, text: Any, column: _Column) -> str:
+        """Return the decimal mark of a column of text: as said, as its numbers reveal it, or as a pressure allows."""
+        if said := self._said.get("decimal"):
+            return {"comma": ",", "point": "."}.get(said, said)
+        every = max(1, len(text) // 5000)
+        own = [one[0] for cell in text[::every].to_pylist() if (one := split(cell)) is not None] if every else []
+        votes = [decimal_mark(number) for number in own]
+        if any(votes):
+            return max(",.", key=votes.count)
+        if not any(re.match(_GROUPED, number) for number in own):
+            return "."
+        others = (split(cell) for row in self._table.rows[:200] for cell in row.cells)
+        seen = [decimal_mark(one[0]) for one in others if one is not None]
+        if any(seen):
+            return max(",.", key=seen.count)
+        # The same digits with the mark between thousands: a thousand times more.
+        size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * _PRESSURES.get(column.unit, 1.0)
+        if size > _HIGHEST:
+            return "," if "," in own[0] else "."
+        raise ValueError(
+            f"{self.path}: {own[0]} in column {column.name!r} may be {own[0].replace(',', '.')} or"
+            f" {re.sub(r'[.,]', '', own[0])}; add decimal=comma or decimal=point to --columns"
+        )
+
+    def seconds(self, columns: Sequence[_Column], cells: Sequence[Any]) -> tuple[Array, str, list[str]]:
+        """
+        Return times, s, the meaning of time 0, and notes, of a column of times, or of a date and a clock.
+
+        Raises
+        ------
+        ValueError
+            The cells are not times, or their unit is not known.
+        """
+        import pyarrow.compute as pc
+
+        column, text = columns[-1], cells[-1]
+        if len(columns) > 1:
+            text = pc.utf8_trim_whitespace(pc.cast(text, "string"))
+            text = text if ":" in self._first(column) else table_times.clock_text(text)
+            if text is not None:
+                date = pc.utf8_trim_whitespace(pc.cast(cells[0], "string"))
+                text = pc.binary_join_element_wise(date, text, " ")
+        elif ":" not in self._first(column):
+            numbers, notes = self.numbers(text, column)
+            # A word here and there is a missing sample.
+            if np.isfinite(numbers).sum() * 2 > len(numbers):
+                return self._of_numbers(numbers, column), f"{column.name} of the file", notes
+        if text is None:
+            numbers, notes = self.numbers(cells[-1], column)
+            return self._of_numbers(numbers, column), f"{column.name} of the file", notes
+        text = pc.utf8_trim_whitespace(pc.cast(text, "string"))
+        seconds = table_times.of_text(text)
+        if not np.isfinite(seconds).sum() * 2 > len(seconds):
+            example = text[0].as_py() if len(text) else ""
+            raise ValueError(
+                f"{self.path}: {column.name}: {example!r} is not a time; expected seconds, 2026-03-01T12:00:00.020 or"
+                " 12:00:00.02"
+            )
+        return seconds, f"{column.name} of the file", []
+
+    def _of_numbers(self, numbers: Array, column: _Column) -> Array:
+        try:
+            return table_times.of_numbers(numbers, column.unit)
+        except table_times.UnknownUnitError as error:
+            raise ValueError(
+                f"{self.path}: time (column {column.name!r}) has no unit and {error}; say it with --columns"
+                f" time_ms={column.name} or time_s={column.name}"
+            ) from error
 
 
 def _line(table: Table) -> int:
@@ -345,59 +513,29 @@ def _words(name: str, unit: str) -> tuple[str, str]:
     words = " ".join(_MARKS.sub(" ", re.sub(r"[(\[{][^)\]}]*[)\]}]?", " ", name)).lower().split())
     own = [_unit(one) for one in (unit, *brackets) if _unit(one)]
     last = words.rpartition(" ")[2]
-    if not own and " " in words and (last in _TIMES or last in _PRESSURES):
+    if not own and " " in words and (last in table_times.UNITS or last in _PRESSURES):
         own, words = [last], words.rpartition(" ")[0]
     return words, own[0] if own else ""
 
 
 def _unit(text: str) -> str:
     word = "".join(c for c in text.lower() if c.isalpha())
-    return word if word in _TIMES or word in _PRESSURES else ""
+    return word if word in table_times.UNITS or word in _PRESSURES else ""
 
 
 def _is_header(names: Sequence[str]) -> int:
-    words = [_words(str(name), "")[0] for name in names]
-    quantities = sum(any(pattern.match(one) for one in words) for pattern in (_TIME, _PRESSURE, _DATE, _PUMP))
+    found = [_words(str(name), "") for name in names]
+    times = [any(pattern.match(words) for pattern in (_TIME, _DATE, _PUMP)) for words, _ in found]
+    pressures = [
+        bool(_STANDPIPE.search(words) or _PRESSURE.search(words) or unit in _PRESSURES) for words, unit in found
+    ]
+    quantities = sum(times) + any(p and not t for p, t in zip(pressures, times, strict=True))
     return quantities if quantities > 1 and not any(looks_like_number(name) for name in names) else 0
 
 
 def _are_units(cells: Sequence[str]) -> int:
     words = [str(cell).strip("()[] ") for cell in cells]
     return int(any(_unit(word) for word in words) and not any(looks_like_number(word) for word in words))
-
-
-def _numbers(cells: Any, comma: bool) -> tuple[Array, list[str]]:
-    """Numbers of cells, nan where a cell has none or a null value, and how many have one."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    if pa.types.is_floating(cells.type):
-        return _without_nulls(_array(cells))
-    text = pc.utf8_trim_whitespace(cells)
-    if comma:
-        text = pc.replace_substring(text, ",", ".")
-    is_number = pc.match_substring_regex(text, _NUMBER)
-    kept = pc.if_else(is_number, text, pa.scalar(None, pa.string()))
-    values, notes = _without_nulls(_array(pc.cast(kept, pa.float64())))
-    words = pc.and_(pc.invert(is_number), pc.greater(pc.utf8_length(text), 0))
-    if count := pc.sum(words).as_py():
-        example = text.filter(words)[0].as_py()[:20]
-        notes.append(f"{count} cells have a word in place of a number, such as {example!r}, and are missing samples")
-    return values, notes
-
-
-def _array(cells: Any) -> Array:
-    """Numbers of a column of Arrow; nan where a cell has none."""
-    # Arrow's own conversion would import pandas, which takes longer than an hour of pressure.
-    parts = [np.zeros(0)]
-    for chunk in cells.chunks:
-        part = slice(chunk.offset, chunk.offset + len(chunk))
-        values = np.frombuffer(chunk.buffers()[1], dtype=float)[part]
-        if chunk.null_count:
-            valid = np.frombuffer(chunk.is_valid().cast("uint8").buffers()[1], dtype=np.uint8)[: len(chunk)]
-            values = np.where(valid == 1, values, math.nan)
-        parts.append(values)
-    return np.concatenate(parts)
 
 
 def _without_nulls(values: Array) -> tuple[Array, list[str]]:
@@ -409,118 +547,19 @@ def _without_nulls(values: Array) -> tuple[Array, list[str]]:
     return np.where(null, math.nan, values), [note]
 
 
-def _time(path: Path, columns: Sequence[_Column], cells: Sequence[Any], comma: bool) -> tuple[Array, str, list[str]]:
-    """Times, s, what time 0 is, and notes, of one column of times, or of a date and a clock."""
+def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
+    """Return pressure with NaN where a column of quality says Bad, in words or as the number of OPC, and notes."""
     import pyarrow.compute as pc
 
-    column, text = columns[-1], cells[-1]
-    if len(columns) > 1:
-        text = pc.binary_join_element_wise(*(pc.utf8_trim_whitespace(pc.cast(one, "string")) for one in cells), " ")
-    numbers, notes = _numbers(text, comma)
-    # Most cells decide: a word here and there is a missing sample.
-    if np.isfinite(numbers).sum() * 2 > len(numbers):
-        seconds = numbers * _time_unit(path, column, numbers)
-    else:
-        text = pc.utf8_trim_whitespace(pc.cast(text, "string"))
-        seconds, notes = _moments(pc.replace_substring(text, ",", ".") if comma else text), []
-        if not np.isfinite(seconds).sum() * 2 > len(seconds):
-            example = text[0].as_py() if len(text) else ""
-            raise ValueError(
-                f"{path}: {column.name}: {example!r} is not a time; expected seconds, 2026-03-01T12:00:00.020 or"
-                " 12:00:00.02"
-            )
-    seconds, said = _spread(seconds)
-    start = float(np.nanmin(seconds, initial=math.inf))
-    if math.isfinite(start) and start > _DAY_S * 365.0:
-        seconds = seconds - start
-        return seconds, f"first time of the file ({column.name})", notes + said
-    return seconds, f"{column.name} of the file", notes + said
-
-
-def _time_unit(path: Path, column: _Column, numbers: Array) -> float:
-    """Factor of numbers that are times: by their name, as Unix times by their size, or s where they step like them."""
-    if column.unit in _TIMES:
-        return _TIMES[column.unit]
-    usual = float(np.nanmedian(numbers))
-    for least, factor in _EPOCHS:
-        if usual > least:
-            return factor
-    step = float(np.nanmedian(np.diff(numbers[np.isfinite(numbers)])))
-    if not step < 1.0:
-        raise ValueError(
-            f"{path}: time (column {column.name!r}) has no unit and steps by {step:g}, which may be s or ms; say it"
-            f" with --columns time_ms={column.name} or time_s={column.name}"
-        )
-    return 1.0
-
-
-def _moments(text: Any) -> Array:
-    """Seconds of dates and clocks; a clock alone goes on behind midnight; nan where a cell is neither."""
-    import pyarrow.compute as pc
-
-    parts = pc.extract_regex(text, pattern=_MOMENT)
-
-    def part(name: str) -> Array:
-        field = pc.struct_field(parts, name)
-        number = pc.cast(pc.if_else(pc.equal(field, ""), None, field), "float64")
-        return _array(number)
-
-    hour, minute, second = part("h"), part("n"), np.nan_to_num(part("s"))
-    half = pc.utf8_lower(pc.struct_field(parts, "half"))
-    after, before = (_array(pc.cast(pc.cast(pc.equal(half, word), "int8"), "float64")) for word in ("pm", "am"))
-    hour = np.where(after == 1.0, hour % 12.0 + 12.0, np.where(before == 1.0, hour % 12.0, hour))
-    clock = hour * 3600.0 + minute * 60.0 + second
-    year, month, day = part("y"), part("m"), part("d")
-    if np.isfinite(year).any():
-        return clock + _DAY_S * _days(year, month, day)
-    first, then, year = part("a"), part("b"), part("z")
-    if np.isfinite(year).any():
-        # Day and month by what can be; where both can, the order in which the file is shorter.
-        ways = [_days(year, *pair) for pair in ((then, first), (first, then))]
-        good = [days for days in ways if np.isfinite(days).sum() == max(np.isfinite(w).sum() for w in ways)]
-        return clock + _DAY_S * min(good, key=lambda days: float(np.nanmax(days) - np.nanmin(days)))
-    known = np.flatnonzero(np.isfinite(clock))
-    over = np.concatenate([[0.0], np.cumsum(np.diff(clock[known]) < -0.5 * _DAY_S)]) if known.size else np.zeros(0)
-    clock[known] += over * _DAY_S
-    return clock
-
-
-def _days(year: Array, month: Array, day: Array) -> Array:
-    """Days since 1970; nan where there is no such day."""
-    good = np.isfinite(year) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
-    months = ((np.where(good, year, 1970.0) - 1970.0) * 12.0 + np.where(good, month, 1.0) - 1.0).astype("int64")
-    days = months.astype("datetime64[M]").astype("datetime64[D]").astype(float) + np.where(good, day, 1.0) - 1.0
-    return np.where(good, days, math.nan)
-
-
-def _spread(seconds: Array) -> tuple[Array, list[str]]:
-    """Times of samples whose stamps are coarser than they are: even between the stamps, gap by gap."""
-    known = np.flatnonzero(np.isfinite(seconds))
-    if known.size < 8:
-        return seconds, []
-    stamps = seconds[known]
-    steps = np.diff(stamps)
-    if not (steps == 0.0).mean() > 0.5 or (steps < 0.0).any() or not (steps > 0.0).any():
-        return seconds, []
-    tick = float(np.median(steps[steps > 0.0]))
-    spread = stamps.copy()
-    for part in np.split(np.arange(stamps.size), np.flatnonzero(steps > 1.5 * tick) + 1):
-        own = stamps[part]
-        changes = np.flatnonzero(np.diff(own) > 0.0)
-        if changes.size < 2:
-            rate = float(part.size) / tick
-        else:
-            rate = (changes[-1] - changes[0]) / (own[changes[-1] + 1] - own[changes[0] + 1])
-        even = np.arange(part.size) / rate
-        # Each sample was taken between its stamp and the next one.
-        late = own - even
-        spread[part] = even + 0.5 * (float(np.max(late)) + float(np.min(late + tick)))
-    out = seconds.copy()
-    out[known] = spread
-    each = stamps.size / max(1, int((steps > 0.0).sum()) + 1)
-    return out, [
-        f"the times step by {tick:g} s for about {each:.0f} samples each; the samples are spread evenly between them"
-    ]
+    text = pc.utf8_lower(pc.utf8_trim_whitespace(pc.cast(quality, "string")))
+    bad = pc.match_substring_regex(text, "^(?:bad|invalid|fail|error|fault|not )")
+    lost = table_times.array(pc.cast(pc.cast(bad, "int8"), "float64")) == 1.0
+    numbers = table_times.array(quality) if str(quality.type) == "double" else np.zeros(0)
+    if numbers.size and set(np.unique(numbers)) & {192.0, 216.0}:
+        lost |= numbers < _BAD_QUALITY
+    lost &= np.isfinite(pressure)
+    note = f"{int(lost.sum())} samples have a bad quality and are missing samples"
+    return np.where(lost, math.nan, pressure), [note] if lost.any() else []
 
 
 def _of_current(current: Array) -> tuple[Array, list[str]]:

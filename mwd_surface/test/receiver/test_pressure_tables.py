@@ -35,6 +35,14 @@ TIMES = {
         [f"{m.month}/{m.day}/{m.year} {m:%I:%M:%S}.{m.microsecond // 1000:03d} {m:%p}" for m in moments()],
     ),
     "clock over midnight": ("Rig Time", "", [f"{m:%H:%M:%S}.{m.microsecond // 1000:03d}" for m in moments()]),
+    "clock with a colon": ("Uhrzeit", "", [f"{m:%H:%M:%S}:{m.microsecond // 1000:03d}" for m in moments()]),
+    "compact iso": ("Timestamp", "", [f"{m:%Y%m%dT%H%M%S}.{m.microsecond // 1000:03d}Z" for m in moments()]),
+    "month name": ("Time", "", [f"{m:%d-%b-%Y %H:%M:%S}.{m.microsecond // 1000:03d}" for m in moments()]),
+    "short year": ("Time", "", [f"{m:%d/%m/%y %H:%M:%S}.{m.microsecond // 1000:03d}" for m in moments()]),
+    "minutes and seconds": ("Elapsed", "", [f"{int(t // 60):02d}:{t % 60:05.2f}" for t in TIME]),
+    "spreadsheet days": ("Date Time", "", [f"{46_082 + (86_397 + t) / 86_400:.11f}" for t in TIME]),
+    "windows ticks": ("Timestamp", "", [f"{134_168_000_000_000_000 + round(1e7 * t)}" for t in TIME]),
+    "hours": ("Elapsed time", "h", [f"{t / 3600:.9f}" for t in TIME]),
 }
 UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "bar": 1e5, "psi": 6894.757293168}
 
@@ -44,9 +52,7 @@ def written(time, unit, separator=",", decimal=".", units="name", comments=(), h
     cells = [f"{p / UNITS[unit]:.9g}" for p in PRESSURE]
     rows = [
         [
-            c.replace(".", decimal)
-            if time not in ("german", "iso", "iso with a space", "american", "clock over midnight")
-            else c,
+            c if ":" in c or "T" in c else c.replace(".", decimal),
             "7",
             p.replace(".", decimal),
         ]
@@ -84,7 +90,7 @@ def test_the_same_pressure_in_any_table_is_the_same_samples(
     head = ["Rig 7 log", "# written by the EDR"] if titled else []
     path = tmp_path_factory.mktemp("p") / "p.csv"
     path.write_bytes(written(time, unit, separator, decimal, units, comments, head).encode(encoding))
-    assert_same(pressure_files.read(path))
+    assert_same(pressure_files.read(path), 1e-5)
 
 
 def test_a_date_in_a_column_of_its_own_counts(tmp_path):
@@ -167,6 +173,117 @@ def test_times_without_a_unit_that_may_be_milliseconds_are_a_question(tmp_path):
     with pytest.raises(ValueError, match="time_ms=time"):
         pressure_files.read(tmp_path / "p.csv")
     assert_same(pressure_files.read(tmp_path / "p.csv", columns="time_ms=time"))
+
+
+@pytest.mark.parametrize(
+    ("separator", "decimal", "thousands"), [(";", ",", "."), ("\t", ".", ","), (";", ",", "\u00a0"), ("\t", ".", "'")]
+)
+def test_a_mark_between_thousands_changes_no_number(tmp_path, separator, decimal, thousands):
+    cells = [f"{p / 1e3:,.4f}".translate(str.maketrans({",": thousands, ".": decimal})) for p in PRESSURE]
+    times = [f"{t:.2f}".replace(".", decimal) for t in TIME]
+    rows = [f"{t}{separator}{c}" for t, c in zip(times, cells, strict=True)]
+    (tmp_path / "p.txt").write_text("\n".join([f"Time (s){separator}SPP (kPa)", *rows]), encoding="utf-8")
+    assert_same(pressure_files.read(tmp_path / "p.txt"))
+
+
+def test_digits_that_may_be_thousands_are_decided_by_what_a_pressure_can_be_or_asked(tmp_path):
+    (tmp_path / "p.csv").write_text(
+        "\n".join(["Uhrzeit;SPP (bar)", *(f"12:00:{k / 50:06.3f};203,{100 + k}" for k in range(400))])
+    )
+    assert np.median(pressure_files.read(tmp_path / "p.csv").pressure_pa) == pytest.approx(2.033e7, rel=1e-3)
+    (tmp_path / "p.csv").write_text(
+        "\n".join(["Uhrzeit;SPP (kPa)", *(f"12:00:{k / 50:06.3f};20,{100 + k}" for k in range(400))])
+    )
+    with pytest.raises(ValueError, match="decimal=comma"):
+        pressure_files.read(tmp_path / "p.csv")
+    read = pressure_files.read(tmp_path / "p.csv", columns="decimal=point")
+    assert np.median(read.pressure_pa) == pytest.approx(2.03e7, rel=1e-2)
+
+
+ROWS = [(f"{t:.2f}", f"{p:.3f}") for t, p in zip(TIME, PRESSURE, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("rows", "note"),
+    [
+        (ROWS[::-1], "falling order"),
+        (ROWS[100:200] + ROWS[:100] + ROWS[200:], "sorted"),
+        ([*ROWS[:9], ROWS[10], ROWS[9], *ROWS[11:]], "sorted"),
+        ([(f"{float(t) + 3600 * (float(t) < 3):.2f}", p) for t, p in ROWS], "set back 1 times, first by 3599.98 s"),
+        ([(f"{float(t) + 1 * (float(t) < 3):.2f}", p) for t, p in ROWS], "set back"),
+    ],
+)
+def test_the_order_of_the_rows_and_a_clock_set_back_lose_no_sample(tmp_path, rows, note):
+    (tmp_path / "p.csv").write_text("\n".join(["time_s,pressure_pa", *(",".join(row) for row in rows)]))
+    read = pressure_files.read(tmp_path / "p.csv")
+    assert_same(read)
+    assert note in " ".join(read.notes)
+
+
+def test_an_offset_from_utc_counts(tmp_path):
+    stamps = [
+        f"{m + dt.timedelta(hours=2 if k < 200 else 1):%Y-%m-%d %H:%M:%S}.{m.microsecond // 1000:03d}+0{2 if k < 200 else 1}:00"
+        for k, m in enumerate(moments())
+    ]
+    (tmp_path / "p.csv").write_text(
+        "\n".join(["Time,SPP (Pa)", *(f"{t},{p}" for t, (_, p) in zip(stamps, ROWS, strict=True))])
+    )
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+def test_a_date_and_a_clock_as_numbers_count(tmp_path):
+    rows = [
+        f"{m:%y%m%d},{int(f'{m:%H%M%S}')}.{m.microsecond // 1000:03d},{p}"
+        for m, (_, p) in zip([one + dt.timedelta(seconds=3) for one in moments()], ROWS, strict=True)
+    ]
+    (tmp_path / "p.csv").write_text("\n".join(["DATE,TIME,SPPA (Pa)", *rows]))
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+def test_samples_of_bad_quality_are_missing(tmp_path):
+    for good, bad in (("Good", "Bad [Configuration Error]"), ("192", "24")):
+        rows = [f"{t},{p},{bad if k % 10 == 3 else good}" for k, (t, p) in enumerate(ROWS)]
+        (tmp_path / "p.csv").write_text("\n".join(["time_s,pressure_pa,Quality", *rows]))
+        read = pressure_files.read(tmp_path / "p.csv")
+        np.testing.assert_allclose(read.time_s, TIME[np.arange(COUNT) % 10 != 3], atol=1e-9)
+        assert "bad quality" in " ".join(read.notes)
+
+
+def test_a_unit_in_the_cells_counts(tmp_path):
+    rows = [f"{t:.2f} s,{p / 1e5:.6f} bar" for t, p in zip(TIME, PRESSURE, strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join(["Time,SPP", *rows]))
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+def test_the_standpipe_is_preferred_to_other_pressures(tmp_path):
+    rows = [f"{t},9.1,1.0,{p},3.0" for t, p in ROWS]
+    (tmp_path / "p.csv").write_text(
+        "\n".join(["time_s,Diff Press (Pa),Pump Pressure (Pa),Stand Pipe Pressure (Pa),Hook load", *rows])
+    )
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+    assert pressure_files.read(tmp_path / "p.csv", 2).pressure_pa[0] == 1.0
+
+
+def test_rows_without_times_come_at_the_rate_said(tmp_path):
+    (tmp_path / "p.csv").write_text("\n".join(["Sample,SPP (Pa)", *(f"{k},{p}" for k, (_, p) in enumerate(ROWS))]))
+    with pytest.raises(ValueError, match="rate_hz=50"):
+        pressure_files.read(tmp_path / "p.csv")
+    assert_same(pressure_files.read(tmp_path / "p.csv", columns="rate_hz=50"))
+    with pytest.raises(ValueError, match="rate_hz"):
+        pressure_files.read(tmp_path / "p.csv", columns="rate_hz=0")
+
+
+def test_a_las_of_times_and_a_spreadsheet_are_tables_too(tmp_path):
+    import openpyxl
+
+    head = "~V\n VERS. 2.0 :\n WRAP. NO :\n~W\n NULL. -999.25 :\n~C\n TIME.S : Time\n SPPA.PA : Standpipe\n~A\n"
+    (tmp_path / "p.las").write_text(head + "\n".join(" ".join(row) for row in ROWS))
+    assert_same(pressure_files.read(tmp_path / "p.las"))
+    book = openpyxl.Workbook()
+    for row in [("Time (s)", "SPP (Pa)"), *((float(t), float(p)) for t, p in ROWS)]:
+        book.active.append(row)
+    book.save(tmp_path / "p.xlsx")
+    assert_same(pressure_files.read(tmp_path / "p.xlsx"))
 
 
 def test_strokes_are_read_by_the_same_rules(tmp_path):

@@ -51,7 +51,7 @@ def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
     after = name._replace(place=name.place + 1)
     if items_of(tool, after):
         return after
-    number = name.number if name.kind == "toolface" else min(name.number, len(tool.toolfaces) - 1)
+    number = name.number if name.kind == "toolface" else max(min(name.number, len(tool.toolfaces) - 1), 0)
     return BlockName("toolface", number, 0)
 
 

@@ -189,7 +189,7 @@ class Link:
         state, reason = self._state(silent)
         frame, word, final = self._heard()
         mode = word.kind if word is not None and state in (LOCKED, DOUBTFUL) else ""
-        sequences = {"survey": self._tool.surveys, "toolface": self._tool.toolfaces, "": ((),)}[mode]
+        sequence = self._tool.sequence(mode, 0) if mode else ()
         done = word.index + 1 if word is not None and mode else 0
         signal = not self._wired and state in (LOCKED, DOUBTFUL)
         return Quality(
@@ -202,7 +202,7 @@ class Link:
             goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else math.nan,
             frame=word.frame if word is not None else 0,
             words_done=done,
-            words_expected=len(sequences[0]),
+            words_expected=len(sequence),
             toolface_age=self.attitude.toolface_age(self.now_s),
             survey_age=self._last_survey_age(),
             inclination_age=self.attitude.angle_age("inclination", self.now_s),
@@ -276,6 +276,8 @@ class Link:
         longest = self._longest_s
         if word is not None and self.now_s - word.end_s < 4.0 * longest:
             return self._locked()
+        if word is not None and not self._tool.toolfaces:
+            return LOCKED, "the survey was received, and the tool sends nothing more until the next flow-on"
         if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
         return SEARCHING, self._nothing_found(on_since, frame)

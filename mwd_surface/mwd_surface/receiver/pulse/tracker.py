@@ -104,7 +104,7 @@ class Tracker:
             self._end(one, done)
             return done
         one.step(off_s)
-        if one.lost:
+        if one.lost or one.sent:
             self._end(one, done)
         elif one.presence.hopeless:
             self._all.remove(one)

@@ -70,6 +70,8 @@ class Transmission:
         Number of passes so far; number of the first pass among all that are published.
     published : bool
         Whether words of this hypothesis were published.
+    sent : bool
+        Whether the tool has sent all that follows a sync, because it sends surveys only.
     """
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, doubt: Doubt) -> None:
@@ -98,7 +100,7 @@ class Transmission:
         self._pending = Reception()
         self.begin, self.score = position, found.score
         self.frames = self.base = 0
-        self.published = False
+        self.published = self.sent = False
         self.lost = ""
         self._pass: Pass | None = None
         self._offered = False
@@ -127,7 +129,7 @@ class Transmission:
     def expects_sync(self, position: float) -> bool:
         """Return whether a sync at a position of the grid starts where the next pass would."""
         at = (position - self._clock.start) / self._clock.pace
-        return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
+        return self._pass is not None and bool(self._tool.toolfaces) and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
 
     def offer_sync(self) -> None:
         """Let the next pass begin with a sync if the data support it."""
@@ -187,6 +189,7 @@ class Transmission:
             self._carried = self._carried if was_faint else self._channel.posterior
             if now.complete:
                 self._complete()
+                self.sent = not self._tool.toolfaces
             return
         self._heard_at = now.at
         self._channel = decision.channel
@@ -202,6 +205,7 @@ class Transmission:
         now.shown = now.done if presence.confirmed else 0
         if now.complete:
             self._complete()
+            self.sent = not self._tool.toolfaces
 
     def taken(self) -> Reception:
         """Return the words that are ready to be published, with the numbers of their passes among all published."""
@@ -312,8 +316,9 @@ class Transmission:
 
     def _first_length(self, kind: str) -> int:
         if not self._tool.header_bits and not self._offered:
-            return self._rows(stretch_of(self._sequence(kind, 0), 0))[1]
-        return max(self._rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind))
+            items = self._tool.sequence(kind, 0)
+            return self._rows(stretch_of(items, 0))[1] if items else 0
+        return max((self._rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind)), default=0)
 
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
@@ -335,15 +340,17 @@ class Transmission:
         # Without a header a tool begins anew only after flow-on, and then it sends a survey.
         kind = "survey"
         if self._tool.header_bits:
-            looks = (stretch_of(self._sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
-            survey, toolface = (self._density(*self._rows(items), start) for items in looks)
-            # Packets of another sequence may fit the pulses of a survey nearly as well as those of the survey.
-            kind = "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
-        self._pass = Pass(kind, self._sequence(kind, number), start, at=start)
+            kind = self._kind_after_header(number, start)
+        self._pass = Pass(kind, self._tool.sequence(kind, number), start, at=start)
 
-    def _sequence(self, kind: str, number: int) -> tuple[SequenceItem, ...]:
-        sequences = self._sequences(kind)
-        return sequences[min(number, len(sequences) - 1)]
+    def _kind_after_header(self, number: int, start: int) -> str:
+        """Return whether a survey or a toolface sequence begins at a sample, by the evidence of the data."""
+        if not self._tool.toolfaces:
+            return "survey"
+        looks = (stretch_of(self._tool.sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
+        survey, toolface = (self._density(*self._rows(items), start) for items in looks)
+        # Packets of another sequence may fit the pulses of a survey nearly as well as those of the survey.
+        return "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
 
     def _density(self, rows: Indices, length: int, start: int) -> float:
         """Return the evidence per TU that some packets begin at a sample."""

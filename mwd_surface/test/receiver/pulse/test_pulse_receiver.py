@@ -334,3 +334,13 @@ def test_electrical_spikes_cost_no_word():
     spiked[random.choice(len(spiked), len(spiked) // 300, replace=False)] += 2e6
     words = decode(FAST, run.time_s, spiked).words
     assert [(w.raw, w.status) for w in words] == [(w.raw, w.status) for w in reception("0.5").words]
+
+
+@pytest.mark.parametrize("header", [0, 2])
+def test_a_tool_of_surveys_only_is_read_at_each_flow_on_and_nothing_between(header):
+    tool = dataclasses.replace(FAST, toolface_sequences=(), transmit_delay_s=10.0, header_bits=header)
+    sent = transmit(tool, ((0.0, 130.0), (140.0, 270.0)), 1)
+    got = decode(tool, *white(tool, sent, 12.0))
+    assert [frame.kind for frame in got.frames] == ["survey", "survey"]
+    assert [frame.reason for frame in got.frames] == ["", ""]
+    assert [word.raw for word in got.words if word.status == BELIEVED] == [word.raw for word in sent.words]

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Times of a table: numbers, dates and clocks of any usual kind as seconds, in order.
+
+A column is judged as a whole: the epoch of its numbers by their size and steps, the order of day and month by what
+exists, the order of its rows by the steps between them.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from typing import Any
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+
+UNITS = {
+    "s": 1.0,
+    "sec": 1.0,
+    "secs": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "minutes": 60.0,
+    "h": 3600.0,
+    "hr": 3600.0,
+    "hrs": 3600.0,
+    "hour": 3600.0,
+    "hours": 3600.0,
+    "d": 86_400.0,
+    "days": 86_400.0,
+}
+_DAY_S = 86_400.0
+# Numbers of the years 2001 to 2100 by their size: Unix ns, 100 ns (Windows, .NET), Unix us, ms and s.
+_EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
+# Days since 1900 (spreadsheets) or since year 0: large numbers with steps of less than 9 s.
+_SERIAL, _SERIAL_STEP = 2e4, 1e-4
+_DAY = "|".join(
+    (
+        r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})",
+        r"(?P<cy>\d{4}|\d{2})(?P<cm>\d{2})(?P<cd>\d{2})",
+        r"(?P<a>\d{1,2})[-/.](?P<b>\d{1,2})[-/.](?P<z>\d{4}|\d{2})",
+        r"(?P<nd>\d{1,2})\.?[-/. ]?(?P<nm>\pL{3,9})\.?[-/., ]*(?P<ny>\d{4}|\d{2})",
+        r"(?P<um>\pL{3,9})\.? (?P<ud>\d{1,2}),? (?P<uy>\d{4})",
+    )
+)
+_CLOCK = "|".join(
+    (
+        r"(?P<h>\d{1,4}):(?P<n>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d*))?)?\s*(?P<half>[AaPp]\.?[Mm]\.?)?",
+        r"(?P<ch>\d{2})(?P<cn>\d{2})(?P<cs>\d{2})(?:[.,](?P<cf>\d*))?",
+        r"(?P<mm>\d{1,4}):(?P<ms>\d{2})[.,](?P<mf>\d+)",
+    )
+)
+_ZONE = r"\s?(?:Z|[A-Z]{3,4}|(?P<zs>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2}))?"
+_MOMENT = rf"^(?:(?:\pL{{2,9}}\.?,? )?(?:{_DAY})(?:[T ,;_]+|$))?(?:{_CLOCK})?{_ZONE}$"
+# First letters of the months where German, French, Spanish and Norwegian differ from English.
+_MONTHS = {
+    **{dt.date(2000, k, 1).strftime("%b").lower(): k for k in range(1, 13)},
+    **dict(zip(("mär", "mai", "okt", "dez", "des"), (3, 5, 10, 12, 12), strict=True)),
+    **dict(zip(("fév", "avr", "aoû", "déc", "ene", "abr", "ago", "dic"), (2, 4, 8, 12, 1, 4, 8, 12), strict=True)),
+    **dict(zip(("juin", "juil"), (6, 7), strict=True)),
+}
+
+
+class UnknownUnitError(ValueError):
+    """Times without a unit whose steps may be seconds or milliseconds."""
+
+
+def of_numbers(numbers: Array, unit: str) -> Array:
+    """
+    Return times as seconds; unit: of the column, "" if unknown.
+
+    Raises
+    ------
+    UnknownUnitError
+        Neither unit, size nor steps of the numbers tell what they count.
+    """
+    if unit in UNITS:
+        return numbers * UNITS[unit]
+    known = numbers[np.isfinite(numbers)]
+    usual = float(np.median(known))
+    for least, factor in _EPOCHS:
+        if usual > least:
+            return numbers * factor
+    steps = np.abs(np.diff(known))
+    moving = steps[steps > 0.0]
+    if usual > _SERIAL and moving.size and float(np.median(moving)) < _SERIAL_STEP:
+        return numbers * _DAY_S
+    step = float(np.median(steps)) if steps.size else math.nan
+    if not step < 1.0:
+        raise UnknownUnitError(f"steps by {step:g}, which may be s or ms")
+    return numbers
+
+
+def of_text(text: Any) -> Array:
+    """
+    Return dates and clocks, an Arrow array of text, as seconds; NaN where a cell is neither.
+
+    A clock without date continues after midnight. An offset from UTC in the cells counts.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    parts = pc.extract_regex(text, pattern=_MOMENT)
+
+    def field(name: str) -> Any:
+        return pc.struct_field(parts, name)
+
+    def part(name: str) -> Array:
+        one = field(name)
+        return array(pc.cast(pc.if_else(pc.equal(one, ""), None, one), "float64"))
+
+    def fraction(name: str) -> Array:
+        one = pc.binary_join_element_wise("0.", field(name), "")
+        return np.nan_to_num(array(pc.cast(one, "float64")))
+
+    def month(name: str) -> Array:
+        words = pc.utf8_lower(field(name))
+        unique = [word for word in pc.unique(words).to_pylist() if word]
+        numbers = [float(_MONTHS.get(word[:4], _MONTHS.get(word[:3], math.nan))) for word in unique]
+        where = array(pc.cast(pc.index_in(words, pa.array(unique, pa.string())), "float64"))
+        return np.array([*numbers, math.nan])[np.where(np.isfinite(where), where, len(unique)).astype(int)]
+
+    hour, minute, second = part("h"), part("n"), np.nan_to_num(part("s")) + fraction("f")
+    half = pc.replace_substring(pc.utf8_lower(field("half")), ".", "")
+    after, before = (array(pc.cast(pc.cast(pc.equal(half, word), "int8"), "float64")) for word in ("pm", "am"))
+    hour = np.where(after == 1.0, hour % 12.0 + 12.0, np.where(before == 1.0, hour % 12.0, hour))
+    clock = hour * 3600.0 + minute * 60.0 + second
+    compact = part("ch") * 3600.0 + part("cn") * 60.0 + part("cs") + fraction("cf")
+    short = part("mm") * 60.0 + part("ms") + fraction("mf")
+    clock = np.where(np.isfinite(clock), clock, np.where(np.isfinite(compact), compact, short))
+    zone = np.nan_to_num(part("zh") * 3600.0 + part("zm") * 60.0)
+    clock -= np.where(array(pc.cast(pc.cast(pc.equal(field("zs"), "-"), "int8"), "float64")) == 1.0, -zone, zone)
+    first, then, third = part("a"), part("b"), part("z")
+    ways = [
+        _days(*(part(name) for name in ("y", "m", "d"))),
+        _days(*(part(name) for name in ("cy", "cm", "cd"))),
+        _days(part("ny"), month("nm"), part("nd")),
+        _days(part("uy"), month("um"), part("ud")),
+        # Day, month and year by what exists; where several orders exist, the one in which the file is shorter.
+        _days(third, then, first),
+        _days(third, first, then),
+        _days(np.where(third < 100.0, first, math.nan), then, third),
+    ]
+    most = max(int(np.isfinite(days).sum()) for days in ways)
+    if most:
+        good = [days for days in ways if np.isfinite(days).sum() == most]
+        return clock + _DAY_S * min(good, key=lambda days: float(np.nanmax(days) - np.nanmin(days)))
+    known = np.flatnonzero(np.isfinite(clock))
+    over = np.concatenate([[0.0], np.cumsum(np.diff(clock[known]) < -0.5 * _DAY_S)]) if known.size else np.zeros(0)
+    clock[known] += over * _DAY_S
+    return clock
+
+
+def clock_text(text: Any) -> Any:
+    """Return clocks written as the numbers HHMMSS, an Arrow array of text, with their zeros; None if they are not."""
+    import pyarrow.compute as pc
+
+    parts = pc.extract_regex(text, pattern=r"^(?P<whole>\d{1,6})(?P<rest>\.\d*)?$")
+    whole = pc.utf8_lpad(pc.struct_field(parts, "whole"), 6, "0")
+    numbers = array(pc.cast(whole, "float64"))
+    numbers = numbers[np.isfinite(numbers)]
+    if not numbers.size * 2 > len(text) or (numbers % 100.0 >= 60.0).any() or (numbers // 100.0 % 100.0 >= 60.0).any():
+        return None
+    return pc.binary_join_element_wise(whole, pc.struct_field(parts, "rest"), "")
+
+
+def array(cells: Any) -> Array:
+    """Return the numbers of an Arrow column; NaN where a cell has none."""
+    import pyarrow as pa
+
+    # Arrow's own conversion would import pandas, which takes longer than an hour of pressure.
+    parts = [np.zeros(0)]
+    for chunk in cells.chunks if isinstance(cells, pa.ChunkedArray) else [cells]:
+        part = slice(chunk.offset, chunk.offset + len(chunk))
+        values = np.frombuffer(chunk.buffers()[1], dtype=float)[part]
+        if chunk.null_count:
+            valid = np.frombuffer(chunk.is_valid().cast("uint8").buffers()[1], dtype=np.uint8)[: len(chunk)]
+            values = np.where(valid == 1, values, math.nan)
+        parts.append(values)
+    return np.concatenate(parts)
+
+
+def _days(year: Array, month: Array, day: Array) -> Array:
+    """Return days since 1970, years below 100 as of this century; NaN where there is no such day."""
+    good = np.isfinite(year) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    year = np.where(year < 100.0, year + 2000.0, year)
+    months = ((np.where(good, year, 1970.0) - 1970.0) * 12.0 + np.where(good, month, 1.0) - 1.0).astype("int64")
+    days = months.astype("datetime64[M]").astype("datetime64[D]").astype(float) + np.where(good, day, 1.0) - 1.0
+    return np.where(good, days, math.nan)
+
+
+def in_order(seconds: Array) -> tuple[Array, Array, list[str]]:
+    """
+    Return times that rise, the rows to which they belong, and notes.
+
+    Rows that were written in another order are sorted. Where sorting would interleave two parts or make a pause, the
+    clock was set back, and the samples after it are taken to follow those before it.
+
+    Parameters
+    ----------
+    seconds : ndarray, shape (n,)
+        Times, s; NaN where unknown.
+
+    Returns
+    -------
+    seconds : ndarray, shape (m,)
+    rows : ndarray of int, shape (m,)
+        Their places in the argument, without the unknown ones.
+    notes : list of str
+    """
+    rows = np.flatnonzero(np.isfinite(seconds))
+    times = seconds[rows]
+    steps = np.diff(times)
+    back = steps < 0.0
+    if not back.any():
+        return times, rows, []
+    if back.sum() > (steps > 0.0).sum():
+        # The rows of a file in falling order that share a stamp are in falling order, too.
+        rows, times = rows[::-1], times[::-1]
+        steps = np.diff(times)
+        back = steps < 0.0
+    usual = float(np.median(np.abs(steps[steps != 0.0])))
+    order = np.argsort(times, kind="stable")
+
+    def close(of: Array) -> float:
+        return float(np.mean(np.abs(of) < 0.5 * usual))
+
+    sorted_steps = np.diff(times[order])
+    pauses = max(float(steps.max(initial=0.0)), 10.0 * usual)
+    places = np.flatnonzero(back & (steps < -2.0 * usual)) + 1
+    if not places.size or (close(sorted_steps) <= close(steps) + 1e-3 and float(sorted_steps.max()) <= pauses):
+        count = int(back.sum())
+        note = "the rows are not in the order of time and were sorted" if count else "the rows were in falling order"
+        return times[order], rows[order], [note]
+    if places.size > 1e-3 * times.size + 1:
+        return times, rows, []
+    by = np.zeros(times.size)
+    by[places] = usual - steps[places - 1]
+    first = places[0]
+    note = (
+        f"the clock of the file is set back {places.size} times, first by {-steps[first - 1]:.6g} s; the samples after"
+        " it are taken to follow without a pause"
+    )
+    return times + np.cumsum(by), rows, [note]
+
+
+def spread(seconds: Array) -> tuple[Array, list[str]]:
+    """Return rising times of samples, evenly spaced between stamps that many samples share, and notes."""
+    if seconds.size < 8:
+        return seconds, []
+    steps = np.diff(seconds)
+    if not (steps == 0.0).mean() > 0.5 or (steps < 0.0).any() or not (steps > 0.0).any():
+        return seconds, []
+    tick = float(np.median(steps[steps > 0.0]))
+    even_times = seconds.copy()
+    for part in np.split(np.arange(seconds.size), np.flatnonzero(steps > 1.5 * tick) + 1):
+        own = seconds[part]
+        changes = np.flatnonzero(np.diff(own) > 0.0)
+        if changes.size < 2:
+            rate = float(part.size) / tick
+        else:
+            rate = (changes[-1] - changes[0]) / (own[changes[-1] + 1] - own[changes[0] + 1])
+        even = np.arange(part.size) / rate
+        # Each sample was taken between its stamp and the next one.
+        late = own - even
+        even_times[part] = even + 0.5 * (float(np.max(late)) + float(np.min(late + tick)))
+    each = seconds.size / max(1, int((steps > 0.0).sum()) + 1)
+    return even_times, [
+        f"the times step by {tick:g} s for about {each:.0f} samples each; the samples are spread evenly between them"
+    ]
