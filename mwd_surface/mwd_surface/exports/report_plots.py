@@ -11,6 +11,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.plots.drawing import BAD, BLUE, GOOD, NEUTRAL, SKY, grid
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.trajectory.plan import interpolated
 from mwd_surface.trajectory.well_path import ASSUMED
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe and Ito's palette: distinguishable for colour-blind readers; the marks differ too.
-_SURVEY, _PLAN, _BAD, _ELLIPSE, _GOOD = "#0072B2", "#009E73", "#D55E00", "#999999", "#56B4E9"
+_SURVEY, _PLAN, _ELLIPSE, _LIMIT = BLUE, GOOD, NEUTRAL, SKY
 ELLIPSE_SIGMAS = 2.0
 # Gravity, field and dip: axis label and factor from SI.
 _QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg", 180.0 / math.pi))
@@ -86,17 +87,17 @@ def quality_view(table: SurveyTable) -> Figure:
         if known:
             depth = [r.measured_depth for r, _ in known]
             limit = np.array([t.limit for _, t in known]) * factor
-            band = {"color": _GOOD, "alpha": 0.25, "linewidth": 0.8, "label": "within the limit"}
+            band = {"color": _LIMIT, "alpha": 0.25, "linewidth": 0.8, "label": "within the limit"}
             # A single survey gets a band of 30 m.
             ends = ([depth[0] - 15.0], [depth[0] + 15.0]) if len(depth) == 1 else ([], [])
             ax.fill_betweenx([*ends[0], *depth, *ends[1]], -_padded(limit, ends), _padded(limit, ends), **band)
-        for used, mark, colour, name in ((True, "o", _SURVEY, "used"), (False, "x", _BAD, "not used")):
+        for used, mark, colour, name in ((True, "o", _SURVEY, "used"), (False, "x", BAD, "not used")):
             points = [((t.deviation or 0.0) * factor, r.measured_depth) for r, t in known if r.in_use is used]
             if points:
                 ax.plot(*zip(*points, strict=True), mark, color=colour, markersize=4.5, label=name)
         ax.axvline(0.0, color="k", linewidth=0.8)
         ax.set_xlabel(label)
-        ax.grid(visible=True, linewidth=0.4, color="#cccccc")
+        grid(ax)
     axes[0].set_ylabel("measured depth, m")
     axes[0].invert_yaxis()
     named = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
@@ -120,13 +121,11 @@ def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
     ax.plot(*axes(whole[measured]), color=_SURVEY, linewidth=1.2)
     if assumed:
         # Up to the first survey, to leave no gap.
-        ax.plot(
-            *axes(whole[md <= table.path.md[1]]), ":", color=_BAD, linewidth=1.4, label="hole assumed, not surveyed"
-        )
+        ax.plot(*axes(whole[md <= table.path.md[1]]), ":", color=BAD, linewidth=1.4, label="hole assumed, not surveyed")
     words = "survey, place assumed" if table.path.assumed else "survey"
     ax.plot(*axes(table.path.positions[int(assumed) : last]), "o", color=_SURVEY, markersize=3.5, label=words)
     if projected:
-        ax.plot(*axes(table.path.positions[-1:]), "D", color=_BAD, markersize=5, label="bit (projected)")
+        ax.plot(*axes(table.path.positions[-1:]), "D", color=BAD, markersize=5, label="bit (projected)")
 
 
 def _dense(table: SurveyTable) -> tuple[Array, Array]:
@@ -152,6 +151,6 @@ def _outline(ax: Any, points: Any, label: str) -> None:
 
 
 def _finish(ax: Any) -> None:
-    ax.grid(visible=True, linewidth=0.4, color="#cccccc")
+    grid(ax)
     if ax.get_legend_handles_labels()[0]:
         ax.legend(fontsize="small")

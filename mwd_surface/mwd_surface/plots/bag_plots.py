@@ -12,7 +12,7 @@ import numpy as np
 
 from mwd_sensors.calibration.allan import figures
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_surface.plots.drawing import DEGREES, TRUTH_COLOUR, drawer, finish_axes, png, svg, time_unit
+from mwd_surface.plots.drawing import DEGREES, SERIES, TRUTH_COLOUR, drawer, finish_axes, png, svg, time_unit
 from mwd_surface.plots.plot_data import AllanOf, Panel, PlotData, SpectrumOf
 from mwd_surface.plots.survey_plots import survey_drawers
 from mwd_surface.plots.traces import WHAT
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 # Okabe and Ito's palette: distinguishable for colour-blind readers.
-_COLOURS = ("#D55E00", "#0072B2", "#009E73", "#000000")
 _HEADINGS = {
     "sensors": "Sensors",
     "rig": "Rig",
@@ -140,7 +139,7 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
         ax.plot(
             seconds / scale,
             value,
-            color=_COLOURS[k % len(_COLOURS)],
+            color=SERIES[k % len(SERIES)],
             linewidth=0.5 if dense else 0.9,
             marker="." if sparse else "",
             markersize=3.0,
@@ -239,7 +238,7 @@ def _draw_spectrum(ax: Axes, item: SpectrumOf) -> None:
     spectrum = item.spectrum
     for k, label in enumerate(("x (down-hole)", "y", "z (scribe)")):
         level = np.sqrt(spectrum.density[1:, k])
-        ax.loglog(spectrum.frequency[1:], np.maximum(level, 1e-12), color=_COLOURS[k], linewidth=0.8, label=label)
+        ax.loglog(spectrum.frequency[1:], np.maximum(level, 1e-12), color=SERIES[k], linewidth=0.8, label=label)
     ax.set_title(f"{item.topic}: {item.quantity}", loc="left", fontsize=9, pad=3)
     ax.set_xlabel(f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)", fontsize=9)
     ax.set_ylabel(f"{item.unit}/√Hz", fontsize=9)
@@ -283,9 +282,9 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
         white = f"{got.white * DEGREES * 60.0:.3g} deg/√h" if gyro else f"{got.white * _UG:.3g} µg/√Hz"
         label = f"{axis}: {white}; least {got.floor * scale:.3g} {unit} at {got.floor_tau:.3g} s"
         deviation = item.curve.deviation[:, k] * scale
-        ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=_COLOURS[k], linewidth=1.0, label=label)
+        ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=SERIES[k], linewidth=1.0, label=label)
         low, high = (np.maximum(deviation * (1.0 + s * item.curve.sigma), 1e-12) for s in (-1.0, 1.0))
-        ax.fill_between(item.curve.tau, low, high, color=_COLOURS[k], alpha=0.15, linewidth=0.0)
+        ax.fill_between(item.curve.tau, low, high, color=SERIES[k], alpha=0.15, linewidth=0.0)
     ax.set_title(
         f"{item.topic}: {item.quantity}, still for {item.seconds:.0f} s from {item.start_s:.0f} s",
         loc="left",

@@ -11,14 +11,11 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
-from mwd_surface.plots.drawing import finish_axes
+from mwd_surface.plots.drawing import BAD, DOUBTFUL, SERIES, finish_axes, grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: distinguishable for colour-blind readers.
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")
-_STOP, _WARNING = "#D55E00", "#F0E442"
 _MOST = 12  # largest number of wells drawn; more would hide each other
 # The axis ends at this factor.
 _FAR = 10.0
@@ -73,25 +70,25 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
         worst = other.least
         if other.distance[worst] <= most:
             level = other.level
-            mark = _STOP if level == 2 else _WARNING if level == 1 else colour
+            mark = BAD if level == 2 else DOUBTFUL if level == 1 else colour
             ax.plot(other.bearing[worst], other.distance[worst], "o", color=mark, markeredgecolor="k", markersize=7)
     ax.set_rmax(most)
     ax.set_rlabel_position(135.0)
     ax.set_title("toolface to the other well + azimuth; distance in m; dot: least separation factor", fontsize=9)
-    ax.grid(visible=True, linewidth=0.4, color="#cccccc")
+    grid(ax)
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.12, -0.05), frameon=False)
     return figure
 
 
 def _style(k: int) -> tuple[str, str]:
-    return _COLOURS[k % len(_COLOURS)], ("-", "-.", ":")[k // len(_COLOURS) % 3]
+    return SERIES[k % len(SERIES)], ("-", "-.", ":")[k // len(SERIES) % 3]
 
 
 def _bands(ax: Any, rule: ClearanceRule) -> None:
-    ax.axvspan(-0.5, rule.stop_factor, color=_STOP, alpha=0.25, label=f"stop, below {rule.stop_factor:g}")
+    ax.axvspan(-0.5, rule.stop_factor, color=BAD, alpha=0.25, label=f"stop, below {rule.stop_factor:g}")
     if rule.warning_factor > rule.stop_factor:
         words = f"warning, below {rule.warning_factor:g}"
-        ax.axvspan(rule.stop_factor, rule.warning_factor, color=_WARNING, alpha=0.35, label=words)
+        ax.axvspan(rule.stop_factor, rule.warning_factor, color=DOUBTFUL, alpha=0.35, label=words)
 
 
 def _labelled(other: Clearance, shown: Array, apart: float) -> list[int]:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import DEGREES, finish_axes
+from mwd_surface.plots.drawing import BAD, BLUE, DEGREES, PURPLE, SKY, finish_axes
 from mwd_surface.uncertainty.forecast import Forecast
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_INC, _AZI, _CORRECTED, _NO_GO = "#009E73", "#0072B2", "#E69F00", "#D55E00"
+_INC, _AZI, _CORRECTED, _NO_GO = SKY, BLUE, PURPLE, BAD
 
 
 def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -> Figure:

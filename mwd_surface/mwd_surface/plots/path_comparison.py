@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import DEGREES, finish_axes, png
+from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes, png
 from mwd_surface.trajectory.list_comparison import PathDifference
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73")
 _BAND = 2.0  # sigmas
 
 
@@ -36,7 +35,7 @@ def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str
 
     figure = Figure(figsize=(6.0, 5.6), layout="constrained")
     ax = figure.subplots()
-    for (position, covariance), name, colour, line in zip(ends, names, _COLOURS, ("--", "-"), strict=False):
+    for (position, covariance), name, colour, line in zip(ends, names, SERIES, ("--", "-"), strict=False):
         ax.plot(position[1], position[0], "o", color=colour, label=name)
         if covariance is None:
             continue
@@ -64,16 +63,16 @@ def figure_of(found: PathDifference, first: str, second: str) -> Figure:
     figure = Figure(figsize=(10.0, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle(f"{first} minus {second}", fontsize=11)
-    upper.plot(found.md, found.turn[:, 0] * DEGREES, color=_COLOURS[0], label="inclination")
+    upper.plot(found.md, found.turn[:, 0] * DEGREES, color=SERIES[0], label="inclination")
     # Rotation of the hole axis: near vertical, a change of azimuth has little effect.
     across = found.turn[:, 1] * np.sin(found.inclination[:, 0])
-    upper.plot(found.md, across * DEGREES, color=_COLOURS[1], label="azimuth x sin(inclination)")
+    upper.plot(found.md, across * DEGREES, color=SERIES[1], label="azimuth x sin(inclination)")
     _finish(upper, "deg")
     for k, name in enumerate(("north", "east", "down")):
-        lower.plot(found.md, found.position[:, k], color=_COLOURS[k], label=name)
+        lower.plot(found.md, found.position[:, k], color=SERIES[k], label=name)
         if np.isfinite(found.sigma[:, k]).any():
             band = _BAND * found.sigma[:, k]
-            lower.fill_between(found.md, -band, band, color=_COLOURS[k], alpha=0.12, linewidth=0.0)
+            lower.fill_between(found.md, -band, band, color=SERIES[k], alpha=0.12, linewidth=0.0)
     if np.isfinite(found.sigma).any():
         lower.fill_between(
             [], [], [], color="#888888", alpha=0.3, label="2 sigma of the difference, in the same colour"

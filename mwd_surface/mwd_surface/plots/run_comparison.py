@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import finish_axes, png, time_unit
+from mwd_surface.plots.drawing import SERIES, finish_axes, png, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_COLOURS = ("#0072B2", "#D55E00")
 _MOST = 6000  # largest number of rows drawn of each run
 _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
@@ -58,7 +57,7 @@ def picture(ours: Run, expected: Run) -> bytes:
     unit_s, unit = time_unit((last - begin) * 1e-9)
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     upper, middle, lower = figure.subplots(3, 1, sharex=True)
-    for colour, (name, rows, surveys) in zip(_COLOURS, runs, strict=True):
+    for colour, (name, rows, surveys) in zip(SERIES, runs, strict=False):
         time = (rows["stamp_ns"] - begin) * 1e-9 / unit_s
         for ax, angle in ((upper, "inclination_deg"), (middle, "azimuth_deg")):
             ax.plot(time, rows[angle], color=colour, linewidth=0.9, label=name)
@@ -66,7 +65,7 @@ def picture(ours: Run, expected: Run) -> bytes:
             ax.plot(at, value, "o", color=colour, markersize=5, fillstyle="none")
     apart = differences(runs[0][1], runs[1][1])
     time = (apart["stamp_ns"] - begin) * 1e-9 / unit_s
-    for colour, angle, words in zip(_COLOURS, _ANGLES, _NAMES, strict=True):
+    for colour, angle, words in zip(SERIES, _ANGLES, _NAMES, strict=False):
         lower.plot(time, apart[angle], color=colour, linewidth=0.9, label=words)
     lower.axhline(0.0, color="k", linewidth=0.7)
     for ax, label in (

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mwd_estimation.survey.survey import Survey
-from mwd_surface.plots.drawing import DEGREES, TRUTH_COLOUR, drawer, finish_axes, time_unit
+from mwd_surface.plots.drawing import BAD, DEGREES, DOUBTFUL, GOOD, TRUTH_COLOUR, drawer, finish_axes, time_unit
 from mwd_surface.plots.plot_data import PlotData
 from mwd_surface.plots.traces import NORTHS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_VERDICTS = (("o", "#009E73", "accepted"), ("^", "#E69F00", "doubtful"), ("x", "#D55E00", "rejected"))
+_VERDICTS = (("o", GOOD, "accepted"), ("^", DOUBTFUL, "doubtful"), ("x", BAD, "rejected"))
 
 
 def survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:

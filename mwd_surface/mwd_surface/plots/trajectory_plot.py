@@ -5,10 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mwd_surface.plots.drawing import DEGREES, finish_axes, png
+from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes, png
 from mwd_surface.trajectory.dense_trajectory import STATION, DenseTrajectory
-
-_COLOURS = ("#0072B2", "#D55E00", "#009E73")
 
 
 def trajectory_plot(found: DenseTrajectory) -> bytes:
@@ -19,11 +17,11 @@ def trajectory_plot(found: DenseTrajectory) -> bytes:
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle("High-density trajectory (not the definitive survey)", fontsize=11)
     at_station = np.array([source == STATION for source in found.source])
-    upper.plot(found.md, found.inclination * DEGREES, color=_COLOURS[0], linewidth=1.0, label="between stations")
+    upper.plot(found.md, found.inclination * DEGREES, color=SERIES[0], linewidth=1.0, label="between stations")
     upper.plot(found.md[at_station], found.inclination[at_station] * DEGREES, "k.", markersize=5, label="stations")
     upper.set_ylabel("inclination, deg", fontsize=9)
     for k, name in enumerate(("north", "east", "vertical depth")):
-        lower.plot(found.md, found.differences[:, k], color=_COLOURS[k], label=name)
+        lower.plot(found.md, found.differences[:, k], color=SERIES[k], label=name)
     lower.axhline(0.0, color="k", linewidth=0.7)
     lower.set_ylabel("minus minimum curvature, m", fontsize=9)
     lower.set_xlabel("measured depth, m", fontsize=9)

@@ -11,12 +11,13 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_surface.plots.drawing import BLACK, BLUE, GOOD, NEUTRAL, finish_axes
 from mwd_surface.receiver.words import BELIEVED, ReceivedWord, pulse_edges
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_COLOURS = {True: "#009E73", False: "#999999"}
+_COLOURS = {True: GOOD, False: NEUTRAL}
 _MOST_POINTS = 6000
 
 
@@ -83,8 +84,7 @@ def image(
     confidence.legend(loc="lower right", fontsize=8)
     _spectrum(spectrum, time_s, pressure_pa, tool.shortest_s, quantity)
     for ax in (pressure, *pulses, confidence, spectrum):
-        ax.grid(visible=True, linewidth=0.4, color="#cccccc")
-        ax.tick_params(labelsize=8)
+        finish_axes(ax)
     out = io.BytesIO()
     figure.savefig(out, format=kind, dpi=110)
     return out.getvalue()
@@ -96,7 +96,7 @@ def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -
     count = len(time_s) // pieces * pieces
     blocks = pressure_pa[:count].reshape(-1, pieces) / quantity.size
     at = time_s[:count:pieces]
-    ax.fill_between(at, blocks.min(axis=1), blocks.max(axis=1), color="#0072B2", linewidth=0.5)
+    ax.fill_between(at, blocks.min(axis=1), blocks.max(axis=1), color=BLUE, linewidth=0.5)
     ax.set_ylabel(quantity.unit)
     ax.set_title(f"{quantity.name}; words in green, erased ones in grey", loc="left", fontsize=9)
 
@@ -107,7 +107,7 @@ def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord]
     shown = [word for word in words if word.frame == frame]
     inside = (time_s >= shown[0].start_s) & (time_s <= shown[-1].end_s)
     if np.any(inside):
-        ax.plot(time_s[inside], value[inside], color="#0072B2", linewidth=0.6)
+        ax.plot(time_s[inside], value[inside], color=BLUE, linewidth=0.6)
     for word in shown:
         colour = _COLOURS[word.status == BELIEVED]
         for edge in pulse_edges(word, tool):
@@ -131,7 +131,7 @@ def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity
     power = power * 2.0 * step / np.sum(window**2)
     frequency = np.fft.rfftfreq(length, step)
     shown = (frequency > 0.0) & (frequency <= 1.6 / tu_s)
-    ax.semilogy(frequency[shown], power[shown] / quantity.size**2, color="#000000", linewidth=0.8)
+    ax.semilogy(frequency[shown], power[shown] / quantity.size**2, color=BLACK, linewidth=0.8)
     ax.set_xlabel("frequency, Hz")
     ax.set_ylabel(f"{quantity.unit}²/Hz")
     ax.set_title(f"Spectrum of the {quantity.name.lower()}: lines are pumps", loc="left", fontsize=9)
