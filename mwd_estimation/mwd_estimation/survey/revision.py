@@ -11,15 +11,18 @@ again and again, so that n stations need some n log2(n) steps.
 from __future__ import annotations
 
 import copy
+import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
+from concurrent import futures
 
 from mwd_estimation.core.verdicts import MOVED
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.posterior import hypotheses
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.run_model import RunModel, Taken
+from mwd_estimation.survey.run_model import RunModel, Taken, elapsed
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.station_settings import StationSettings
 
@@ -30,23 +33,31 @@ _GAP = 0.1
 
 
 def findings(
-    taken: Sequence[Taken], first: Sequence[Finding | None], settings: StationSettings, newest: int | None = None
+    taken: Sequence[Taken],
+    first: Sequence[Finding | None],
+    settings: StationSettings,
+    newest: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    threads: int = 1,
 ) -> list[Finding | None]:
     """
     What is found of each station of a run with all the others of it.
 
     first: what was found of each when it was taken; readings that came a second time keep that and tell nothing.
     newest: look at so many of the last ones only; the others keep what was found.
+    progress: is called with the number of stations of each seek that is done, in any thread, one call at a time.
+    threads: number of threads; the result does not depend on it.
     """
     found, begin = dict(enumerate(first)), 0 if newest is None else max(len(taken) - newest, 0)
     repeated = {k for k, one in found.items() if one is not None and one.repeats is not None}
-    dated = _with_hazards(with_last_readings(taken), settings)
+    dated = _in_any_order(with_last_readings(taken), settings)
     new = {k: one for k, one in enumerate(dated) if k not in repeated}
     seeks, model = _seeks(new), RunModel(settings)
     for seek in seeks:
         if max(seek) < begin:
             _learn(model, seek)
-    _without_each(model, [seek for seek in seeks if max(seek) >= begin], found)
+    work = _Work(found, progress or (lambda _done: None), threading.Lock())
+    _without_each(model, [seek for seek in seeks if max(seek) >= begin], work, threads)
     return list(found.values())
 
 
@@ -57,11 +68,23 @@ def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
     return [one if one.gyro is None else one._replace(gyro=last.get(one.gyro.began_ns, one.gyro)) for one in taken]
 
 
-def _with_hazards(taken: Sequence[Taken], settings: StationSettings) -> list[Taken]:
-    """Stations, each with the cumulative hazard of another string, which holds in whatever order they are taken in."""
+def _in_any_order(taken: Sequence[Taken], settings: StationSettings) -> list[Taken]:
+    """Stations with the cumulative hazard of another string and the age of the gyro, so that any order will do."""
     hours = [one.hours for one in taken]
     steps = [hypotheses.hazard(settings.priors, now - then) for then, now in itertools.pairwise(hours)]
-    return [one._replace(hazard=at) for one, at in zip(taken, itertools.accumulate([0.0, *steps]), strict=False)]
+    hazards = list(itertools.accumulate([0.0, *steps]))[: len(taken)]
+    # All surveys of a seek are at the time of the first of them.
+    seeks = [None if one.gyro is None else one.gyro.began_ns for one in taken]
+    times, last = [0.0] * min(len(taken), 1), 0
+    for k in range(1, len(taken)):
+        if seeks[k] is None or seeks[k] != seeks[last]:
+            times.append(times[last] + elapsed(hours[last], hours[k]))
+            last = k
+        else:
+            times.append(times[last])
+    first = next((at for one, at in zip(taken, times, strict=True) if one.gyro is not None and one.gyro.answers), 0.0)
+    ages = [max(at - first, 0.0) for at in times]
+    return [one._replace(hazard=hazard, age=age) for one, hazard, age in zip(taken, hazards, ages, strict=True)]
 
 
 def is_outlier(finding: Finding | None) -> bool:
@@ -93,20 +116,45 @@ def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
         model.take(one)
 
 
-def _without_each(model: RunModel, seeks: list[dict[int, Taken]], found: dict[int, Finding | None]) -> None:
-    """Findings of the stations of these seeks, by a model that has learned of every other station."""
+@dataclasses.dataclass(frozen=True)
+class _Work:
+    """What the stations of a run are judged into, with a lock for several threads."""
+
+    found: dict[int, Finding | None]
+    progress: Callable[[int], None]
+    lock: threading.Lock
+
+    def keep(self, found: dict[int, Finding | None]) -> None:
+        with self.lock:
+            self.found.update(found)
+            self.progress(len(found))
+
+
+def _without_each(model: RunModel, seeks: list[dict[int, Taken]], work: _Work, threads: int) -> None:
+    """Judge the stations of these seeks by a model that has learned of every other station."""
     if not seeks:
         return
     if len(seeks) == 1:
-        _of_seek(model, seeks[0], found)
+        work.keep(_of_seek(model, seeks[0]))
         return
     middle = _divided(seeks)
     before, after = seeks[:middle], seeks[middle:]
-    for mine, others in ((before, after[::-1]), (after, before)):
+
+    def judge(mine: list[dict[int, Taken]], others: list[dict[int, Taken]], threads: int) -> None:
         aware = copy.deepcopy(model)
         for seek in others:
             _learn(aware, seek)
-        _without_each(aware, mine, found)
+        _without_each(aware, mine, work, threads)
+
+    # The halves do not depend on each other, and the kernels release the interpreter lock.
+    if threads < 2:
+        judge(before, after[::-1], 1)
+        judge(after, before, 1)
+        return
+    with futures.ThreadPoolExecutor(1) as other:
+        second = other.submit(judge, after, before, threads // 2)
+        judge(before, after[::-1], threads - threads // 2)
+        second.result()
 
 
 def _divided(seeks: list[dict[int, Taken]]) -> int:
@@ -116,10 +164,12 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
     return min(gaps, key=lambda k: abs(2 * k - len(seeks)), default=len(seeks) // 2)
 
 
-def _of_seek(model: RunModel, seek: dict[int, Taken], found: dict[int, Finding | None]) -> None:
-    """Findings of the stations of one seek: each with its azimuth, and with the fields of the others."""
+def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | None]:
+    """Return the findings of the stations of one seek: each with its azimuth, and with the fields of the others."""
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
+    found = {}
     for k, one in seek.items():
         aware = copy.deepcopy(model)
         _learn(aware, {other: field for other, field in fields.items() if other != k})
         found[k] = aware.take(one, learn=False)
+    return found

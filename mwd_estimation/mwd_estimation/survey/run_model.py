@@ -42,6 +42,8 @@ _ELSEWHERE = 1e-6, math.radians(2.0)
 _STAYED = math.radians(0.5)
 # What a string has told that never turned.
 _NOTHING = Across(np.zeros(2), math.inf)
+# Time between two stations where it is not known, h.
+_STAND = 0.5
 # A gyro less probably wrong than this agrees with the magnetometer.
 _AGREES = 0.2
 
@@ -68,6 +70,13 @@ class Taken(NamedTuple):
     #: Cumulative hazard of another string up to here (`hypotheses.hazard`), which makes stations in any order known to
     #: each other; nan: the station follows the last one taken.
     hazard: float = math.nan
+    #: Time since the first seek of the run's gyro, h (`ages`); nan: the station follows the last one taken.
+    age: float = math.nan
+
+
+def elapsed(before: float, now: float) -> float:
+    """Time between two stations taken one after the other, h; that of a stand where it is not known."""
+    return abs(now - before) if math.isfinite(now - before) else _STAND
 
 
 class RunModel:
@@ -90,6 +99,8 @@ class RunModel:
         self._told: dict[str, Across] = {}
         # When the last station was taken, h, and the cumulative hazard of another string there.
         self._reached = math.nan, 0.0
+        # The same with the time since the first seek of the gyro; None before that seek.
+        self._aged: tuple[float, float] | None = None
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
         """
@@ -97,7 +108,7 @@ class RunModel:
 
         learn: whether the station counts for those after it.
         """
-        measured, hours, gyro, turning, hazard = taken
+        measured, hours, gyro, turning, hazard, age = taken
         readings, station = measured.readings, measured.station
         if readings is None:
             return None
@@ -109,7 +120,11 @@ class RunModel:
         place, seek = self._lay_before(one), self._back_in_seek(model, began_ns)
         # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
         again = place is not None and place == len(self._lay) - 1
-        model.pass_time(hours, self._hazard_at(hours) if math.isnan(hazard) else hazard)
+        age, seek_of_gyro = self._age_at(hours, one, goes_on=seek is not None) if math.isnan(age) else age, None
+        if math.isfinite(one["gyro"]):
+            model.expect_gyro()
+            seek_of_gyro = age, float(one["gyro_lasting"])
+        model.pass_time(hours, self._hazard_at(hours) if math.isnan(hazard) else hazard, seek_of_gyro)
         if turning is not None:
             self._take_turning(model, turning)
         if seek is not None:
@@ -128,7 +143,8 @@ class RunModel:
         turn = station.north_correction - self._north(measured)
         found = self._finding(model, one, evidence, doubts, turn, repeats)
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
-        self._agreed |= learn and found.of_gyro is not None and found.gyro_wrong < _AGREES and outside < _AGREES
+        right = float(model.by_gyro_state(evidence)[:, 0].sum())
+        self._agreed |= learn and found.of_gyro is not None and right > 1.0 - _AGREES and outside < _AGREES
         return found
 
     def _hazard_at(self, hours: float) -> float:
@@ -136,6 +152,14 @@ class RunModel:
         before, hazard = self._reached
         self._reached = hours, hazard + hypotheses.hazard(self._settings.priors, hours - before)
         return self._reached[1]
+
+    def _age_at(self, hours: float, one: Row, *, goes_on: bool) -> float:
+        """Time since the first seek of the gyro, h, when this seek began; goes_on: the last station is of the same."""
+        if self._aged is not None and not goes_on:
+            self._aged = hours, self._aged[1] + elapsed(self._aged[0], hours)
+        elif self._aged is None and math.isfinite(one["gyro"]):
+            self._aged = hours, 0.0
+        return 0.0 if self._aged is None else self._aged[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
         """Go back to before the last station, where it is of the seek of the gyro that began then; else None."""
@@ -241,7 +265,7 @@ class RunModel:
         repeats: int | None,
     ) -> Finding:
         doubted, shown = doubts
-        right, stepped, wrong = evidence.by_angle.T
+        right, stepped, wrong = model.by_gyro_state(evidence).T
         width = circle.widths(evidence.angles)
         mass, by_gyro, gyro_wrong, parts = right + stepped + wrong, 0.0, 0.0, None
         angles = wrap_tau(evidence.angles + turn)
@@ -251,7 +275,8 @@ class RunModel:
             mass = np.empty(len(angles))
             mass[order] = parts.weighed(angles[order]) * width[order]
             by_gyro = gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
-            gyro_wrong = float((stepped + wrong).sum())
+            # A gyro that the run already knows to be wrong contradicts nothing.
+            gyro_wrong = float((stepped + wrong).sum()) * (1.0 - doubted)
         mean, covariance = model.shared()
         at, turned = Shared.FIELD_BIAS, slice(Shared.MOUNT, Shared.MOUNT + 3)
         known = bool(one["has_field"])

@@ -74,6 +74,22 @@ def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
 
 
 @pytest.mark.slow(3)
+@pytest.mark.parametrize("per_stand_deg", [1.0, -2.0])
+def test_a_gyro_that_drifts_does_not_overrule_a_sound_magnetometer(per_stand_deg):
+    rng = np.random.default_rng(4)
+    taken = []
+    for k in range(14):
+        north = AZIMUTH + math.radians(per_stand_deg * k + 0.4 * rng.standard_normal())
+        one = station(0.5 + 0.06 * k, 2.0 * k, seek(k, north, sigma=0.02), noise=2e-8 * rng.standard_normal(3))
+        taken.append(one._replace(hours=0.5 * k))
+    now = revised(taken)
+    for one, _ in (*live(taken), *now):
+        assert one.verdict != "accept" or abs(wrap_pi(one.azimuth - AZIMUTH)) < 3.0 * one.sigma_azimuth
+    assert sum(one.verdict == "accept" for one, _ in now) >= 12
+    assert max(abs(wrap_pi(one.azimuth - AZIMUTH)) for one, _ in now) < math.radians(1.5)
+
+
+@pytest.mark.slow(3)
 def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     """A wrong gyro beside a magnetometer in order, read before and after a turn in place; the next one is right."""
     found = []

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from consistency import consistency
@@ -221,6 +223,19 @@ def test_a_bias_of_a_gyro_that_steps_is_learnt_as_one_that_stays():
     mean, covariance = model.shared()
     assert mean[Shared.GYRO] * 0.007 == pytest.approx(step, abs=3.0 * 0.007 * math.sqrt(covariance[-1, -1]))
     assert mean[Shared.GYRO] * 0.007 > 0.08
+
+
+@given(ages=st.lists(st.floats(0.0, 100.0), min_size=1, max_size=4))
+@settings(max_examples=20, deadline=None)
+def test_the_error_of_a_gyro_adrift_depends_on_its_age_and_not_on_the_order_of_the_stations(ages):
+    model, lasting = RunFilter(Priors(gyro_fails=0.0), SIGMAS), 0.01
+    model.expect_gyro()
+    for age in ages:
+        model.pass_time(age, gyro=(age, lasting))
+    adrift = model.filters.adrift
+    expected = 1.0 + hypotheses.drifted(ages[-1]) / lasting**2
+    np.testing.assert_allclose(model.state.covariance[adrift, Shared.GYRO, Shared.GYRO], expected, rtol=1e-9)
+    np.testing.assert_allclose(model.state.covariance[~adrift, Shared.GYRO, Shared.GYRO], 1.0)
 
 
 def test_of_two_azimuths_that_fit_a_gyro_the_field_takes_one():

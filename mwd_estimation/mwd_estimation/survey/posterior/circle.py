@@ -76,6 +76,11 @@ def refined(log_density: Array, *centres: float) -> Array:
     return np.asarray(np.flatnonzero(chosen) * (math.tau / STEPS))
 
 
+def is_coarse(angles: Array) -> Array:
+    """Return whether each angle of `refined` is one of `coarse`, shape (n,)."""
+    return np.asarray(places(angles) % _EVERY == 0)
+
+
 def places(angles: Array) -> Indices:
     """Return the steps of the circle, 0 to `STEPS`, of angles that come from `coarse` or `refined`."""
     return np.rint(angles * (STEPS / math.tau)).astype(np.intp)

@@ -17,7 +17,7 @@ import numpy as np
 from mwd_estimation.survey.posterior import circle
 from mwd_estimation.survey.posterior.field_model import Row
 from mwd_estimation.survey.posterior.hypotheses import TURNED
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_pi
 
@@ -43,18 +43,23 @@ class Evidence:
     """A station's evidence on the circle."""
 
     angles: Array  #: shape (n,); rad, in order
-    #: shape (n, k, h, 3); log density of the readings, with all prior weights: by angle, filter, external field, and
-    #: whether the gyro is right (0), its bias stepped (1), or it is wrong altogether (2).
+    #: shape (n, m, h, j); log density of the readings, with all prior weights: by angle, filter that is not hopeless,
+    #: external field, and whether the gyro is right (0), its bias stepped (1), or it is wrong altogether (2). Without a
+    #: gyro, j is 1.
     log: Array
+    filters: Indices  #: shape (m,); places of those filters among all
+    count: int  #: number of all filters, k
     misfit: float  #: least chi-square of the field under the widest hypothesis
 
     @functools.cached_property
-    def _probable(self) -> tuple[Array, Array, Array]:
-        """Probabilities by point, by angle and state of the gyro, and by filter and external field."""
-        n, k, h, _ = self.log.shape
-        share, by_angle, by_kind = np.zeros_like(self.log), np.zeros((n, 3)), np.zeros((k, h))
-        _probabilities(self.log, circle.widths(self.angles), share, by_angle, by_kind)
-        return share, by_angle, by_kind
+    def _probable(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Probabilities by point, by angle and state of the gyro, by kind, of a right gyro, and of the best points."""
+        n, m, h, _ = self.log.shape
+        share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros((n, m)), np.zeros(m))
+        _probabilities(self.log, circle.widths(self.angles), share, *found)
+        by_kind = np.zeros((self.count, h))
+        by_kind[self.filters] = found[1]
+        return share, found[0], by_kind, found[2], found[3]
 
     @property
     def share(self) -> Array:
@@ -63,7 +68,7 @@ class Evidence:
 
     @property
     def by_angle(self) -> Array:
-        """Probability of each angle and state of the gyro, shape (n, 3)."""
+        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro it is wrong."""
         return self._probable[1]
 
     @property
@@ -71,25 +76,47 @@ class Evidence:
         """Probability of each filter and external field, shape (k, h)."""
         return self._probable[2]
 
+    @property
+    def with_gyro(self) -> Array:
+        """Probability of each angle and filter in use with a gyro that is right, shape (n, m)."""
+        return self._probable[3]
+
+    @property
+    def highest(self) -> Array:
+        """Probability of the most probable point of each filter in use, shape (m,)."""
+        return self._probable[4]
+
 
 @compiled
-def _probabilities(log: Array, width: Array, share: Array, by_angle: Array, by_kind: Array) -> None:
-    """Fill what a density (its logarithm, of any size) and the width of each angle give: `Evidence`; all begin at 0."""
-    top, whole = log.max(), 0.0
+def _probabilities(
+    log: Array, width: Array, share: Array, by_angle: Array, by_kind: Array, with_gyro: Array, highest: Array
+) -> None:
+    """
+    Fill the probabilities of `Evidence` from a log density of any size and the width of each angle.
+
+    All but share must be zero before.
+    """
+    top, whole, first = log.max(), 0.0, 3 - log.shape[3]
     for n in range(log.shape[0]):
         for k in range(log.shape[1]):
             for h in range(log.shape[2]):
                 for j in range(log.shape[3]):
-                    below = log[n, k, h, j] - top
+                    below, value = log[n, k, h, j] - top, 0.0
                     if below > -_NOTHING:
                         value = math.exp(below) * width[n]
-                        share[n, k, h, j] = value
-                        by_angle[n, j] += value
+                        by_angle[n, first + j] += value
                         by_kind[k, h] += value
                         whole += value
+                        highest[k] = max(highest[k], value)
+                    share[n, k, h, j] = value
+            if first == 0:
+                for h in range(log.shape[2]):
+                    with_gyro[n, k] += share[n, k, h, 0]
     share /= whole
     by_angle /= whole
     by_kind /= whole
+    with_gyro /= whole
+    highest /= whole
 
 
 @compiled
@@ -120,20 +147,18 @@ def fill_evidence(
 
     phi (n, 3) and gyro (n,): basis and gyro residual of each angle; r (k, 3, 4) and S (k, 3, 3, 4, 4): residual and its
     covariance as factors of the basis; extra (h + 1,): variances of each external field (`EXTERNAL_UT`), uT^2, and of a
-    step of the gyro, rad^2; weights: logarithms of those of filter and field (k, h + 1) and of the gyro's state (n, 3).
-    Filled: log (n, k, h + 1, 3), misfit (n,).
+    step of the gyro, rad^2; weights: logarithms of those of filter and field (k, h + 1) and of the gyro's state (n, j).
+    Filled: log (n, k, h + 1, j), as in `Evidence.log`, and misfit (n, k).
     """
     prior, states = weights
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
     # Highest log density so far. A gyro azimuth makes a density at most `_SHARP` higher than the field alone.
     best = -math.inf
     log[:] = -math.inf
+    wrong = log.shape[3] - 1
     for n in range(len(phi)):
-        misfit[n] = 1e300
-        has_gyro = gyro[n] == gyro[n]
         for k in range(len(r)):
-            if prior[k, 0] == -math.inf:
-                continue
+            misfit[n, k] = 1e300
             _spread(phi[n], S[k], s)
             for a in range(4):
                 e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
@@ -149,7 +174,7 @@ def fill_evidence(
                 x[1] = (i01 * e[0] + i11 * e[1] + i12 * e[2]) / det
                 x[2] = (i02 * e[0] + i12 * e[1] + i22 * e[2]) / det
                 chi = x[0] * e[0] + x[1] * e[1] + x[2] * e[2]
-                misfit[n] = min(misfit[n], chi)
+                misfit[n, k] = min(misfit[n, k], chi)
                 value = prior[k, h] - 0.5 * chi
                 if h > 0 and value - least < best - _SHARP - _NOTHING:
                     continue
@@ -159,9 +184,9 @@ def fill_evidence(
                 value -= half
                 if value < best - _SHARP - _NOTHING:
                     continue
-                log[n, k, h, 2] = value + states[n, 2]
-                best = max(best, log[n, k, h, 2])
-                if has_gyro:
+                log[n, k, h, wrong] = value + states[n, wrong]
+                best = max(best, log[n, k, h, wrong])
+                if wrong > 0:
                     u, v, w = s[0, 3], s[1, 3], s[2, 3]
                     off = gyro[n] + e[3] - (u * x[0] + v * x[1] + w * x[2])
                     known = u * (i00 * u + i01 * v + i02 * w)
@@ -188,7 +213,7 @@ def gains(
     """
     Fill the moments of the gains of every filter, M (basis x inverse innovation), over its probable points.
 
-    Inputs: share (n, k, h, 3) as in `Evidence.share`; least (k,), smallest share of a point that is used; circle_of,
+    Inputs: share (n, k, h, j) as in `Evidence.share`; least (k,), smallest share of a point that is used; circle_of,
     basis (n, 3) and gyro residual (n,) of each angle; terms, r (k, 3, 4) and S (k, 3, 3, 4, 4) as in `fill_evidence`;
     extra (h + 1,), variances of each external field, uT^2, and of a step of the gyro, rad^2.
 
@@ -210,6 +235,8 @@ def gains(
             x[0, 3] += gyro[n]
             _gains_at(share[n, k], least[k], extra, (s, i, x), (whole, first, second))
             for c in range(2):
+                if not whole[c] > 0.0:
+                    continue
                 weight[k, c] += whole[c]
                 _add_angle(phi[n], first[c], second[c], mean[k, c], spread[k, c])
     for k in range(len(r)):
@@ -229,19 +256,20 @@ def _gains_at(
     """
     Fill weight (2,), first (2, 4) and second (2, 4, 4) moments of the inverse innovations of a filter at an angle.
 
-    share (h, 3): shares of the points; least and extra: as in `gains`; work: innovation covariance (4, 4), space for
+    share (h, j): shares of the points; least and extra: as in `gains`; work: innovation covariance (4, 4), space for
     its inverse (4, 4), and the innovation in the first row of (2, 4).
     """
     s, i, x = work
     whole, first, second = sums
     whole[:], first[:], second[:] = 0.0, 0.0, 0.0
+    wrong = share.shape[1] - 1
     for h in range(share.shape[0]):
-        for j in range(3):
+        for j in range(wrong + 1):
             value = share[h, j]
             if value <= least:
                 continue
             c = 1 if j == 1 else 0
-            _inverse(s, extra[h], extra[-1] if j == 1 else (OUT if j == 2 else 0.0), i)
+            _inverse(s, extra[h], extra[-1] if j == 1 else (OUT if j == wrong else 0.0), i)
             whole[c] += value
             for a in range(4):
                 x[1, a] = i[a, 0] * x[0, 0] + i[a, 1] * x[0, 1] + i[a, 2] * x[0, 2] + i[a, 3] * x[0, 3]
@@ -308,9 +336,9 @@ def wrong_gyro(residual: Array) -> Array:
 
 def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tuple[Array, Array, float]) -> Array:
     """
-    Log evidence, shape (n, k, 3), where the whole field is turned about the vertical: that of the field smeared.
+    Log evidence, shape (n, k, j), where the whole field is turned about the vertical: that of the field smeared.
 
-    log (n, k): of the field as it is; gyro (n,): its residual; states (n, 3): log weights of the gyro's state; own:
+    log (n, k): of the field as it is; gyro (n,): its residual; states (n, j): log weights of the gyro's state; own:
     what each filter takes off that, and its variance, shape (k,), and the variance of a step.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
@@ -322,9 +350,8 @@ def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tup
     before, share = place // apart, (place % apart / apart)[:, None]
     smeared = (1.0 - share) * few[before] + share * few[(before + 1) % _FEW]
     found = smeared[:, :, None] + states[:, None, :]
-    if math.isfinite(gyro[0]):
+    for j in range(states.shape[1] - 1):
+        variance = own[1] + j * own[2]
         off = gyro[:, None] + own[0]
-        for j in range(2):
-            variance = own[1] + j * own[2]
-            found[:, :, j] -= 0.5 * (off**2 / variance + np.log(math.tau * variance))
+        found[:, :, j] -= 0.5 * (off**2 / variance + np.log(math.tau * variance))
     return np.asarray(found)

@@ -45,6 +45,8 @@ _HOPELESS = 1e-6
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
+# Log weight of a filter that has no probability.
+_NEVER = math.log(1e-300)
 # A kind that is more probable than this is counted.
 _DECIDED = 0.9
 _BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
@@ -62,6 +64,8 @@ class State:
     log_weight: Array  #: shape (k,)
     hours: float = math.nan  #: of the last station; nan before the first
     hazard: float = math.nan  #: cumulative hazard of another string there; nan before the first
+    age: float = 0.0  #: time of the last seek of the gyro since the first one of the run, h
+    drifted: bool = False  #: whether the gyro may have drifted so far
     changed: float = 0.0  #: probability that the string is another one than at the last station learned from
     #: shape (h,), or None; probabilities of each external field at the last station: steel goes on along the hole.
     outside: Array | None = None
@@ -90,9 +94,36 @@ class RunFilter:
         covariance[:, range(SIZE), range(SIZE)] = self.filters.variance
         self.state = State(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
-    def pass_time(self, hours: float, hazard: float = 0.0) -> None:
-        """Let the field from outside drift up to this time, h, and the string change (`hypotheses.hazard`)."""
-        state = self.state
+    def expect_gyro(self) -> None:
+        """Split each filter in two at the first seek of a gyro: from then on the gyro may drift."""
+        if not self.filters.adrift.any():
+            self.filters = self.filters.with_gyro()
+
+    def _of_filters(self, state: State) -> State:
+        """Return a state of all filters. A state from before the first seek has no filters with a gyro adrift yet."""
+        if len(state.mean) == len(self.filters.weight):
+            return state
+        return dataclasses.replace(
+            state,
+            mean=np.concatenate([state.mean] * 2),
+            covariance=np.concatenate([state.covariance] * 2),
+            log_weight=np.concatenate([state.log_weight, np.full(len(state.mean), _NEVER)]),
+        )
+
+    def pass_time(self, hours: float, hazard: float = 0.0, gyro: tuple[float, float] | None = None) -> None:
+        """
+        Let time pass up to a station: the field from outside drifts, the string may change, the gyro may drift.
+
+        Parameters
+        ----------
+        hours : float
+            Time of the station, h.
+        hazard : float
+            Cumulative hazard of another string (`hypotheses.hazard`).
+        gyro : (float, float), optional
+            Of a seek: its time since the first seek of the run, h, and 1 sigma of what lasts in its error, rad.
+        """
+        state = self.state = self._of_filters(self.state)
         if math.isfinite(state.hazard):
             state.changed += (1.0 - state.changed) * -math.expm1(-abs(hazard - state.hazard))
         state.hazard = hazard
@@ -104,8 +135,36 @@ class RunFilter:
         state.covariance[:, at, at] += (1.0 - keep * keep) * self.filters.variance[:, _OUTSIDE]
         at = range(_BIAS.start, _BIAS.stop)
         state.covariance[:, at, at] += hypotheses.walked(apart) / np.maximum(self.sigma[_BIAS], 1e-9) ** 2
+        if gyro is not None:
+            self._drift(*gyro)
         if math.isfinite(hours):
             state.hours = hours
+
+    def _drift(self, age: float, lasting: float) -> None:
+        """
+        Let a gyro begin to drift, and drift, from the last seek to this one, which may be an earlier one of the run.
+
+        The error of a gyro adrift is what lasts in it and a walk that is zero at the first seek of the run: so that
+        stations may be taken in any order.
+        """
+        state, adrift = self.state, self.filters.adrift
+        if age == state.age:
+            return
+        begins = self.priors.gyro_fails if state.drifted else self.priors.gyro_adrift
+        weight = np.exp(state.log_weight)
+        both = np.stack([weight[~adrift] * begins, weight[adrift]], axis=1)
+        means, covariances = (np.stack([of[~adrift], of[adrift]], axis=1) for of in (state.mean, state.covariance))
+        mean, covariance = _merged(both, means, covariances)
+        weight[adrift], weight[~adrift] = both.sum(axis=1), (1.0 - begins) * weight[~adrift]
+        state.log_weight = np.log(np.maximum(weight, 1e-300))
+        before, now = (1.0 + hypotheses.drifted(at) / lasting**2 for at in (state.age, age))
+        kept = min(before, now) / before
+        mean[:, Shared.GYRO] *= kept
+        covariance[:, Shared.GYRO] *= kept
+        covariance[:, :, Shared.GYRO] *= kept
+        covariance[:, Shared.GYRO, Shared.GYRO] += now - kept**2 * before
+        state.mean[adrift], state.covariance[adrift] = mean, covariance
+        state.age, state.drifted = age, True
 
     def observe(self, H: Array, value: Array, covariance: Array) -> None:
         """
@@ -128,31 +187,51 @@ class RunFilter:
         state = self._branched(self.state if state is None else state)
         r, S, _ = self._terms(one, state)
         angles, prior = circle.coarse(), self._log_prior(state)
-        first = Evidence(angles, self._logs(one, r, S, state, angles, prior)[0], 0.0)
+        every = np.arange(len(prior))
+        log, misfit = self._logs(one, r, S, state, angles, prior)
+        first = Evidence(angles, log, every, len(prior), 0.0)
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
-        # A hopeless filter is left out.
-        prior[first.by_kind.sum(axis=1) < _HOPELESS] = -math.inf
+        # A hopeless filter is left out. The coarse angles are among the fine ones.
+        at = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
         angles = circle.refined(density, float(one["gyro"]), float(one["gyro_other"]))
-        log, misfit = self._logs(one, r, S, state, angles, prior, turned=True)
-        return Evidence(angles, log, misfit if one["has_field"] else 0.0)
+        is_coarse = circle.is_coarse(angles)
+        r, S, prior = r[at], S[at], prior[at]
+        fine, more = self._logs(one, r, S, state, angles[~is_coarse], prior)
+        whole = np.empty((len(angles), *fine.shape[1:]))
+        whole[is_coarse], whole[~is_coarse] = log[:, at], fine
+        self._add_turned(one, (r, S), state, angles, prior, whole)
+        least = min(float(misfit[:, at].min()), float(more.min(initial=math.inf)))
+        return Evidence(angles, whole, at, len(misfit[0]), least if one["has_field"] else 0.0)
+
+    def by_gyro_state(self, evidence: Evidence) -> Array:
+        """
+        Return the probability of each angle with a gyro that is right, whose bias stepped or drifts, and that is wrong.
+
+        Shape (n, 3).
+        """
+        adrift = self.filters.adrift[evidence.filters % len(self.filters.adrift)]
+        drifts = evidence.with_gyro[:, adrift].sum(axis=1)
+        right, stepped, wrong = evidence.by_angle.T
+        return np.stack([np.maximum(right - drifts, 0.0), stepped + drifts, wrong], axis=1)
 
     def learn(self, one: Row, evidence: Evidence) -> None:
         """Take over what a station shows of the shared errors; evidence: as `evidence` of the state as it is."""
-        state = self.state
+        state = self.state = self._of_filters(self.state)
         branched = self._branched(state)
         r, S, M = self._terms(one, branched)
-        of_branch = evidence.by_kind.sum(axis=1)
+        of_branch, at = evidence.by_kind.sum(axis=1), evidence.filters
         # Of a filter and its second one, a hopeless one needs no update.
         both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
-        top = evidence.share.max(axis=(0, 2, 3))
-        least = np.where(of_branch > _LEAST * both, _LEAST * top, math.inf)
+        least = np.where(of_branch[at] > _LEAST * both[at], _LEAST * evidence.highest, math.inf)
         gyro = gyro_residual(one, evidence.angles) if math.isfinite(one["gyro"]) else np.zeros(len(evidence.angles))
         k, step = len(of_branch), gyro_step(one)
         # A field that is turned says nothing of what is shared.
         extra = np.array([*EXTERNAL_UT**2, OUT, step**2])
         weight, moved, spread = np.zeros((k, 2)), np.zeros((k, 2, 12)), np.zeros((k, 2, 12, 12))
         circle_of = field_model.basis(evidence.angles), gyro
-        gains(evidence.share, least, circle_of, (r, np.ascontiguousarray(S)), extra, weight, moved, spread)
+        of_used = weight[at], moved[at], spread[at]
+        gains(evidence.share, least, circle_of, (r[at], S[at]), extra, *of_used)
+        weight[at], moved[at], spread[at] = of_used
         M = np.transpose(M, (0, 2, 1, 3)).reshape(k, SIZE, 12)
         mean, covariance = np.repeat(branched.mean[:, None], 2, 1), np.repeat(branched.covariance[:, None], 2, 1)
         M = np.repeat(M[:, None], 2, 1)
@@ -167,7 +246,7 @@ class RunFilter:
         self._join(of_branch[:, None] * split, mean, covariance)
         if math.isfinite(one["gyro"]):
             # What is not decided is no experience with the gyro.
-            state.of_gyro = state.of_gyro + (evidence.by_angle.sum(axis=0) > _DECIDED)
+            state.of_gyro = state.of_gyro + (self.by_gyro_state(evidence).sum(axis=0) > _DECIDED)
         state.outside = evidence.by_kind.sum(axis=0)
         state.of_outside = state.of_outside + state.outside
 
@@ -178,12 +257,15 @@ class RunFilter:
         In the second the string's field is drawn anew and all else is known as before; a string of one kind becomes one
         of any kind, with the kind's own prior.
         """
+        state = self._of_filters(state)
         if not state.changed > 0.0:
             return state
-        weight, strings, prior = np.exp(state.log_weight), self.filters.of_string, self.filters.weight
+        weight, prior = np.exp(state.log_weight), self.filters.weight
         mean, covariance, anew = state.mean.copy(), state.covariance.copy(), weight.copy()
-        mean[strings], covariance[strings] = _merged(weight[strings], mean[strings], covariance[strings])
-        anew[strings] = weight[strings].sum() * prior[strings] / prior[strings].sum()
+        for adrift in np.unique(self.filters.adrift):
+            strings = self.filters.of_string(adrift)
+            mean[strings], covariance[strings] = _merged(weight[strings], mean[strings], covariance[strings])
+            anew[strings] = weight[strings].sum() * prior[strings] / prior[strings].sum()
         at = range(_BIAS.start, _BIAS.stop)
         mean[:, _BIAS] = covariance[:, _BIAS, :] = covariance[:, :, _BIAS] = 0.0
         covariance[:, at, at] = self.filters.variance[:, _BIAS]
@@ -209,8 +291,8 @@ class RunFilter:
 
         weight = by_filter(weight)
         state.mean, state.covariance = _merged(weight, by_filter(mean), by_filter(covariance))
-        # No filter loses its prior for ever.
-        joined = np.maximum(weight.sum(axis=1), _FLOOR * self.filters.weight)
+        # No filter loses its prior for ever. A gyro may begin to drift at any time (`_drift`).
+        joined = np.maximum(weight.sum(axis=1), np.where(self.filters.adrift, 0.0, _FLOOR * self.filters.weight))
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
     def gyro_shares(self, state: State) -> Array:
@@ -219,9 +301,17 @@ class RunFilter:
         return _learnt(np.array([1.0 - step - wrong, step, wrong]), state.of_gyro)
 
     def gyro_doubts(self, state: State) -> tuple[float, float]:
-        """Probability that a gyro steps or is wrong, and how much of it comes from what the run has shown."""
-        doubted = 1.0 - float(self.gyro_shares(state)[0])
-        return doubted, float(state.of_gyro[1:].sum()) / (_BELIEVED + float(state.of_gyro.sum()))
+        """Probability that a gyro steps, drifts or is wrong, and how much of it comes from what the run has shown."""
+        adrift = self._adrift(np.exp(self._of_filters(state).log_weight))
+        doubted = 1.0 - float(self.gyro_shares(state)[0]) * (1.0 - adrift)
+        shown = float(state.of_gyro[1:].sum()) / (_BELIEVED + float(state.of_gyro.sum()))
+        # Like a step, a drift is experience with the gyro only once it is more probable than not.
+        return doubted, min(shown + (adrift if adrift > 0.5 else 0.0), doubted)
+
+    def _adrift(self, weight: Array) -> float:
+        """Probability that the gyro drifts, by weights of the filters."""
+        adrift = self.filters.adrift
+        return float(weight[adrift].sum() / max(float(weight.sum()), 1e-300))
 
     def probabilities(self, by_kind: Array) -> dict[Hypothesis, float]:
         """Probability of each hypothesis at a station; by_kind: as `Evidence.by_kind`."""
@@ -234,7 +324,7 @@ class RunFilter:
 
     def shared(self) -> tuple[Array, Array]:
         """Mean and covariance of the shared errors in SI units (field uT), over all filters; shapes (22,), (22, 22)."""
-        state = self.state
+        state = self._of_filters(self.state)
         weight = np.exp(state.log_weight)
         mean = weight @ state.mean
         off = state.mean - mean
@@ -273,28 +363,33 @@ class RunFilter:
             outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
         return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
 
-    def _logs(
-        self, one: Row, r: Array, S: Array, state: State, angles: Array, prior: Array, *, turned: bool = False
-    ) -> tuple[Array, float]:
-        """Log evidence with all prior weights, as `Evidence.log`, and the misfit; turned: with a turned field, too."""
-        log = np.empty((len(angles), len(r), len(self._external), 3))
-        misfit = np.empty(len(angles))
-        gyro, states = gyro_residual(one, angles), np.full((len(angles), 3), -math.inf)
-        states[:, 2] = 0.0
-        if math.isfinite(one["gyro"]):
-            states[:] = np.log(np.maximum(self.gyro_shares(state), 1e-300))
-            states[:, 2] += wrong_gyro(gyro)
+    def _logs(self, one: Row, r: Array, S: Array, state: State, angles: Array, prior: Array) -> tuple[Array, Array]:
+        """Return the log evidence with all prior weights but for a turned field, as `Evidence.log`, and the misfits."""
+        gyro, states = self._gyro_states(one, state, angles)
+        log = np.empty((len(angles), len(r), len(self._external), states.shape[1]))
+        misfit = np.empty((len(angles), len(r)))
         sizes = EXTERNAL_UT**2 if one["has_field"] else np.zeros(len(EXTERNAL_UT))
         extra = np.append(sizes, gyro_step(one) ** 2)
-        weights = prior, states
-        fill_evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, weights, log, misfit)
-        log[:, :, -1] = -math.inf
-        at = np.flatnonzero(np.isfinite(prior[:, 0])) if turned else ()
-        if len(at):
-            field = log[:, at, 0, 2] - states[:, 2, None] - prior[at, 0] + prior[at, -1]
-            own = r[at, 0, 3], S[at, 0, 0, 3, 3], extra[-1]
-            log[:, at, -1] = turned_field(angles, field, gyro, states, own)
-        return log, float(misfit.min())
+        fill_evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, (prior, states), log, misfit)
+        return log, misfit
+
+    def _gyro_states(self, one: Row, state: State, angles: Array) -> tuple[Array, Array]:
+        """Return the residual of the gyro at each angle, and the log prior of its states, shape (n, j)."""
+        gyro = gyro_residual(one, angles)
+        if not math.isfinite(one["gyro"]):
+            return gyro, np.zeros((len(angles), 1))
+        states = np.tile(np.log(np.maximum(self.gyro_shares(state), 1e-300)), (len(angles), 1))
+        states[:, 2] += wrong_gyro(gyro)
+        return gyro, states
+
+    def _add_turned(
+        self, one: Row, terms: tuple[Array, Array], state: State, angles: Array, prior: Array, log: Array
+    ) -> None:
+        """Fill the log evidence of a turned field, the last external field of `log`."""
+        gyro, states = self._gyro_states(one, state, angles)
+        r, S = terms
+        field = log[:, :, 0, -1] - states[:, -1:] - prior[:, 0] + prior[:, -1]
+        log[:, :, -1] = turned_field(angles, field, gyro, states, (r[:, 0, 3], S[:, 0, 0, 3, 3], gyro_step(one) ** 2))
 
 
 def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
