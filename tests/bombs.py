@@ -50,6 +50,11 @@ def long_number(path: Path) -> None:
     path.write_text("seed: " + ":".join(["59"] * 500_000))
 
 
+def directives(path: Path) -> None:
+    """YAML with 200 000 directives, each of which the parser compares with all before it."""
+    path.write_text("".join(f"%TAG !a{k}! x:\n" for k in range(200_000)) + "---\nseed: 1")
+
+
 def deep(path: Path) -> None:
     """YAML or JSON nested 100 000 levels deep."""
     path.write_text("[" * 100_000)
@@ -325,7 +330,13 @@ def folder(path: Path) -> None:
 
 
 PLACES: dict[str, Callable[[Path], None]] = {"pipe": pipe, "device": device, "folder": folder}
-YAML = {"merge keys": merge_keys, "aliases": aliases, "long number": long_number, "deep": deep}
+YAML = {
+    "merge keys": merge_keys,
+    "aliases": aliases,
+    "long number": long_number,
+    "deep": deep,
+    "directives": directives,
+}
 MCAP = {"zeros": mcap_of_zeros, "records": mcap_of_records}
 ROS1 = {"bz2": ros1_bz2, "lz4": ros1_lz4, "without index": ros1_without_index}
 SHEETS = {

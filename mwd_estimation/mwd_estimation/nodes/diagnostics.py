@@ -59,7 +59,7 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
     """Say whose covariance widens the sigmas, and whose stamps are corrected."""
     found = [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
     if pipeline.temperature.outside_now:
-        message = f"{pipeline.temperature.last:.0f} degC is outside of the calibration: sigma of surveys is widened"
+        message = f"{pipeline.temperature.last:.0f} degC is outside of the calibration: the sigmas are widened"
         remedy = "cool the tool, or calibrate it at that temperature and set tool.calibrated_c"
         found.append(Diagnostic("temperature", WARN, message, remedy))
     delay = magnetic_delay.in_words(pipeline.mag_late_ns)

@@ -21,6 +21,7 @@ from mwd_estimation.attitude import drilling_dynamics, toolface_dwell
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
+from mwd_estimation.attitude.heated_sigmas import HeatedSigmas
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.core import clip_flags, input_gate
@@ -113,6 +114,7 @@ class Estimate:
             derivation.sensor_errors(settings),
             settings.place.lat_deg,
         )
+        self._heated = HeatedSigmas(derivation.calibrated_range(settings.tool))
         self._mag_lag_ns = round(settings.tool.magnetometer.delay_s * 1e9)
         self._use_gravity(None, MagneticSamples.none(self._mag_lag_ns))
         self._dynamics_state = drilling_dynamics.initial()
@@ -220,6 +222,7 @@ class Estimate:
     def _use_temperature(self, samples: Samples) -> None:
         values = np.ascontiguousarray(samples["temperature"])[:, None]
         self.bin_stage.streams.add("temperature", np.ascontiguousarray(samples["stamp_ns"]), values)
+        self._heated.take(samples["stamp_ns"], samples["temperature"])
 
     def take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
@@ -318,6 +321,7 @@ class Estimate:
             block, bins.models, bins.events, rates, output.attitude, output.gravity
         )
         self._counters.rejected += rejected
+        self._heated.widen(output.attitude, output.gravity, self.field.reference)
         # Surveys, which can be completed now that the attitude up to their end is known.
         self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated

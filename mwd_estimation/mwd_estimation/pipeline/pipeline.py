@@ -67,7 +67,7 @@ class Pipeline:
         The gate that all samples pass. Samples that are used elsewhere too may pass it before they are pushed: samples
         that have passed it once pass it again unchanged.
     temperature : TemperatureWatch
-        Watch of temperatures outside the calibration, where the sigma of surveys is widened.
+        Watch of temperatures outside the calibration, where the sigmas are widened.
     """
 
     def __init__(

@@ -332,7 +332,7 @@ def test_a_tool_hotter_than_its_calibration_is_warned_of_until_it_has_cooled():
     heat["temperature"] = 190.0
     pipeline.push_temperature(heat)
     (shown,) = diagnostics.input_diagnostics(pipeline)
-    assert shown.message == "190 degC is outside of the calibration: sigma of surveys is widened"
+    assert shown.message == "190 degC is outside of the calibration: the sigmas are widened"
     assert shown.level == WARN
     heat["temperature"] = 90.0
     pipeline.push_temperature(heat)

@@ -9,6 +9,7 @@ expand to more than the memory holds. Deep nesting exhausts the stack of a parse
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import re
@@ -29,6 +30,9 @@ _PIECE = 1_000_000  # bytes
 _LONGEST_NUMBER = 100
 _NUMBER = re.compile(r"[-+0-9._:xXoObBa-fA-F]+")
 _LONGEST_LINE = 20_000  # characters
+# YAML directives (%TAG), of which no file needs any: the parser compares each one with all before it.
+_MOST_DIRECTIVES = 100
+_DIRECTIVE = re.compile(r"^%", re.MULTILINE)
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -251,6 +255,9 @@ def _check_yaml(text: str) -> None:
     The parser's events arrive without recursion and in the order of the text. Checking the result would be too late: an
     alias of a merged table (``<<``) is expanded while the table is built.
     """
+    directives = itertools.islice(_DIRECTIVE.finditer(text), _MOST_DIRECTIVES + 1)
+    if len(list(directives)) > _MOST_DIRECTIVES:
+        raise yaml.YAMLError(f"has more than {_MOST_DIRECTIVES} lines that begin with %")
     budget = budgets.YAML
     sizes: dict[str, int] = {}
     open_: list[tuple[str | None, int]] = []
