@@ -180,7 +180,7 @@ def test_over_a_telemetry_link_the_first_screen_and_the_charts_show_the_rig_s_va
     with rig_on(browser, (1280, 800)) as rig:
         shown = lambda cell: browser.find_element(By.CSS_SELECTOR, f'#small [data-cell="{cell}"]').is_displayed()  # noqa: E731
         wait(browser, lambda: shown("drilling.vibration"))
-        rig.state.over_link = True
+        rig.state.show(time.monotonic(), over_link=True)
         rig.publish()
         wait(browser, lambda: shown("rig.pressure"))
         assert not shown("drilling.vibration")

@@ -116,7 +116,9 @@ class StateJson:
         section, north, most = state.section_azimuth, state.well.north_reference, self._settings.max_rows
         whole = ("surveys",)
         return {
-            "well": _View(("well", "reference_given", "surveys"), section, lambda: _well(state)),
+            "well": _View(
+                ("well", "well_given", "over_link", "reference_given", "surveys"), section, lambda: _well(state)
+            ),
             "quality": _View(whole, north, lambda: self._quality(state)),
             "surveys": _View(whole, north, lambda: self._surveys(state, most)),
             "path": _View(

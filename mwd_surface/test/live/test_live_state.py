@@ -4,6 +4,7 @@
 import dataclasses
 import math
 
+import example_rig
 import pytest
 from example_live import attitude, rig
 from hypothesis import given
@@ -11,10 +12,14 @@ from hypothesis import strategies as st
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
+from mwd_surface.control.status import ControlStatus
+from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC, ToolfaceReading
+from mwd_surface.live.well_state import AlarmState
 from mwd_surface.trajectory.advice import Advice, AdviceMode
+from page_states import exact
 
 
 @pytest.mark.fault_case(96)
@@ -200,3 +205,40 @@ def test_a_temperature_that_no_tool_has_is_withheld_with_the_reason(celsius):
     shown = streams.at(1.0).drilling.temperature
     assert shown.value is None
     assert "no temperature of a tool" in shown.reason
+
+
+def test_a_part_that_the_state_does_not_have_is_refused():
+    with pytest.raises(TypeError, match="contrl"):
+        LiveState().show(0.0, contrl=ControlStatus())
+
+
+def test_a_state_that_was_taken_does_not_change_with_what_comes_later():
+    live = example_rig.live()
+    taken = live.at(example_rig.NOW)
+    before = exact(taken)
+    for k in range(1, 40):
+        live.on_attitude(attitude(inclination=0.01 * k), example_rig.NOW + k)
+        live.on_rig_state(rig(bit_depth=float(k)), example_rig.NOW + k)
+        live.on_log_depth(1000.0 + k)
+        live.show(example_rig.NOW + k, control=ControlStatus(sequence=k), alarms=AlarmState(epoch=float(k)))
+        live.at(example_rig.NOW + k)
+    assert exact(taken) == before
+
+
+@given(st.permutations(range(5)))
+def test_the_state_depends_on_what_was_set_and_not_on_the_order_of_its_parts(order):
+    parts = (
+        {"control": ControlStatus(sequence=3)},
+        {"inputs": InputTable(depth_source="rig")},
+        {"quill": 1.0},
+        {"advice": Advice(AdviceMode.SLIDE, toolface=1.0, limit=0.2)},
+        {"alarms": AlarmState(epoch=5.0)},
+    )
+    states = []
+    for places in (range(5), order):
+        live = LiveState()
+        live.on_attitude(attitude(), 1.0)
+        for k in places:
+            live.show(1.0, **parts[k])
+        states.append(exact(live.at(1.5)))
+    assert states[0] == states[1]
