@@ -151,3 +151,20 @@ def test_a_seek_without_a_beginning_is_that_of_its_station_alone():
     for (one, _), (other, _) in zip(revised(taken), revised(apart), strict=True):
         assert one.azimuth == other.azimuth
         assert one.sigma_azimuth == other.sigma_azimuth
+
+
+@pytest.mark.slow(3)
+def test_the_number_of_threads_changes_nothing_and_every_station_is_counted():
+    rng = np.random.default_rng(2)
+    taken = [station(0.5 + 0.1 * k, 2.0 * k, None, noise=3e-8 * rng.standard_normal(3)) for k in range(5)]
+    first = live(taken)
+    runs, counts = [], []
+    for threads in (1, 2, 8):
+        done: list[int] = []
+        found = findings(taken, [one for _, one in first], SETTINGS, progress=done.append, threads=threads)
+        runs.append([one.density for one in found])
+        counts.append(sum(done))
+    for densities in runs[1:]:
+        for one, other in zip(runs[0], densities, strict=True):
+            np.testing.assert_array_equal(one, other)
+    assert counts == [5, 5, 5]
