@@ -49,8 +49,9 @@ def forecast(
     """
     Forecast surveys along a plan: sigmas, limits of quality control, no-go directions of the axial correction.
 
-    Writes DIR/forecast.csv and DIR/forecast.png. Pass rate: how often a healthy tool keeps gravity, field and dip
-    within the limits of its code, with the given interference and no correction.
+    Writes DIR/forecast.csv and DIR/forecast.png. The share accepted is that of single stations of a healthy tool, with
+    the given interference, by the same verdict as that of a survey. Stations of a run are accepted more often, because
+    they show the interference of the string.
 
     \b
     Examples:
@@ -101,7 +102,7 @@ def _show(found: Forecast) -> None:
     from mwd_surface.commands import terminal
     from mwd_surface.signals.cells import fixed
 
-    names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "pass %")
+    names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "accept %")
     table = terminal.table(names)
     # The file has all stations; here only some of them are printed.
     for k in np.unique(np.linspace(0, found.md.size - 1, 14).astype(int)):
@@ -113,7 +114,7 @@ def _show(found: Forecast) -> None:
             "no-go" if found.no_go[k] else "",
             fixed(float(found.limits[k, 1]) * 1e9, 0),
             fixed(math.degrees(found.limits[k, 2]), 2),
-            fixed(100.0 * float(found.pass_rate[k]), 0),
+            fixed(100.0 * float(found.accepted[k]), 0),
         )
     console = terminal.output()
     console.print(table)

@@ -82,8 +82,9 @@ def survey(
     override, remarks = table_reference(settings, Known.of(field, declination, convergence, gravity), times)
     rows = RowReference(settings)
     read = table_rows(table, override, axial=axial, refine=rows.at, run=runs)
-    compute = single_stations if single else run_stations
-    worked = table_surveys(compute(read, station_params(settings)))
+    params = station_params(settings)
+    with terminal.progress(f"{len(read)} stations") as progress:
+        worked = table_surveys(single_stations(read, params) if single else run_stations(read, params, progress))
     console = terminal.output()
     for remark in remarks:
         terminal.warn(remark)

@@ -22,7 +22,7 @@ COLUMNS = (
     "limit_gravity_mg",
     "limit_field_nt",
     "limit_dip_deg",
-    "pass_rate",
+    "accepted",
     "correction_no_go",
 )
 _DEG = 180.0 / math.pi
@@ -47,7 +47,7 @@ def forecast_csv(found: Forecast) -> str:
                 fixed(gravity / (1e-3 * STANDARD_GRAVITY), 3),
                 fixed(field * 1e9, 1),
                 fixed(dip * _DEG, 3),
-                fixed(float(found.pass_rate[k]), 3),
+                fixed(float(found.accepted[k]), 3),
                 "yes" if found.no_go[k] else "no",
             ]
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plot of a forecast: sigmas and pass rate along the plan, and the no-go zone of the axial correction."""
+"""Plot of a forecast: sigmas and share accepted along the plan, and the no-go zone of the axial correction."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -
     sigma = figure.add_subplot(grid[0, 0])
     passes = figure.add_subplot(grid[0, 1], sharey=sigma)
     _draw_sigmas(sigma, found)
-    passes.plot(100.0 * found.pass_rate, found.md, color=_AZI)
-    passes.set(xlim=(0.0, 101.0), xlabel=f"within all limits, %\naxial interference {found.axial * 1e9:.0f} nT")
-    if not np.any(np.isfinite(found.pass_rate)):
+    passes.plot(100.0 * found.accepted, found.md, color=_AZI)
+    passes.set(xlim=(0.0, 101.0), xlabel=f"stations accepted, %\naxial interference {found.axial * 1e9:.0f} nT")
+    if not np.any(np.isfinite(found.accepted)):
         passes.text(0.5, 0.5, "no magnetic sensors", ha="center", transform=passes.transAxes, fontsize=9)
     for ax in (sigma, passes):
         finish_axes(ax)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -67,12 +68,14 @@ def _survey(number: int, row: TableStation, station: Station) -> Survey:
     )
 
 
-def run_stations(rows: Sequence[TableRow], settings: StationSettings) -> list[TableStation]:
+def run_stations(
+    rows: Sequence[TableRow], settings: StationSettings, progress: Callable[[float], None] | None = None
+) -> list[TableStation]:
     """
     Compute the rows of a table; rows of the same run are computed together.
 
     Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
-    used for the others.
+    used for the others. progress is called with the share of the rows that is done.
 
     Returns
     -------
@@ -83,22 +86,32 @@ def run_stations(rows: Sequence[TableRow], settings: StationSettings) -> list[Ta
     for k, row in enumerate(rows):
         runs.setdefault(row.run, []).append(k)
     found: dict[int, TableStation] = {}
+    done = 0
+
+    def count(stations: int) -> None:
+        nonlocal done
+        done += stations
+        if progress is not None:
+            progress(min(done / len(rows), 1.0))
+
     for places in runs.values():
-        found |= zip(places, _run([rows[k] for k in places], settings), strict=True)
+        found |= zip(places, _run([rows[k] for k in places], settings, count), strict=True)
     return [found[k] for k in range(len(rows))]
 
 
-def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
+def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[int], None]) -> list[TableStation]:
     own = [measured(row.f_t, row.b_t, row.reference, settings) for row in rows]
     sound = [k for k, row in enumerate(rows) if not row.faults]
     hours = _hours([rows[k].time for k in sound])
     taken = {k: Taken(own[k], hour) for k, hour in zip(sound, hours, strict=True)}
     model = RunModel(settings)
     first = {k: model.take(one) for k, one in taken.items()}
-    final = dict(zip(sound, findings(list(taken.values()), list(first.values()), settings), strict=True))
+    threads = os.cpu_count() or 1
+    every = findings(list(taken.values()), list(first.values()), settings, progress=progress, threads=threads)
+    final = dict(zip(sound, every, strict=True))
     fitting = [k for k in sound if not is_outlier(final[k])]
     if len(fitting) < len(sound):
-        others = findings([taken[k] for k in fitting], [first[k] for k in fitting], settings)
+        others = findings([taken[k] for k in fitting], [first[k] for k in fitting], settings, threads=threads)
         final |= zip(fitting, others, strict=True)
     stations, together = [], _multi_station(own, fitting, settings)
     for k, row in enumerate(rows):

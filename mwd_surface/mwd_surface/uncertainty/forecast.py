@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Forecast along a plan: expected sigmas of inclination and azimuth, limits of quality control, and pass rate.
+Forecast along a plan: expected sigmas of inclination and azimuth, limits of quality control, and share accepted.
 
 Sigmas are those of the tool code at each attitude. The single-station correction of axial interference is judged by the
 sibling code with that correction (+AX). Its azimuth is lost where the hole is nearly horizontal east-west, because the
-field along the tool then carries the same information as the field across it. Limits are those of the verdict by tool
-code.
+field along the tool then carries the same information as the field across it. Limits are those of the tool code. The
+share accepted is that of single stations, drawn from the errors of a healthy tool and judged as the estimator judges
+them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.survey import tool_code, totals
 from mwd_estimation.survey.quality_settings import QualitySettings
+from mwd_estimation.survey.station import station
+from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.totals import Deviations, deviation_covariance
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -28,6 +33,9 @@ from mwd_surface.uncertainty.error_terms import ErrorReference, Mask, Tool, angl
 
 # Toolfaces over which quality control is averaged; its limits hardly depend on the toolface.
 _TOOLFACES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+# Stations that are drawn at each toolface. The same draws are used along the whole plan, so that the share accepted
+# changes with the attitude only.
+_DRAWS = 2
 _VERTICAL = math.radians(1.0)
 _STEP = 30.0
 # Factor by which a correction must not enlarge the azimuth's sigma to be useful.
@@ -52,14 +60,14 @@ class Forecast:
     limits : ndarray, shape (n, 3)
         Limits on the deviations of total gravity, total field and dip: m/s^2, T, rad; NaN for codes without these
         sensors.
-    pass_rate : ndarray, shape (n,)
-        Probability that a healthy tool keeps all three limits without correction; NaN like the limits.
+    accepted : ndarray, shape (n,)
+        Share of single stations of a healthy tool that the verdict accepts; NaN like the limits.
     no_go : ndarray of bool, shape (n,)
         Whether the corrected azimuth's sigma exceeds `most` and is much larger than without correction.
     most : float
         Largest useful sigma of a corrected azimuth, rad.
     axial : float
-        Axial interference assumed for pass_rate, T.
+        Axial interference of the drill string assumed for `accepted`, T.
     """
 
     md: Array
@@ -70,7 +78,7 @@ class Forecast:
     sigma_azimuth: Array
     sigma_corrected: Array
     limits: Array
-    pass_rate: Array
+    accepted: Array
     no_go: Mask
     most: float
     axial: float
@@ -114,10 +122,10 @@ def forecast(
     sigmas = _sigmas(code, (md, inc, true), field)
     sibling = corrected_sibling(code)
     corrected = _sigmas(sibling, (md, inc, true), field)[:, 1] if sibling else np.full(md.size, math.nan)
-    limits, passes = _quality(code, inc, true, reference, axial)
+    limits, accepted = _quality(code, inc, true, reference, axial)
     # In a steep hole every azimuth is weak, which is not the fault of the correction.
     no_go = np.nan_to_num(corrected) > np.maximum(most, _MUCH * np.nan_to_num(sigmas[:, 1], nan=math.inf))
-    return Forecast(md, inc, azi, true, sigmas[:, 0], sigmas[:, 1], corrected, limits, passes, no_go, most, axial)
+    return Forecast(md, inc, azi, true, sigmas[:, 0], sigmas[:, 1], corrected, limits, accepted, no_go, most, axial)
 
 
 def correction_map(
@@ -186,58 +194,54 @@ def _sigmas(code: str, stations: tuple[Array, Array, Array], field: ErrorReferen
 
 
 def _quality(code: str, inc: Array, true: Array, reference: Reference, axial: float) -> tuple[Array, Array]:
-    """Return the limits of quality control, shape (n, 3), and the probability of keeping them, shape (n,)."""
+    """Return the limits of quality control, shape (n, 3), and the share of stations that are accepted, shape (n,)."""
     # Set B differs from set A in the field model, not in the sensors.
     sensors = code.replace("HRGM", "SRGM").replace("LRGM", "SRGM")
-    limits, passes = np.full((inc.size, 3), math.nan), np.full(inc.size, math.nan)
+    limits, accepted = np.full((inc.size, 3), math.nan), np.full(inc.size, math.nan)
     try:
         errors, coded = tool_code.sensor_errors(sensors), tool_code.reference_for(sensors, reference)
     except ValueError:
         # The code is of a gyro or an inclination-only tool.
-        return limits, passes
-    gravity = STANDARD_GRAVITY if reference.gravity is None else reference.gravity
-    field = error_reference(reference, math.nan)
-    b_n = _field_n(field)
+        return limits, accepted
     for k in range(inc.size):
-        found = []
-        for toolface in _TOOLFACES:
-            mat = mat_nt(float(inc[k]), float(true[k]), toolface)
-            f_t, b_t = mat.T @ np.array([0.0, 0.0, -gravity]), mat.T @ b_n
-            own = errors.covariance(f_t, b_t)
-            expected = deviation_covariance(f_t, b_t, coded, own, errors.axial_interference_nt * 1e-9)
-            limit = totals.bounds(Deviations(0.0, 0.0, 0.0, expected), QualitySettings())
-            sound = deviation_covariance(f_t, b_t, coded, own, 0.0)
-            found.append((limit, _kept(limit, sound, _shift(f_t, b_t, axial))))
-        limits[k] = np.mean([limit for limit, _ in found], axis=0)
-        passes[k] = np.mean([kept for _, kept in found])
-    return limits, passes
+        attitudes = [mat_nt(float(inc[k]), float(true[k]), toolface) for toolface in _TOOLFACES]
+        limits[k] = np.mean([_limits(mat, errors, coded) for mat in attitudes], axis=0)
+        accepted[k] = _accepted(attitudes, errors, coded, axial)
+    return limits, accepted
 
 
-def _field_n(field: ErrorReference) -> Array:
+def _limits(mat: Array, errors: SensorErrors, reference: Reference) -> Array:
+    """Return the limits of quality control of a tool at an attitude, shape (3,); mat: tool axes in north-east-down."""
+    f_t, b_t = mat.T @ np.array([0.0, 0.0, -_gravity(reference)]), mat.T @ _field_n(reference)
+    own = errors.covariance(f_t, b_t)
+    expected = deviation_covariance(f_t, b_t, reference, own, errors.axial_interference_nt * 1e-9)
+    return totals.bounds(Deviations(0.0, 0.0, 0.0, expected), QualitySettings())
+
+
+def _accepted(attitudes: Sequence[Array], errors: SensorErrors, reference: Reference, axial: float) -> float:
+    """Return the share of drawn stations of a healthy tool that the verdict accepts; axial: T."""
+    settings, rng, accepted = StationSettings(errors=errors), np.random.default_rng(1), 0
+    for mat in [*attitudes] * _DRAWS:
+        of_field, of_tool = rng.standard_normal(3), rng.standard_normal(6)
+        here = dataclasses.replace(
+            reference,
+            total=(reference.total or 0.0) + reference.sigma_total * of_field[0],
+            dip=(reference.dip or 0.0) + reference.sigma_dip * of_field[1],
+            gravity=_gravity(reference) + reference.sigma_gravity * of_field[2],
+        )
+        f_t, b_t = mat.T @ np.array([0.0, 0.0, -_gravity(here)]), mat.T @ _field_n(here)
+        drawn = of_tool * np.sqrt(np.diagonal(errors.covariance(f_t, b_t)))
+        found = station(f_t + drawn[:3], b_t + drawn[3:] + [axial, 0.0, 0.0], reference, settings)
+        accepted += found.verdict == ACCEPT
+    return accepted / (_DRAWS * len(attitudes))
+
+
+def _gravity(reference: Reference) -> float:
+    return STANDARD_GRAVITY if reference.gravity is None else reference.gravity
+
+
+def _field_n(reference: Reference) -> Array:
     """Return the field in true north, east, down, shape (3,), T."""
-    horizontal = field.b_total * math.cos(field.dip)
-    return np.array(
-        [
-            horizontal * math.cos(field.declination),
-            horizontal * math.sin(field.declination),
-            field.b_total * math.sin(field.dip),
-        ]
-    )
-
-
-def _shift(f_t: Array, b_t: Array, axial: float) -> Array:
-    """Return the change of total gravity, total field and dip by axial interference, shape (3,): m/s^2, T, rad."""
-    disturbed = b_t + np.array([axial, 0.0, 0.0])
-    total, before = float(np.linalg.norm(disturbed)), float(np.linalg.norm(b_t))
-    return np.array([0.0, total - before, magnetic_geometry.dip(f_t, disturbed) - magnetic_geometry.dip(f_t, b_t)])
-
-
-def _kept(limit: Array, covariance: Array, shift: Array) -> float:
-    """Return the probability that deviations with a mean and covariance stay within limits, shape (3,)."""
-    from scipy.stats import multivariate_normal
-
-    scale = np.sqrt(np.diagonal(covariance))
-    mean, bound = shift / scale, limit / scale
-    # The integration uses random points, so fix the seed.
-    normal = multivariate_normal(mean, covariance / np.outer(scale, scale), seed=1)
-    return float(normal.cdf(bound, lower_limit=-bound))
+    declination = reference.declination or 0.0
+    level = np.array([math.cos(declination), math.sin(declination)]) * reference.horizontal
+    return np.append(level, reference.vertical)
