@@ -25,9 +25,6 @@ TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
 _AVERAGED, _SHAKEN = 10, 1.5
 # Noise measured at rest over the stated one above which the measured one holds: three of its sigmas.
 _NOISIER = 1.25
-# 1 sigma of the g-sensitivity of a unit over the stated one. Nothing in a seek shows it, so that its sigma contains
-# units with three times the stated one: with a smaller factor more than 1 % of their azimuths are beyond 3 sigma.
-_OF_UNITS = 2.5
 # Share of its range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
 # Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. Time over
@@ -133,7 +130,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
     latitude = math.radians(params.latitude_deg)
     horizontal = EARTH_RATE * math.cos(latitude)
     # Along, across, stretch and shear are half sums of two matrix elements, each of this sigma.
-    element = _OF_UNITS * params.g_sensitivity_deg_h_g * math.sqrt(0.5)
+    element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
     start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
     return KernelParams(

@@ -65,7 +65,7 @@ def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
     found = run.solution()
     assert found.success, found.reason
     assert found.method == method
-    assert abs(wrap_pi(found.azimuth - 100.0 * DEG)) < 3.0 * found.sigma < 15.0 * DEG
+    assert abs(wrap_pi(found.azimuth - 100.0 * DEG)) < 3.0 * found.sigma < 8.0 * DEG
     assert given[-1][2].sigma < given[60][2].sigma
 
 
