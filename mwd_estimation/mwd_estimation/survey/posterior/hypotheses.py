@@ -14,6 +14,7 @@ import math
 from enum import StrEnum, unique
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.survey.posterior.field_model import Shared
 from mwd_sensors.core.arrays import Array, Indices
@@ -91,7 +92,7 @@ class Filters:
     kinds: tuple[Hypothesis, ...]
     weight: Array  #: shape (k,); prior probability
     variance: Array  #: shape (k, 22); of each shared error, in nominal variances
-    adrift: Array  #: bool, shape (k,); whether the gyro drifts
+    adrift: NDArray[np.bool_]  #: shape (k,); whether the gyro drifts
 
     def of_string(self, adrift: bool) -> Indices:
         """Return the places of the filters of a string in a sound place, with or without a gyro adrift."""
