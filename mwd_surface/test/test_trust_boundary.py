@@ -17,11 +17,12 @@ from mwd_estimation.pipeline.observatory import Observatory
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
-from mwd_sensors.core.foreign_text import printable, without_contents
+from mwd_sensors.core.foreign_text import first_of, printable, without_contents
 from mwd_sensors.nodes.sonde import SondeNode, SondeSettings
 from mwd_sensors.telemetry import tool_configuration
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import main
 from mwd_surface.commands.terminal import PrintableStream, facts, output, remark, table
 from mwd_surface.control.lease_numbers import LeaseNumbers
@@ -61,6 +62,22 @@ def test_a_secret_named_as_the_plan_is_in_no_alarm_and_on_no_terminal(tmp_path, 
     assert SECRET not in str(found)
     assert str(file) in str(found)
     assert SECRET not in "".join(capfd.readouterr())
+
+
+@given(names=st.lists(st.text(max_size=1000), max_size=500))
+def test_names_of_a_peer_never_fill_a_screen_and_the_rest_is_counted(names):
+    said = first_of(names)
+    assert len(said) < 20 * 210
+    assert len(names) <= 20 or said.endswith(f"and {len(names) - 20} more")
+
+
+def test_a_recording_with_thousands_of_topics_names_the_first_of_them(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for k in range(3000):
+            writer.write(writer.topic(f"/t{k}", "std_msgs/msg/Float64"), bytes(12), 10**18 + k)
+    with Bag(tmp_path / "bag") as bag, pytest.raises(BagError, match="and 2980 more") as found:
+        bag.find_topic("sensor_msgs/msg/Imu", "imu/data_raw")
+    assert len(str(found.value)) < 2000
 
 
 def test_a_line_and_an_error_of_the_disk_are_still_named(tmp_path):

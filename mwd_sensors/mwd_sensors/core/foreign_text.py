@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from mwd_sensors.core.hidden_characters import escaped, hidden
@@ -33,6 +33,16 @@ def unprintable(text: str) -> str:
         return "has more than one line, or a tab; write one line"
     code = next(hidden(text), "")
     return f"has a character that nobody sees ({code}); write it again without that character" if code else ""
+
+
+def first_of(names: Sequence[str], most: int = 20) -> str:
+    """Return the first names as a list in text, each at most 200 characters long, and how many more there are."""
+    shown = [name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}..." for name in names[:most]]
+    more = [f"and {len(names) - most} more"] if len(names) > most else []
+    return ", ".join(shown + more)
+
+
+_LONGEST_NAME = 200
 
 
 def not_a_file_name(name: str) -> str:

@@ -6,9 +6,12 @@ import os
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_yaml, read_file, read_text, read_yaml
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_lines, load_yaml, read_file, read_text, read_yaml
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import parse
 
@@ -72,3 +75,13 @@ def test_one_key_may_stand_in_several_tables_and_beside_one_that_is_merged():
 
 def test_anchors_and_merged_tables_are_read():
     assert load_yaml("base: &b {x: 1}\nother: {<<: *b, y: 2}") == {"base": {"x": 1}, "other": {"x": 1, "y": 2}}
+
+
+@given(st.lists(st.sampled_from("a,\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029\t "), max_size=60).map("".join))
+def test_lines_are_counted_as_the_readers_split_them(text):
+    count = len(f"{text}.".splitlines())
+    budget = dataclasses.replace(budgets.LIST, records=count)
+    check_lines(f"{text}.", budget)
+    if count > 1:
+        with pytest.raises(BudgetError, match="records"):
+            check_lines(f"{text}.", dataclasses.replace(budget, records=count - 1))

@@ -18,6 +18,7 @@ import numpy as np
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Stamps
+from mwd_sensors.core.foreign_text import first_of
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.mcap.decode import parse_attachment, parse_metadata
@@ -125,17 +126,17 @@ class Bag:
             return found[0]
         if found:
             raise BagError(
-                f"{self.path} has {len(found)} topics of {type_name} that end in {tail!r}: {', '.join(found)}",
+                f"{self.path} has {len(found)} topics of {type_name} that end in {tail!r}: {first_of(found)}",
                 "name the one you mean",
             )
         wanted = f"that ends in {tail!r}" if tail else ""
         if unread := self.unread(type_name):
             raise BagError(f"{self.path} has no topic of {type_name} that can be read: {unread}", REMEDY)
         if of_type:
-            hint = f"topics of that type: {', '.join(topic.name for topic in of_type)}; name the one you mean"
+            hint = f"topics of that type: {first_of([topic.name for topic in of_type])}; name the one you mean"
         else:
             there = [f"{topic.name} ({topic.type_name or 'no type'})" for topic in self.topics.values()]
-            hint = f"it has {', '.join(there)}"
+            hint = f"it has {first_of(there)}"
         raise BagError(f"{self.path} has no topic of {type_name} {wanted}".rstrip(), hint)
 
     def blocks(
@@ -284,7 +285,7 @@ class Bag:
             if name in self.unreadable:
                 raise BagError(f"{self.path}: {self.unreadable[name].described()}", REMEDY)
             if name not in self.topics:
-                raise BagError(f"{self.path} has no topic {name}", f"it has {', '.join(self.topics)}")
+                raise BagError(f"{self.path} has no topic {name}", f"it has {first_of(list(self.topics))}")
         return list(topics)
 
     def _in_order(self, group: list[Part]) -> Iterator[Message]:

@@ -13,6 +13,7 @@ from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from mwd_sensors.core import burst, wire
+from mwd_sensors.core.foreign_text import first_of
 
 CDR, ROS1 = "cdr", "ros1"
 RATE, FORCE, MAGNETIC = "angular_velocity", "linear_acceleration", "magnetic_field"
@@ -159,8 +160,8 @@ def listed(topics: list[TopicInfo]) -> str:
     parts = []
     for problem, group in itertools.groupby(sorted(topics, key=lambda one: one.problem), lambda one: one.problem):
         mine = list(group)
-        names = ", ".join(f"{one.name} ({one.type_name or 'no type'})" for one in mine[:4])
-        parts.append(f"{names}{' ...' if len(mine) > 4 else ''}: {problem}")
+        names = [f"{one.name} ({one.type_name or 'no type'})" for one in mine]
+        parts.append(f"{first_of(names, 4)}: {problem}")
     return "; ".join(parts)
 
 

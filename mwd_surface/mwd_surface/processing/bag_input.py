@@ -22,6 +22,7 @@ from mwd_estimation.core.fault_messages import describe, unit_words
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault, Unit
 from mwd_sensors.core import burst, units, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import first_of
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
@@ -461,7 +462,7 @@ def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
             what = f"{about.type_name} of {about.quantity}" if about.quantity else about.type_name
             raise BagError(f"{candidate} is a {what}", f"expected a {layout.type_name}")
         return candidate
-    raise BagError(f"{bag.path} has no topic {name}", f"it has {', '.join(bag.topics)}")
+    raise BagError(f"{bag.path} has no topic {name}", f"it has {first_of(list(bag.topics))}")
 
 
 def _imu_of(bag: Bag, accelerometer: str | None) -> str:
