@@ -354,7 +354,7 @@ class OpcUaSource:
 
     async def _listen(self) -> None:
         from asyncua import ua
-        from asyncua.client import Client
+        from asyncua.client.client import Client
 
         while not self._stop.is_set():
             try:
