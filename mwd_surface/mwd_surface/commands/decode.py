@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,7 +61,7 @@ def decode(
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
     from mwd_surface.receiver import pressure_files
-    from mwd_surface.receiver.link import receivers
+    from mwd_surface.receiver.link import other_width, receivers
     from mwd_surface.receiver.words import BELIEVED
 
     configuration = tool_configuration.read(tool)
@@ -76,25 +77,18 @@ def decode(
     counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
     receiver = receivers.receiver_of(configuration)
     got = _received(receiver, read, counted)
+    if configuration.code in tool_configuration.PULSE_CODES and not any(w.status == BELIEVED for w in got.words):
+        width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted)
+        if width is not None:
+            terminal.warn(f"{other_width.sentence(configuration, width)}; the file is decoded with it")
+            configuration = dataclasses.replace(configuration, pulse_width_s=width)
+            receiver = receivers.receiver_of(configuration)
+            got = _received(receiver, read, counted)
     names = _write(output, configuration, read, got)
     _print_words(got, wired)
     if not any(word.status == BELIEVED for word in got.words):
-        terminal.warn(_why_nothing(receiver, configuration, read, counted))
+        terminal.warn(receiver.why_nothing())
     terminal.output().print(f"written: {output}/{names} ({read.origin})", markup=False)
-
-
-def _why_nothing(
-    receiver: Receiver, configuration: ToolConfiguration, read: PressureFile, strokes: dict[int, Array]
-) -> str:
-    """Return the reason why no word is accepted, for pulses also whether they have another width."""
-    from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
-    from mwd_surface.receiver.link import other_width
-
-    if configuration.code in PULSE_CODES and len(read.time_s):
-        width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, strokes)
-        if width is not None:
-            return other_width.sentence(configuration, width)
-    return receiver.why_nothing()
 
 
 def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array]) -> Reception:

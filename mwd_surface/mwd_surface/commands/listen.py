@@ -23,12 +23,20 @@ def listen(
     source: Annotated[
         str,
         typer.Argument(
-            help="modbus:HOST:PORT (a 4-20 mA gauge), serial:DEVICE (a wired tool), or wav:- (PCM on standard input)."
+            help="modbus:HOST:PORT (a 4-20 mA gauge), opcua:URL, wits:HOST:PORT, tcp:HOST:PORT (lines of text), lines:-"
+            " (lines on standard input), wav:- (PCM on standard input), or serial:DEVICE (a wired tool)."
         ),
     ],
     tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv and surveys.csv.")],
     gauge: Annotated[Path | None, typer.Option(help="YAML of the gauge: register, unit, scale, rate_hz.")] = None,
+    columns: Annotated[
+        str,
+        typer.Option(
+            help="Place and unit of the pressure: for lines as in `mwd decode` (time_s=1,pressure_bar=2), for WITS the"
+            " item (pressure_psi=0121), for OPC UA the node (pressure_bar=ns=2;s=SPP)."
+        ),
+    ] = "",
     seconds: Annotated[float, typer.Option(help="Stop after this time; 0: at Ctrl-C or the end of the stream.")] = 0.0,
 ) -> None:
     """
@@ -42,6 +50,9 @@ def listen(
       mwd listen modbus:192.168.1.20:502 --gauge gauge.yaml --tool tool.yaml -o heard
       arecord -t wav -f S32_LE -r 400 | mwd listen wav:- --tool tool.yaml -o heard
       mwd listen serial:/dev/ttyUSB0 --tool serial.yaml -o heard
+      gauge_logger | mwd listen lines:- --columns time_s=1,pressure_bar=2 --tool tool.yaml -o heard
+      mwd listen wits:192.168.1.30:9872 --columns pressure_psi=0121 --tool tool.yaml -o heard
+      mwd listen opcua:opc.tcp://192.168.1.40:4840 --columns "pressure_bar=ns=2;s=SPP" --tool tool.yaml -o heard
     """
     import time
 
@@ -53,7 +64,7 @@ def listen(
     configuration = tool_configuration.read(tool)
     receiver = receivers.receiver_of(configuration)
     began = time.monotonic()
-    opened = _opened(source, configuration, gauge, lambda: time.monotonic() - began)
+    opened = _opened(source, configuration, gauge, columns, lambda: time.monotonic() - began)
     output.mkdir(parents=True, exist_ok=True)
     said = ""
     with word_files.WordFiles(output) as files:
@@ -92,11 +103,14 @@ def _print(words: list[ReceivedWord]) -> None:
         terminal.output().print(line, markup=False)
 
 
-def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, clock: Callable[[], float]) -> Source:
+def _opened(
+    where: str, configuration: ToolConfiguration, gauge: Path | None, columns: str, clock: Callable[[], float]
+) -> Source:
     """Return the source for a name such as `modbus:HOST:PORT`."""
     from mwd_sensors.core import settings
     from mwd_sensors.core.input_files import read_yaml
-    from mwd_surface.receiver import sources
+    from mwd_surface.receiver import network_sources, pressure_table, sources
+    from mwd_surface.rig.wits.format import KEEP_ALIVE
 
     kind, _, rest = where.partition(":")
     wired = configuration.code == "serial"
@@ -105,10 +119,22 @@ def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, cl
     if kind == "wav" and rest == "-" and not wired:
         return sources.WavStream(0)
     host, _, port = rest.rpartition(":")
+    said = pressure_table.columns_of(columns)
+    if kind == "lines" and rest == "-" and not wired:
+        return network_sources.LineSource(network_sources.Pipe(0), said, clock)
+    if kind == "opcua" and rest and not wired:
+        return network_sources.OpcUaSource(rest, said)
+    if kind in ("tcp", "wits") and host and port.isdigit() and not wired:
+        if kind == "tcp":
+            return network_sources.LineSource(network_sources.TcpClient(host, int(port)), said, clock)
+        line = network_sources.TcpClient(host, int(port), KEEP_ALIVE)
+        return network_sources.WitsSource(line, said, clock)
     if kind == "modbus" and host and port.isdigit() and not wired:
         plain = (read_yaml(gauge) if gauge is not None else None) or {}
         return sources.ModbusGauge(
             settings.from_mapping(sources.GaugeSettings, {**plain, "host": host, "port": int(port)}), clock
         )
-    wanted = "serial:DEVICE" if wired else "modbus:HOST:PORT or wav:-"
+    wanted = (
+        "serial:DEVICE" if wired else "modbus:HOST:PORT, opcua:URL, wits:HOST:PORT, tcp:HOST:PORT, lines:- or wav:-"
+    )
     raise ValueError(f"{where}: the source for a tool of code {configuration.code} must be {wanted}")

@@ -50,6 +50,13 @@ def check(
             help="Pressure (CSV, WAV, recording) of such a tool, to find the pulse widths its channel allows."
         ),
     ] = None,
+    on: Annotated[
+        Path | None,
+        typer.Option(
+            "--on", help="Pressure of the tool (as in `mwd decode`), to find pulse width, sync and parity blindly."
+        ),
+    ] = None,
+    columns: Annotated[str, typer.Option(help="Columns of the pressure, as in `mwd decode`.")] = "",
 ) -> None:
     """
     Show the properties of a tool configuration: time on air, survey time, toolface rate, steps of the words.
@@ -58,6 +65,7 @@ def check(
     Examples:
       mwd tool check tool.yaml
       mwd tool check tool.yaml --channel pressure.csv
+      mwd tool check tool.yaml --on pressure.csv
     """
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
@@ -81,9 +89,12 @@ def check(
     for item in seen:
         unprotected = "" if item.parity or not pulses else ", no parity: errors cannot be detected"
         console.print(f"  {_word_line(item, read.table[item.name])}{unprotected}", markup=False)
-    if channel is not None:
-        for line in _channel_lines(read, channel):
-            console.print(line, markup=False)
+    if not read.toolfaces:
+        console.print("no toolface sequence: silent after the survey", markup=False)
+    lines = [] if channel is None else _channel_lines(read, channel, columns)
+    lines += [] if on is None else _lines_on(read, on, columns)
+    for line in lines:
+        console.print(line, markup=False)
 
 
 def _word_line(item: SequenceItem, word: Word) -> str:
@@ -94,7 +105,40 @@ def _word_line(item: SequenceItem, word: Word) -> str:
     return f"{span}, step {word.step(item.bits):.3g}, sigma {word.sigma_of(item.bits):.3g}"
 
 
-def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
+def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
+    """Return lines on the pulse width, sync and parity that the tool sends, found blindly in a pressure file."""
+    from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
+    from mwd_surface.receiver import pressure_files
+    from mwd_surface.receiver.link import other_width
+    from mwd_surface.receiver.pulse.sync_search import USUAL_SYNCS
+
+    if read.code not in PULSE_CODES:
+        raise ValueError(f"--on: {read.code} sends no pulses; omit it")
+    pressure = pressure_files.read(file, columns=columns)
+    syncs = list(dict.fromkeys((read.sync, *USUAL_SYNCS)))
+    found = other_width.sent_tool(read, pressure.time_s, pressure.pressure_pa, {}, syncs, ("even", "odd"))
+    if found is None:
+        text = (
+            f"{file.name}: no words of these sequences with any usual pulse width, sync and parity; check the sequences"
+            " and header_bits, and with mwd doctor the pressure"
+        )
+        return [text]
+    return [
+        f"{file.name} has words of this tool with",
+        f"  pulse_width_s: {found.pulse_width_s:.3g}",
+        f"  sync: edges_tu {', '.join(map(str, found.sync.edges_tu))}, length_tu {found.sync.length_tu}",
+        f"  parity: {found.parity}",
+        "as configured" if _alike(read, found) else "this is not the configuration: change it to these values",
+    ]
+
+
+def _alike(one: ToolConfiguration, other: ToolConfiguration) -> bool:
+    """Return whether two configurations have the same width within 1 %, sync and parity."""
+    close = abs(one.pulse_width_s / other.pulse_width_s - 1.0) < 0.01
+    return close and (one.sync, one.parity) == (other.sync, other.parity)
+
+
+def _channel_lines(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
     """Return lines on the pulse widths that the channel of a pressure file with pulses of this tool allows."""
     import numpy as np
 
@@ -106,7 +150,7 @@ def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
 
     if read.code not in PULSE_CODES:
         raise ValueError(f"--channel: {read.code} sends no pulses; omit it")
-    pressure = pressure_files.read(file)
+    pressure = pressure_files.read(file, columns=columns)
     receiver = PulseReceiver(read)
     got = receiver.push(pressure.time_s, pressure.pressure_pa)
     got.add(receiver.finish())

@@ -27,6 +27,10 @@ _LONGEST_GAP_S = 86400.0
 _SLOWEST_S = 10.0
 # A recording longer than a day that consists mostly of pauses is refused: each pause would be filled with samples.
 _GAP_S, _MOST_GAPS = 60.0, 0.9
+# Clipping: share of samples at a limit, and how often the pressure comes to it; one highest sample is normal.
+_CLIPPED, _VISITS = 0.001, 3
+_OFF = 0.05  # share of the highest pressure below which the pumps are off
+_FROZEN_S = 1.0  # a gauge that shows any noise does not hold its value for so long
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,17 +215,51 @@ def _notes(time: Array, pressure: Array) -> tuple[str, ...]:
     if gaps.any():
         notes.append(f"{int(gaps.sum())} gaps, {float(steps[gaps].sum()):.1f} s in all")
     values = pressure[known]
-    top = values.max(initial=-np.inf)
-    highest = int(np.sum(values == top))
-    clipped = highest / max(len(values), 1)
-    # One highest sample is normal; a clipping converter gives the same highest value again and again.
-    if clipped > 0.001 and highest > 3 and np.ptp(values) > 0.0:
-        notes.append(
-            f"{100.0 * clipped:.1f} % of the samples are at the highest value: the gauge or its converter clips"
-        )
+    notes += _clipped(values)
+    notes += _frozen(time[known], values)
     distinct = np.unique(values)
     if len(distinct) < 64:
         notes.append(
             f"the pressure takes only {len(distinct)} values: the resolution is too coarse, or the gauge is stuck"
         )
     return tuple(notes)
+
+
+def _clipped(values: Array) -> list[str]:
+    """
+    Return notes on a highest or lowest value that the pressure reaches again and again, as a clipping converter does.
+
+    The lowest value near zero is that of pumps that are off.
+    """
+    notes = []
+    size = float(np.max(np.abs(values), initial=0.0))
+    for limit, words in ((values.max(initial=-np.inf), "highest"), (values.min(initial=np.inf), "lowest")):
+        at = values == limit
+        visits = int(np.sum(at[1:] & ~at[:-1])) + int(at[:1].sum())
+        share = float(at.mean()) if at.size and (words == "highest" or limit > _OFF * size) else 0.0
+        if share > _CLIPPED and visits > _VISITS and np.ptp(values) > 0.0:
+            notes.append(
+                f"{100.0 * share:.1f} % of the samples are at the {words} value: the gauge or its converter clips"
+            )
+    return notes
+
+
+def _frozen(time: Array, values: Array) -> list[str]:
+    """Return a note on a gauge that holds its value for longer than noise, rounding and clipping explain."""
+    changes = np.flatnonzero(np.diff(values) != 0.0) + 1
+    if not changes.size:
+        return []
+    begins, ends = np.append(0, changes), np.append(changes, values.size) - 1
+    held = time[ends] - time[begins]
+    usual = float(np.percentile(held, 99))
+    held_at = values[begins]
+    # At the highest value it may clip, and near zero the pumps are off.
+    moving = (held_at < values.max()) & (held_at > values.min()) & (np.abs(held_at) > _OFF * np.max(np.abs(values)))
+    stuck = (held > max(_FROZEN_S, 10.0 * usual)) & moving
+    if not stuck.any():
+        return []
+    note = (
+        f"the gauge is frozen for {float(held[stuck].sum()):.0f} s in {int(stuck.sum())} spans, first at"
+        f" {float(time[begins[stuck][0]]):.0f} s: look at the gauge, its converter and the network"
+    )
+    return [note]

@@ -14,7 +14,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ _LIVE_ZERO, _SPAN, _BROKEN = (
     16e-3,
     3.6e-3,
 )  # A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR)
-_PRESSURES = {
+PRESSURES = {
     "pa": 1.0,
     "kpa": 1e3,
     "mpa": 1e6,
@@ -53,8 +53,8 @@ _PRESSURES = {
 }
 _TIME = re.compile(
     r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source )?"
-    r"(?:time ?stamp|time|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|tiempo|"
-    r"hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b"
+    r"(?:time ?stamp|time|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|"
+    r"tiempo|hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b"
 )
 _DATE = re.compile(r"^(?:date|day|日期|datum|fecha|dato|data|дата)\b")
 # Names of the pressure that the tool modulates, of any pressure, and of pressures of other places.
@@ -148,7 +148,7 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
         pressure, said = _of_current(pressure * 1e-3)
         notes += said
     else:
-        pressure = pressure * _PRESSURES[column.unit]
+        pressure = pressure * PRESSURES[column.unit]
     if time.size and time[0] > 365.0 * 86_400.0:
         return time - time[0], pressure, f"first time of the file ({times[-1].name})", tuple(notes)
     return time, pressure, origin, tuple(notes)
@@ -172,6 +172,57 @@ def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
     cells = file.cells([*times, pumps[0]])
     time, _, _ = file.seconds(times, cells[:-1])
     return file.numbers(cells[-1], pumps[0])[0], time
+
+
+class LiveColumns(NamedTuple):
+    """Places of time and pressure in a line, from 0; unit of the time, "" if unknown; factor of the pressure to Pa."""
+
+    time: int | None
+    time_unit: str
+    pressure: int
+    factor: float
+
+
+def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumns | None:
+    """
+    Return the columns of lines that arrive one by one; None if neither the caller nor the names tell them.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Cells of a first line; empty before it arrived.
+    columns : mapping of str
+        See `columns_of`.
+
+    Raises
+    ------
+    ValueError
+        A unit is not known.
+    """
+    places: dict[str, tuple[int, str]] = {}
+    words = [_words(name, "") for name in names]
+    for quantity in ("time", "pressure"):
+        said = next(((key, name) for key, name in columns.items() if key.partition("_")[0] == quantity), None)
+        if said is not None:
+            key, name = said
+            unit = key.partition("_")[2]
+            if unit not in (table_times.UNITS if quantity == "time" else PRESSURES) and (unit or quantity != "time"):
+                raise ValueError(
+                    f"--columns {key}={name}: the unit is not known; write for example pressure_bar={name}"
+                )
+            if name.isdecimal():
+                places[quantity] = int(name) - 1, unit
+            elif name in names:
+                places[quantity] = list(names).index(name), unit
+        elif not columns:
+            fits = _TIME.match if quantity == "time" else lambda text: _STANDPIPE.search(text) or _PRESSURE.search(text)
+            found = [(k, unit) for k, (text, unit) in enumerate(words) if fits(text)]
+            places |= {quantity: found[0]} if found else {}
+    place, unit = places.get("pressure", (-1, ""))
+    if place < 0 or unit not in PRESSURES:
+        return None
+    time, time_unit = places.get("time", (None, ""))
+    return LiveColumns(time, time_unit, place, PRESSURES[unit])
 
 
 class _TableFile:
@@ -218,10 +269,10 @@ class _TableFile:
             raise ValueError(self.missing("pressure", what))
         column = found[gauge - 1]
         column = dataclasses.replace(column, unit=column.unit or self._unit_in_cells(column.number))
-        if column.unit not in _PRESSURES:
+        if column.unit not in PRESSURES:
             raise ValueError(
                 f"{self.path}: pressure (column {column.name!r}) has no unit of pressure; write pressure_bar or a line"
-                f" of units, or say it with --columns pressure_bar={column.name}; units: {', '.join(_PRESSURES)}"
+                f" of units, or say it with --columns pressure_bar={column.name}; units: {', '.join(PRESSURES)}"
             )
         return column
 
@@ -232,8 +283,8 @@ class _TableFile:
         named += [one for one, words in rows if one not in named and _PRESSURE.search(words)]
         if named:
             # A column without a unit is a flag or a counter if others have one.
-            return [one for one in named if one.unit in _PRESSURES] or named
-        return [one for one, _ in rows if one.unit in _PRESSURES]
+            return [one for one in named if one.unit in PRESSURES] or named
+        return [one for one, _ in rows if one.unit in PRESSURES]
 
     def _columns(self) -> list[tuple[_Column, str]]:
         """Return the columns with the words of their names; none if no line names them."""
@@ -351,7 +402,9 @@ class _TableFile:
                 ),
                 csv.ParseOptions(delimiter=self._table.separator, invalid_row_handler=skip),
                 csv.ConvertOptions(
-                    column_types=dict(zip(wanted, types, strict=True)), include_columns=wanted, strings_can_be_null=False
+                    column_types=dict(zip(wanted, types, strict=True)),
+                    include_columns=wanted,
+                    strings_can_be_null=False,
                 ),
             )
         self.skipped = len(skipped)
@@ -372,7 +425,12 @@ class _TableFile:
                     inside = line[1:2] in "Aa"
                     continue
                 cells = line.split()
-                if inside and k >= first and len(cells) > max(numbers) and not line.lstrip().startswith(("#", "!", "%")):
+                if (
+                    inside
+                    and k >= first
+                    and len(cells) > max(numbers)
+                    and not line.lstrip().startswith(("#", "!", "%"))
+                ):
                     for column, number in zip(columns, numbers, strict=True):
                         column.append(cells[number])
         return columns
@@ -433,7 +491,7 @@ class _TableFile:
         if any(seen):
             return max(",.", key=seen.count)
         # The same digits with the mark between thousands: a thousand times more.
-        size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * _PRESSURES.get(column.unit, 1.0)
+        size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * PRESSURES.get(column.unit, 1.0)
         if size > _HIGHEST:
             return "," if "," in own[0] else "."
         raise ValueError(
@@ -513,21 +571,21 @@ def _words(name: str, unit: str) -> tuple[str, str]:
     words = " ".join(_MARKS.sub(" ", re.sub(r"[(\[{][^)\]}]*[)\]}]?", " ", name)).lower().split())
     own = [_unit(one) for one in (unit, *brackets) if _unit(one)]
     last = words.rpartition(" ")[2]
-    if not own and " " in words and (last in table_times.UNITS or last in _PRESSURES):
+    if not own and " " in words and (last in table_times.UNITS or last in PRESSURES):
         own, words = [last], words.rpartition(" ")[0]
     return words, own[0] if own else ""
 
 
 def _unit(text: str) -> str:
     word = "".join(c for c in text.lower() if c.isalpha())
-    return word if word in table_times.UNITS or word in _PRESSURES else ""
+    return word if word in table_times.UNITS or word in PRESSURES else ""
 
 
 def _is_header(names: Sequence[str]) -> int:
     found = [_words(str(name), "") for name in names]
     times = [any(pattern.match(words) for pattern in (_TIME, _DATE, _PUMP)) for words, _ in found]
     pressures = [
-        bool(_STANDPIPE.search(words) or _PRESSURE.search(words) or unit in _PRESSURES) for words, unit in found
+        bool(_STANDPIPE.search(words) or _PRESSURE.search(words) or unit in PRESSURES) for words, unit in found
     ]
     quantities = sum(times) + any(p and not t for p, t in zip(pressures, times, strict=True))
     return quantities if quantities > 1 and not any(looks_like_number(name) for name in names) else 0

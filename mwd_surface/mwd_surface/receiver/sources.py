@@ -33,10 +33,15 @@ WAV_FULL_SCALE_PA = 1.0e7
 class Source(Protocol):
     """Interface of a source of samples."""
 
-    failure: str
-    """Reason why no samples arrive; empty while samples may arrive."""
-    ended: bool
-    """Whether no more samples will come."""
+    @property
+    def failure(self) -> str:
+        """Reason why no samples arrive; empty while samples may arrive."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """Whether no more samples will come."""
+        ...
 
     def read(self) -> tuple[Array, Array]:
         """Return times, s, and samples since the last call; shape (n,) each."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 
 UNITS = {
     "s": 1.0,
@@ -41,21 +41,17 @@ _DAY_S = 86_400.0
 _EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
 # Days since 1900 (spreadsheets) or since year 0: large numbers with steps of less than 9 s.
 _SERIAL, _SERIAL_STEP = 2e4, 1e-4
-_DAY = "|".join(
-    (
-        r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})",
-        r"(?P<cy>\d{4}|\d{2})(?P<cm>\d{2})(?P<cd>\d{2})",
-        r"(?P<a>\d{1,2})[-/.](?P<b>\d{1,2})[-/.](?P<z>\d{4}|\d{2})",
-        r"(?P<nd>\d{1,2})\.?[-/. ]?(?P<nm>\pL{3,9})\.?[-/., ]*(?P<ny>\d{4}|\d{2})",
-        r"(?P<um>\pL{3,9})\.? (?P<ud>\d{1,2}),? (?P<uy>\d{4})",
-    )
+_DAY = (
+    r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
+    r"|(?P<cy>\d{4}|\d{2})(?P<cm>\d{2})(?P<cd>\d{2})"
+    r"|(?P<a>\d{1,2})[-/.](?P<b>\d{1,2})[-/.](?P<z>\d{4}|\d{2})"
+    r"|(?P<nd>\d{1,2})\.?[-/. ]?(?P<nm>\pL{3,9})\.?[-/., ]*(?P<ny>\d{4}|\d{2})"
+    r"|(?P<um>\pL{3,9})\.? (?P<ud>\d{1,2}),? (?P<uy>\d{4})"
 )
-_CLOCK = "|".join(
-    (
-        r"(?P<h>\d{1,4}):(?P<n>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d*))?)?\s*(?P<half>[AaPp]\.?[Mm]\.?)?",
-        r"(?P<ch>\d{2})(?P<cn>\d{2})(?P<cs>\d{2})(?:[.,](?P<cf>\d*))?",
-        r"(?P<mm>\d{1,4}):(?P<ms>\d{2})[.,](?P<mf>\d+)",
-    )
+_CLOCK = (
+    r"(?P<h>\d{1,4}):(?P<n>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d*))?)?\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+    r"|(?P<ch>\d{2})(?P<cn>\d{2})(?P<cs>\d{2})(?:[.,](?P<cf>\d*))?"
+    r"|(?P<mm>\d{1,4}):(?P<ms>\d{2})[.,](?P<mf>\d+)"
 )
 _ZONE = r"\s?(?:Z|[A-Z]{3,4}|(?P<zs>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2}))?"
 _MOMENT = rf"^(?:(?:\pL{{2,9}}\.?,? )?(?:{_DAY})(?:[T ,;_]+|$))?(?:{_CLOCK})?{_ZONE}$"
@@ -125,7 +121,8 @@ def of_text(text: Any) -> Array:
         unique = [word for word in pc.unique(words).to_pylist() if word]
         numbers = [float(_MONTHS.get(word[:4], _MONTHS.get(word[:3], math.nan))) for word in unique]
         where = array(pc.cast(pc.index_in(words, pa.array(unique, pa.string())), "float64"))
-        return np.array([*numbers, math.nan])[np.where(np.isfinite(where), where, len(unique)).astype(int)]
+        places = np.where(np.isfinite(where), where, len(unique)).astype(int)
+        return np.asarray(np.array([*numbers, math.nan])[places])
 
     hour, minute, second = part("h"), part("n"), np.nan_to_num(part("s")) + fraction("f")
     half = pc.replace_substring(pc.utf8_lower(field("half")), ".", "")
@@ -196,7 +193,7 @@ def _days(year: Array, month: Array, day: Array) -> Array:
     return np.where(good, days, math.nan)
 
 
-def in_order(seconds: Array) -> tuple[Array, Array, list[str]]:
+def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     """
     Return times that rise, the rows to which they belong, and notes.
 

@@ -125,6 +125,24 @@ def test_bad_data_is_told(tmp_path):
     assert "resolution" in " ".join(pressure_files.read(coarse).notes)
 
 
+def test_a_gauge_that_is_frozen_for_a_while_and_a_clipped_end_are_named(tmp_path):
+    time = np.arange(0.0, 60.0, 0.02)
+    pressure = 2.0e7 * (time > 5.0) + 1e5 * np.random.default_rng(1).normal(size=len(time))
+    plain = np.maximum(pressure, 0.0)
+
+    def notes(values):
+        return " ".join(pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([time, values]))).notes)
+
+    assert notes(plain) == ""
+    held = plain.copy()
+    for begin, end in ((20.0, 27.0), (40.0, 43.0)):
+        held[(time > begin) & (time < end)] = held[np.searchsorted(time, begin)]
+    assert "frozen for 10 s in 2 spans, first at 20 s" in notes(held)
+    assert "frozen" not in notes(np.round(plain, -5))
+    assert "at the highest value" in notes(np.minimum(plain, 2.01e7))
+    assert "at the lowest value" in notes(np.where(time > 5.0, np.maximum(plain, 1.99e7), 1.99e7))
+
+
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [

@@ -221,10 +221,11 @@ def test_the_order_of_the_rows_and_a_clock_set_back_lose_no_sample(tmp_path, row
 
 
 def test_an_offset_from_utc_counts(tmp_path):
-    stamps = [
-        f"{m + dt.timedelta(hours=2 if k < 200 else 1):%Y-%m-%d %H:%M:%S}.{m.microsecond // 1000:03d}+0{2 if k < 200 else 1}:00"
-        for k, m in enumerate(moments())
-    ]
+    stamps = []
+    for k, m in enumerate(moments()):
+        hours = 2 if k < 200 else 1
+        local = m + dt.timedelta(hours=hours)
+        stamps.append(f"{local:%Y-%m-%d %H:%M:%S}.{m.microsecond // 1000:03d}+0{hours}:00")
     (tmp_path / "p.csv").write_text(
         "\n".join(["Time,SPP (Pa)", *(f"{t},{p}" for t, (_, p) in zip(stamps, ROWS, strict=True))])
     )

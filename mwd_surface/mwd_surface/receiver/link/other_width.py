@@ -1,27 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Test whether a tool sends pulses of another width than its configuration says, by trying the usual widths.
+Find the pulse width that a tool sends if its configuration says another one, and, blindly, its sync and parity.
 
-A width is accepted once a word is believed with it, which needs a sync and parities.
+A file is searched on a fine scale of widths (`sync_search`), the live pressure with the usual widths, one a second. A
+width is accepted once a word is believed with it, which needs a sync and parities.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import Sync, ToolConfiguration
 from mwd_surface.receiver.flow_spans import FlowSpans
+from mwd_surface.receiver.pulse import sync_search
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
-from mwd_surface.receiver.words import BELIEVED
+from mwd_surface.receiver.words import BELIEVED, Reception
 
 # Length of recording that is tried from flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with the widest.
 _TRIED_S = 900.0
+# Pressure before flow-on that is kept, s, so that the receiver sees the flow come on.
+_BEFORE_S = 20.0
+# Least score of a sync whose words are tried: noise reaches it at one of a hundred widths in about one hour of ten.
+_LEAST_SCORE = 14.0
+# Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
+_NEAR = (1.0, 1.006, 0.994)
+_SAME = 0.01  # a width within this share of the configured one is the configured one
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:
@@ -34,26 +43,80 @@ def believed_with(
     tool: ToolConfiguration, width_s: float, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> bool:
     """Return whether a word is believed with this pulse width; arrays, shape (n,): s and Pa; strokes per pump, s."""
-    receiver = PulseReceiver(dataclasses.replace(tool, pulse_width_s=width_s))
+    tool = dataclasses.replace(tool, pulse_width_s=width_s)
+    return any(word.status == BELIEVED for word in received_with(tool, time_s, pressure_pa, strokes).words)
+
+
+def received_with(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
+) -> Reception:
+    """Return the reception with a configuration; empty if the samples are too far apart for its pulses."""
+    receiver = PulseReceiver(tool)
     for pump, times in strokes.items():
         receiver.strokes(pump, times)
     try:
         got = receiver.push(time_s, pressure_pa)
     except ValueError:
-        # The samples are too far apart for pulses of this width.
-        return False
+        return Reception()
     got.add(receiver.finish())
-    return any(word.status == BELIEVED for word in got.words)
+    return got
 
 
 def sent_width(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> float | None:
-    """Return the pulse width with which words are believed, s, or None; arguments as in `believed_with`."""
+    """
+    Return the pulse width that the tool sends if it is not the configured one, s, else None.
+
+    Arguments as in `believed_with`.
+    """
+    found = sent_tool(tool, time_s, pressure_pa, strokes, (tool.sync,))
+    if found is None or abs(found.pulse_width_s / tool.pulse_width_s - 1.0) < _SAME:
+        return None
+    return found.pulse_width_s
+
+
+def sent_tool(
+    tool: ToolConfiguration,
+    time_s: Array,
+    pressure_pa: Array,
+    strokes: Mapping[int, Array],
+    syncs: Sequence[Sync],
+    parities: Sequence[str] = (),
+) -> ToolConfiguration | None:
+    """
+    Return the configuration with the width, sync and parity with which most words are believed; None if none are.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        Gives the sequences.
+    time_s, pressure_pa : ndarray, shape (n,)
+    strokes : mapping of int to ndarray
+    syncs : sequence of Sync
+        Syncs to try.
+    parities : sequence of str
+        Parities to try; that of the tool by default.
+    """
     on_s = _longest_flow(time_s, pressure_pa)
-    first = (time_s >= on_s) & (time_s < on_s + _TRIED_S)
-    tried = time_s[first], pressure_pa[first], strokes
-    return next((one for one in other_widths(tool) if believed_with(tool, one, *tried)), None)
+    first = (time_s >= on_s - _BEFORE_S) & (time_s < on_s + _TRIED_S)
+    time_s, pressure_pa = time_s[first], pressure_pa[first]
+    best, most = None, 0
+    for guess in sync_search.guesses(tool, time_s, pressure_pa, syncs):
+        # A later guess has a lower score; it is tried only where no earlier one has words.
+        if best is not None or guess.score < _LEAST_SCORE:
+            break
+        for parity in parities or (tool.parity,):
+            for share in _NEAR:
+                one = dataclasses.replace(guess.tool, pulse_width_s=guess.tool.pulse_width_s * share, parity=parity)
+                got = received_with(one, time_s, pressure_pa, strokes)
+                believed = sum(word.status == BELIEVED for word in got.words)
+                if believed > most:
+                    most, clock = believed, got.frames[-1].clock_error
+                    best = dataclasses.replace(one, pulse_width_s=one.pulse_width_s * (1.0 + clock))
+                if believed:
+                    break
+    return best
 
 
 def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
@@ -69,8 +132,8 @@ def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
 def sentence(tool: ToolConfiguration, width_s: float) -> str:
     """Return the message for a pulse width that was found."""
     return (
-        f"the tool sends pulses of {width_s:g} s, not of {tool.pulse_width_s:g} s as set here: change pulse_width_s of"
-        " the tool configuration"
+        f"the tool sends pulses of {width_s:.3g} s, not of {tool.pulse_width_s:g} s as set here: change pulse_width_s"
+        " of the tool configuration"
     )
 
 

@@ -33,6 +33,10 @@ _SETTLED_S = 5.0
 _KEPT_TU = 500
 # Samples per TU that the pulse code needs: 2 for each edge of a 2 TU pulse, and some margin for the filter.
 LEAST_PER_TU = 2.5
+# A sync scores about 20 at 6 dB per bit (`synchronisation`), and its score grows with its energy. The words after a
+# sync with at least the score of 9 dB are strong enough to be read; a lower score may be a chance of the noise.
+_SCORE_6_DB, _NEEDED_DB = 20.0, 6.0
+_CLEAR_SYNC = 40.0
 
 
 class PulseReceiver(SampledReceiver):
@@ -70,8 +74,8 @@ class PulseReceiver(SampledReceiver):
         self._hop = 0
         self._last = math.inf
         self._lowest, self._highest = math.inf, -math.inf
-        self._reason = ""
-        self._syncs = 0
+        self._reason, self._ebn0_db = "", math.nan
+        self._best = -math.inf
         self.last_sync_s = -math.inf
         self.channel: segment.Channel | None = None
 
@@ -105,17 +109,45 @@ class PulseReceiver(SampledReceiver):
         # Tolerance for the rounding of the interpolation between equal samples.
         if self._highest - self._lowest <= 1e-9 * abs(self._highest):
             return f"no words: the gauge is stuck at {self._highest:.6g} Pa"
+        # A wrong table lowers the energy of the words, but not the score of the sync.
+        if self._reason and self._ebn0_db < _NEEDED_DB and self._best < _CLEAR_SYNC:
+            return (
+                f"no words believed: the signal is too weak, {self._ebn0_db:.0f} dB with pulses of"
+                f" {self._tool.pulse_width_s:g} s, and words need {_NEEDED_DB:g} dB; use wider pulses"
+            )
         if self._reason:
             return f"no words believed: {self._reason}"
-        if not self._syncs:
+        longest = self._longest_flow_s
+        if longest < self._tool.transmit_delay_s + self._tool.head_s:
             return (
-                f"no words: no sync of this tool in the pressure; check pulse_width_s ({self._tool.pulse_width_s:g} s)"
-                " and sync of the tool configuration, and that the flow was on long enough"
+                f"no words: the flow was on for {longest:.0f} s at most, and the sync ends"
+                f" {self._tool.transmit_delay_s + self._tool.head_s:.0f} s after flow-on; keep the pumps on longer"
+            )
+        # Noise reaches this score somewhere in the pressure in about one recording of ten.
+        chance = math.log(max(self._grid.end / STEPS_PER_TU * SAMPLES_PER_TU, 1.0)) + 2.0
+        if self._best < max(chance, synchronisation.THRESHOLD):
+            return (
+                "no words: no sync of this tool in the pressure; either the signal is too weak for pulses of"
+                f" {self._tool.pulse_width_s:g} s, the tool does not send, or pulse_width_s or sync of the tool"
+                " configuration is wrong"
+            )
+        if self._best < _CLEAR_SYNC:
+            return (
+                f"no words: the signal is too weak for words: its sync has about {_sync_db(self._best):.0f} dB with"
+                f" pulses of {self._tool.pulse_width_s:g} s, and words need {_NEEDED_DB:g} dB all the time; use wider"
+                " pulses"
             )
         return (
-            f"no words: {self._syncs} syncs, but no sequence of this configuration after them; check sequences,"
-            " header_bits and parity"
+            f"no words: a clear sync ({_sync_db(self._best):.0f} dB), but no sequence of this configuration after it;"
+            " check sequences, header_bits and parity"
         )
+
+    @property
+    def _longest_flow_s(self) -> float:
+        """Longest time with flow, s, as far as the pressure shows it."""
+        ends = [*(span.start_s for span in self._flow.spans), self._grid.seconds(self._grid.end)]
+        starts = [self._grid.seconds(0), *(span.end_s for span in self._flow.spans)]
+        return max(end - start for start, end in zip(starts, ends, strict=True))
 
     def _take(self, values: Array, known: Array) -> Reception:
         seen = values[known > 0.0]
@@ -140,9 +172,8 @@ class PulseReceiver(SampledReceiver):
             if one is None or searched + beyond <= needs:
                 if searched + beyond > self._grid.end:
                     return
-                self._search()
-                self._hop += 1
-                self._grid.forget(int(min(self._tracker.oldest(), STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU))))
+                for found, position in self._found():
+                    self._tracker.offer(found, position)
             elif needs <= self._grid.end and one.ends() <= self._last:
                 self._add(done, self._tracker.step(one))
             else:
@@ -155,7 +186,9 @@ class PulseReceiver(SampledReceiver):
         for frame in more.frames:
             words = [word for word in more.words if word.frame == frame.frame]
             done.words += self._surveys.settle(words)
-        self._reason = next((frame.reason for frame in reversed(more.frames) if frame.reason), self._reason)
+        for frame in more.frames:
+            if frame.reason:
+                self._reason, self._ebn0_db = frame.reason, frame.ebn0_db
         done.frames += more.frames
         done.provisional += more.provisional
 
@@ -164,7 +197,13 @@ class PulseReceiver(SampledReceiver):
         """Pressure after a hop that its syncs need, TU."""
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
-    def _search(self) -> None:
+    @property
+    def _searchable(self) -> bool:
+        """Whether the pressure reaches far enough for the next hop of the search."""
+        return STEPS_PER_TU * (self._hop * _HOP_TU + _HOP_TU + self._beyond) + REACH <= self._grid.end
+
+    def _found(self) -> list[tuple[synchronisation.SyncFound, float]]:
+        """Search the next hop; return its syncs with their positions, and forget the pressure no longer needed."""
         pace = STEPS_PER_TU // SAMPLES_PER_TU
         begin_tu, end_tu = self._hop * _HOP_TU, (self._hop + 1) * _HOP_TU
         first_tu = max(begin_tu - self._noise_tu, -(-self._grid.first // STEPS_PER_TU), 0)
@@ -180,21 +219,27 @@ class PulseReceiver(SampledReceiver):
         least = synchronisation.EXPECTED_THRESHOLD if self._expected(end_tu) else synchronisation.THRESHOLD
         spans = (low - guard, high + guard)
         found = synchronisation.search(pressure, known, self._tool, *spans, whitener, angles, least)
-        for one in (found, None if found is None else found.other):
-            # A start far beyond the end of the hop may be the edge of a later sync, which the next hop finds.
-            if one is None or start + one.at * pace >= STEPS_PER_TU * (end_tu + _GUARD_TU // 2):
-                continue
-            position = start + one.at * pace
+        self._hop += 1
+        self._grid.forget(int(min(self._tracker.oldest(), STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU))))
+        both = [(one, start + one.at * pace) for one in (found, None if found is None else found.other) if one]
+        # A start far beyond the end of the hop may be the edge of a later sync, which the next hop finds.
+        both = [(one, position) for one, position in both if position < STEPS_PER_TU * (end_tu + _GUARD_TU // 2)]
+        for one, position in both:
+            self._best = max(self._best, one.score)
             if one.score >= synchronisation.THRESHOLD:
-                self._syncs += 1
                 self.last_sync_s = max(self.last_sync_s, self._grid.seconds(position))
-            self._tracker.offer(one, position)
+        return both
 
     def _expected(self, end_tu: int) -> bool:
         """Return whether the tool is expected to send its sync in a hop, judged by the last flow-on."""
         end_s = self._grid.seconds(STEPS_PER_TU * end_tu)
         late_s = end_s - self._flow.on_since(end_s) - self._tool.transmit_delay_s
         return -_BEFORE_S <= late_s <= _AFTER_S + _HOP_TU * self._tool.tu_s
+
+
+def _sync_db(score: float) -> float:
+    """Return the energy per bit over noise density that the score of a sync stands for, dB."""
+    return 6.0 + 10.0 * math.log10(score / _SCORE_6_DB)
 
 
 def decode(

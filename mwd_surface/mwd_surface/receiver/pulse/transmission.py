@@ -129,7 +129,11 @@ class Transmission:
     def expects_sync(self, position: float) -> bool:
         """Return whether a sync at a position of the grid starts where the next pass would."""
         at = (position - self._clock.start) / self._clock.pace
-        return self._pass is not None and bool(self._tool.toolfaces) and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
+        return (
+            self._pass is not None
+            and bool(self._tool.toolfaces)
+            and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
+        )
 
     def offer_sync(self) -> None:
         """Let the next pass begin with a sync if the data support it."""
@@ -318,7 +322,9 @@ class Transmission:
         if not self._tool.header_bits and not self._offered:
             items = self._tool.sequence(kind, 0)
             return self._rows(stretch_of(items, 0))[1] if items else 0
-        return max((self._rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind)), default=0)
+        return max(
+            (self._rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind)), default=0
+        )
 
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces

@@ -153,7 +153,7 @@ def test_a_block_that_noise_has_hit_is_erased_however_sure_its_bits_are():
 
 def test_a_tool_of_surveys_only_is_read_at_each_flow_on_and_nothing_between():
     tool = dataclasses.replace(tool_of(), toolface_sequences=())
-    sent, time, value = white(tool, 8, 10.0)
+    sent, _, value = white(tool, 8, 10.0)
     again = np.concatenate([value, value])
     words, _ = decoded(tool, np.arange(len(again)) / RATE_HZ, again)
     assert [word.raw for word in words.words if word.status == "believed"] == 2 * [word.raw for word in sent.words]

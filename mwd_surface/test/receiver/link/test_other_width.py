@@ -10,7 +10,8 @@ from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_width
+from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_tool, sent_width
+from mwd_surface.receiver.pulse.sync_search import USUAL_SYNCS
 
 pytestmark = pytest.mark.slow
 
@@ -36,14 +37,23 @@ def test_the_nearest_widths_are_tried_first_and_its_own_is_not():
     assert HERE.pulse_width_s not in other_widths(HERE)
 
 
-@pytest.mark.parametrize("width", [0.25, 0.8, 1.2])
+@pytest.mark.parametrize("width", [0.25, 0.51, 0.547, 0.58, 0.8, 1.2])
 def test_the_width_that_the_tool_sends_is_found(width):
-    assert sent_width(HERE, *pressure(width), {}) == width
+    assert sent_width(HERE, *pressure(width), {}) == pytest.approx(width, rel=2e-3)
+
+
+def test_width_sync_and_parity_are_found_blindly():
+    sent = dataclasses.replace(HERE, pulse_width_s=0.65, sync=USUAL_SYNCS[1], parity="odd")
+    channel = MudChannel(well=Well(depth_m=2000.0), flow_off_s=((-100.0, FLOW_ON),))
+    run = link_run(channel, transmit(sent, ((FLOW_ON, 200.0),), 5), 200.0, 5)
+    found = sent_tool(HERE, run.time_s, run.pressure_pa, {}, USUAL_SYNCS, ("even", "odd"))
+    assert found.pulse_width_s == pytest.approx(0.65, rel=2e-3)
+    assert (found.sync, found.parity) == (sent.sync, "odd")
 
 
 def test_a_recording_is_tried_from_the_flow_on_of_its_longest_flow():
     spans = ((-100.0, 20.0), (60.0, 960.0), (1150.0, 1400.0))
-    assert sent_width(HERE, *pressure(0.8, 1160.0, on_s=960.0, before=spans), {}) == 0.8
+    assert sent_width(HERE, *pressure(0.8, 1160.0, on_s=960.0, before=spans), {}) == pytest.approx(0.8, rel=2e-3)
 
 
 def test_no_width_is_found_in_pumps_alone():

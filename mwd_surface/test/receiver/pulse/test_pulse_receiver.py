@@ -252,6 +252,41 @@ def test_no_word_has_a_reason():
     assert "no sync" in receiver.why_nothing()
 
 
+def reason(tool, time, pressure):
+    receiver = PulseReceiver(tool)
+    receiver.push(time, pressure)
+    receiver.finish()
+    return receiver.why_nothing()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_weak_signal_and_noise_are_not_blamed_on_the_configuration(seed):
+    tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P",), transmit_delay_s=20.0)
+    sent = transmit(tool, ((0.0, 120.0),), seed)
+    for ebn0_db in (3.0, 0.0, -20.0):
+        said = reason(tool, *white(tool, sent, ebn0_db, seed=seed))
+        assert "too weak" in said or "no pulses any more" in said
+        assert "sequences" not in said
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"parity": "odd"}, {"survey_sequences": ("Inc:10:P Azm:14:P Grav:10:P",)}, {"header_bits": 3}]
+)
+def test_a_wrong_table_in_a_strong_signal_is_not_blamed_on_the_signal(wrong):
+    tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P Grav:12:P",), transmit_delay_s=20.0)
+    sent = transmit(tool, ((0.0, 200.0),), 1)
+    said = reason(dataclasses.replace(tool, **wrong), *white(tool, sent, 14.0))
+    assert "sequence" in said
+    assert "too weak" not in said
+
+
+def test_a_flow_too_short_for_the_sync_is_named():
+    time = np.arange(0.0, 100.0, 0.02)
+    flow = (time > 20.0) & (time < 40.0)
+    said = reason(FAST, time, 2e7 * flow + 1e5 * np.random.default_rng(1).normal(size=len(time)))
+    assert "the flow was on for" in said
+
+
 def test_a_gauge_that_stands_is_named():
     receiver = PulseReceiver(TOOL)
     receiver.push(np.arange(0.0, 200.0, 0.01), np.full(20000, 2.0e7))

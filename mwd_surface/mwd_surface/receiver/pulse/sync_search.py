@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Blind search for the pulse width and the sync of a tool: the likelihood of its syncs on a fine scale of widths.
+
+A sync scores the Bayes factor of its pulses against noise, as in the receiver, so scores of different widths and
+patterns in the same pressure are comparable. The words after the best syncs then decide.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import Sync, ToolConfiguration
+from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.words import Reception
+
+_BEFORE_S = 60.0  # pressure before a sync, for its noise model
+USUAL_SYNCS = (Sync(), Sync((0, 5, 15, 20, 30), 40), Sync((0, 4, 8, 12, 16), 24), Sync((0, 6, 12, 18, 24), 32))
+# Shortest and longest width that is tried, s, and the ratio of neighbours: an error of half of it moves the last pulse
+# of a sync by 0.3 TU.
+_SHORTEST_S, _LONGEST_S, _RATIO = 0.2, 2.0, 1.02
+# Widths to each side of the best one, and their ratio. The score is flat within some percent, because the response of
+# the channel is free; the width is the mean of those whose score is at most this much lower than the best.
+_FINE, _FINE_RATIO, _LOWER = 8, 1.004, 8.0
+
+
+class Guess(NamedTuple):
+    """A tool configuration with a width and sync that fit, its best score, and the time of that sync, s."""
+
+    tool: ToolConfiguration
+    score: float
+    at_s: float
+
+
+class _Syncs(PulseReceiver):
+    """Receiver that only searches syncs."""
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        super().__init__(tool)
+        self.best = Guess(tool, -math.inf, math.nan)
+
+    def _advance(self, done: Reception) -> None:  # noqa: ARG002 (there are no words)
+        while self._searchable:
+            for found, position in self._found():
+                if found.score > self.best.score:
+                    self.best = self.best._replace(score=found.score, at_s=self._grid.seconds(position))
+
+
+def guesses(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, syncs: Sequence[Sync], widths_s: Sequence[float] = ()
+) -> list[Guess]:
+    """
+    Return configurations of other widths and syncs, the most probable first.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+    time_s, pressure_pa : ndarray, shape (n,)
+        Rising times, s, and Pa.
+    syncs : sequence of Sync
+    widths_s : sequence of float, optional
+        Widths to try, s; a fine scale of all usual ones by default.
+    """
+    count = math.ceil(math.log(_LONGEST_S / _SHORTEST_S) / math.log(_RATIO))
+    widths = widths_s or [_SHORTEST_S * _RATIO**k for k in range(count + 1)]
+    found = []
+    for sync in syncs:
+        coarse = [_best(tool, sync, width, time_s, pressure_pa) for width in widths]
+        top = max(coarse, key=lambda one: one.score)
+        if not math.isfinite(top.score):
+            continue
+        found.append(_refined(top, time_s, pressure_pa))
+    return sorted(found, key=lambda one: -one.score)
+
+
+def _refined(top: Guess, time_s: Array, pressure_pa: Array) -> Guess:
+    """Return a guess with its width estimated from the scores of its neighbours in the pressure around its sync."""
+    middle = top.tool.pulse_width_s
+    near = (time_s > top.at_s - _BEFORE_S) & (time_s < top.at_s + 60.0 * middle)
+    widths = middle * _FINE_RATIO ** np.arange(-_FINE, _FINE + 1.0)
+    scores = np.array([_best(top.tool, top.tool.sync, one, time_s[near], pressure_pa[near]).score for one in widths])
+    weights = np.maximum(scores - (scores.max() - _LOWER), 0.0)
+    if not weights.sum() > 0.0:
+        return top
+    width = float(weights @ widths / weights.sum())
+    return top._replace(tool=dataclasses.replace(top.tool, pulse_width_s=width))
+
+
+def _best(tool: ToolConfiguration, sync: Sync, width_s: float, time_s: Array, pressure_pa: Array) -> Guess:
+    """Return the best sync of a width; a score of -inf if there is none or the samples are too far apart."""
+    guess = dataclasses.replace(tool, pulse_width_s=width_s, sync=sync)
+    search = _Syncs(guess)
+    try:
+        search.push(time_s, pressure_pa)
+    except ValueError:
+        return search.best
+    search.finish()
+    return search.best
