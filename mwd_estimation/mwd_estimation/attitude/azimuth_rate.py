@@ -37,7 +37,7 @@ def clear_sums(sums: BinSums, bin_index: int) -> None:
     """Clear the sums for a new bin."""
     sums.bin, sums.vertical = bin_index, False
     sums.turn = sums.time = sums.earth = sums.noise = sums.tilt = sums.gap = sums.gyro_turn = 0.0
-    sums.spin = sums.lag = 0.0
+    sums.spin = sums.lag = sums.gyro_step = 0.0
     for i in range(2):
         sums.across[i] = sums.leakage[i] = sums.rate[i] = 0.0
 
@@ -77,6 +77,7 @@ def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
     dx, dy, dz = sample.down[0], sample.down[1], sample.down[2]
     across2 = dy * dy + dz * dz
     sums = s.sums[s.bins_opened % BINS]
+    sums.gyro_step = max(sums.gyro_step, sample.gyro_step)
     if across2 < p.vertical_sin2:
         sums.vertical = True
     elif s.recent.length > 0:

@@ -138,6 +138,7 @@ def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precis
             kalman_filter.propagate(p, s, s.precision_sums, 1)
         else:
             kalman_filter.propagate(p, s, sums, 0)
+        kalman_filter.open_bias(s, sums)
     return not sums.vertical, precision_used
 
 

@@ -23,6 +23,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     State,
 )
 from mwd_estimation.core.status import Status
+from mwd_estimation.gravity.bounded.bias_step import BIAS_STEP
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle
@@ -160,6 +161,27 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
     for u in range(2):
         for i in range(2):
             s.P[Error.BIAS + 2 * u + i, Error.BIAS + 2 * u + i] += p.units[u].walk ** 2 * sums.time
+
+
+@compiled
+def open_bias(s: State, sums: BinSums) -> None:
+    """
+    Open the biases of the conventional unit if gravity has shown in this bin that they stepped.
+
+    Gravity shows only the part of the step across itself, and the azimuth needs the part along it. Until the bin ends
+    the unknown step has turned both azimuths.
+    """
+    if sums.gyro_step <= 0.0 or sums.time <= 0.0:
+        return
+    for i in range(2):
+        bias, moved = Error.BIAS + i, -sums.across[i] / sums.time * sums.gyro_step
+        variance = BIAS_STEP * BIAS_STEP
+        s.P[bias, bias] += variance
+        for n in range(2):
+            s.P[n, bias] += variance * moved
+            s.P[bias, n] = s.P[n, bias]
+            for o in range(2):
+                s.P[n, o] += variance * moved * moved
 
 
 @compiled

@@ -137,6 +137,7 @@ class BinSums:
     leakage: Annotated[Array, 2]  #: integral of w_x d_y and w_x d_z over across^2, rad: rotation per leakage
     spin: float  #: integral of w_x, rad
     rate: Annotated[Array, 2]  #: integral of w_y and w_z, rad
+    gyro_step: float  #: time since a step of the gyro bias that the bin has revealed, s; 0 if there was none
     lag: float  #: integral of w_x (w_y d_z - w_z d_y) / across^2, rad/s: rotation per second of lag
 
 

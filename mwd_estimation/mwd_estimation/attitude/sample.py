@@ -31,6 +31,7 @@ class Sample:
     sigma_toolface: float
     non_gravity: float
     rotary_speed: float
+    gyro_step: float  #: as in `core.track.Track`
     #: `status`, `suspect`: bits of `Status`; suspect sensors, bits of `core.sensor_fault`.
     status: int
     suspect: int
@@ -57,7 +58,7 @@ def samples_of(stamps: Stamps, gyro: Array, accel: Array, track: Track, suspect:
     samples = np.zeros(len(stamps), dtype=SAMPLE)
     samples["stamp_ns"], samples["gyro"], samples["accel"], samples["suspect"] = stamps, gyro, accel, suspect
     samples["down"] = track.g_t
-    for name in ("sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status"):
+    for name in ("sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status", "gyro_step"):
         samples[name] = getattr(track, name)
     samples["rate_x"], samples["sigma_down"] = gyro[:, 0], track.sigma_inclination
     return samples

@@ -80,14 +80,15 @@ class Track(NamedTuple):
     non_gravity: Array
     rotary_speed: Array  #: shape (n,); low-passed rate about the tool axis, rad/s, positive clockwise looking down-hole
     status: NDArray[np.uint32]  #: uint32, shape (n,); bits of `mwd_estimation.core.status.Status`
+    #: shape (n,); time since a step of the gyro bias that this sample has revealed, s; 0 in all other samples.
+    gyro_step: Array
 
     @classmethod
     def empty(cls, n: int) -> Track:
         """Create a track for n samples, to be filled by a kernel."""
         one = (n,)
-        return cls(
-            np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), np.zeros(one, dtype=np.uint32)
-        )
+        status, gyro_step = np.zeros(one, dtype=np.uint32), np.zeros(one)
+        return cls(np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), status, gyro_step)
 
     def part(self, samples: slice) -> Track:
         """Return the track of some of the samples."""

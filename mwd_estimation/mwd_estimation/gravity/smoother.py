@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
+from mwd_estimation.gravity.bounded import information
 from mwd_estimation.gravity.bounded.filter import Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, UPDATE, VEL, Sums
+from mwd_estimation.gravity.bounded.state import STEADY, TILT, UPDATE
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 AHEAD = 30_000  # least number of later samples with which a sample is smoothed
 BLOCK = 3 * AHEAD  # number of samples in one backward pass
@@ -134,7 +134,7 @@ def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array)
             if now.epoch != ahead.epoch or now.epoch < 0:
                 A[:] = 0.0
             else:
-                _carry_over(ahead, A, B, row[0])
+                information.carry_over(ahead, ahead.spread, A, B, row[0])
         P = now.tilt
         for a in range(2):
             for j in range(STEADY + 1):
@@ -151,73 +151,6 @@ def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array)
                 for j in range(STEADY):
                     known += row[a, j] * P[b, j]
                 covariances[k, a, b] = P[a, TILT + b] - known
-
-
-@compiled
-def _carry_over(update: Any, A: Array, B: Array, w: Array) -> None:
-    """Carry A of `_smooth_tilts` back from after an update to before its interval; B and w are scratch space."""
-    for axis in range(2, -1, -1):
-        measured, gain = update.measured[axis], update.gain[axis]
-        add_measurement(A, measured, gain, update.innovation[axis], update.spread[axis], w)
-    carry_back(update.sums, A)
-    for i in range(STEADY):
-        for j in range(STEADY):
-            B[i, j] = A[j, i]
-    carry_back(update.sums, B)
-    for i in range(STEADY):
-        for j in range(STEADY):
-            A[i, j] = B[i, j]
-
-
-@compiled
-def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: float, w: Array) -> None:
-    """
-    Carry information back over one scalar measurement, and add the measurement's own information.
-
-    A, shape (STEADY, STEADY + 1), is as in `_smooth_tilts`, with the information vector L in the last column. h and
-    gain are row of H and gain, shape (STEADY,); innovation, m, and spread, m^2, belong to it; w, shape (STEADY + 1,),
-    is scratch. With C = I - gain h, A becomes C^T A C + h h^T / spread, and L becomes C^T L + h innovation / spread.
-    """
-    for j in range(STEADY + 1):
-        w[j] = 0.0
-    for i in range(STEADY):
-        share = gain[i]
-        for j in range(STEADY + 1):
-            w[j] += share * A[i, j]
-    half = 1.0 / spread
-    for i in range(STEADY):
-        half += w[i] * gain[i]
-    half *= 0.5
-    for j in range(STEADY):
-        w[j] -= half * h[j]
-    w[STEADY] -= innovation / spread
-    for i in range(STEADY):
-        along, across = h[i], w[i]
-        for j in range(STEADY):
-            A[i, j] -= along * w[j] + across * h[j]
-        A[i, STEADY] -= along * w[STEADY]
-
-
-@compiled
-def carry_back(sums: Sums, A: Array) -> None:
-    """Replace A, shape (STEADY, n), by F^T A, with the transition matrix F of `mechanisation.propagate`."""
-    T = sums.time
-    # Gravity acts through the mean of the tilts before and after the interval.
-    pull = -0.5 * STANDARD_GRAVITY * T
-    for j in range(A.shape[1]):
-        x, y, down = A[VEL, j], A[VEL + 1, j], A[VEL + 2, j]
-        # Information about the tilts after the interval, to which the sensor errors contribute.
-        tilt_x, tilt_y = A[TILT, j] - pull * y, A[TILT + 1, j] + pull * x
-        A[TILT, j] = tilt_x - pull * (y + 0.5 * T * A[POS + 1, j])
-        A[TILT + 1, j] = tilt_y + pull * (x + 0.5 * T * A[POS, j])
-        for i in range(3):
-            A[BIAS + i, j] -= sums.bias[0, i] * tilt_x + sums.bias[1, i] * tilt_y
-        A[SCALE, j] -= sums.scale[0] * tilt_x + sums.scale[1] * tilt_y
-        for i in range(2):
-            A[ASKEW + i, j] -= sums.askew[0, i] * tilt_x + sums.askew[1, i] * tilt_y
-        A[DOWN, j] += T * (down + 0.25 * T * A[POS + 2, j])
-        for i in range(3):
-            A[VEL + i, j] += T * A[POS + i, j]
 
 
 def _apply(part: Track, updates: Any, north_t: Array, smoothed: tuple[Array, Array, Array]) -> None:

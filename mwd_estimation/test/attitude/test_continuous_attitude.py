@@ -47,7 +47,9 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
     gyro = np.zeros((n, 3))
     gyro[:, 0] = rate
     one = np.full(n, sigma_tilt)
-    track = Track(down, one, one, np.zeros(n), np.full(n, rate), np.full(n, int(Status.ROTATING), dtype=np.uint32))
+    track = Track(
+        down, one, one, np.zeros(n), np.full(n, rate), np.full(n, int(Status.ROTATING), dtype=np.uint32), np.zeros(n)
+    )
     b_t = np.einsum("kji,j->ki", mat, FIELD_N) + own
     return Block(samples_of(stamps, gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8))), b_t
 

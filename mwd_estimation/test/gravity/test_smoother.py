@@ -7,7 +7,7 @@ import pytest
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded import filter as bounded
-from mwd_estimation.gravity.bounded import mechanisation
+from mwd_estimation.gravity.bounded import information, mechanisation
 from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Sums
 from mwd_sensors.core.records import dtype_of
 from mwd_sensors.simulator import scenario
@@ -48,13 +48,13 @@ def test_what_is_carried_back_is_the_transpose_of_what_the_filter_carries_forwar
     rng = np.random.default_rng(2)
     sums = sums_of(rng)
     for _ in range(5):
-        error, information = rng.standard_normal(STEADY), rng.standard_normal((STEADY, 1))
+        error, known = rng.standard_normal(STEADY), rng.standard_normal((STEADY, 1))
         P = np.zeros((ERRORS, ERRORS))
         P[:STEADY, :STEADY] = np.outer(error, error)
-        back = information.copy()
+        back = known.copy()
         mechanisation.propagate(P, sums, STEADY)
-        smoother.carry_back(sums, back)
-        forward = (information.T @ P[:STEADY, :STEADY] @ information).item()
+        information.carry_back(sums, back)
+        forward = (known.T @ P[:STEADY, :STEADY] @ known).item()
         assert forward == pytest.approx((back.T @ error).item() ** 2, rel=1e-12)
 
 
@@ -65,7 +65,7 @@ def test_a_measurement_adds_its_information_and_hides_what_it_has_corrected():
     h, gain, w = rng.standard_normal(STEADY), rng.standard_normal(STEADY), np.zeros(STEADY + 1)
     C = np.eye(STEADY) - np.outer(gain, h)
     expected = C.T @ A[:, :-1] @ C + np.outer(h, h) / 0.3, C.T @ A[:, -1] + h * 0.2 / 0.3
-    smoother.add_measurement(A, h, gain, 0.2, 0.3, w)
+    information.add_measurement(A, h, gain, 0.2, 0.3, w)
     assert A[:, :-1] == pytest.approx(expected[0], rel=1e-12, abs=1e-12)
     assert A[:, -1] == pytest.approx(expected[1], rel=1e-12, abs=1e-12)
 

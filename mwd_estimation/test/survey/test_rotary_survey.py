@@ -31,7 +31,7 @@ def turning(seconds, rate=12.0, own=(0.0, 4e-7, -3e-7), shake=5.0, seed=1):
     gyro = np.zeros((n, 3))
     gyro[:, 0] = rate
     one = np.full(n, 1e-3)
-    track = Track(down, one, one, np.zeros(n), np.full(n, rate), np.zeros(n, dtype=np.uint32))
+    track = Track(down, one, one, np.zeros(n), np.full(n, rate), np.zeros(n, dtype=np.uint32), np.zeros(n))
     b_t = np.einsum("kji,j->ki", mat, FIELD_N) + own
     at = np.arange(0, n, 20)
     pairs = np.zeros(len(at), dtype=PAIR)

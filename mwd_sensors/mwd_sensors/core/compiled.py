@@ -133,12 +133,12 @@ def _lock_file(folder: Path) -> int | None:
 
 
 def _or_none(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
-    """Load the cache's index, or an empty one if the index names a module or type that no longer exists."""
+    """Load the cache's index, or an empty one if the index names a module or type that no longer exists or differs."""
 
     def loaded() -> dict[Any, str]:
         try:
             return load()
-        except (ImportError, AttributeError):
+        except (ImportError, AttributeError, TypeError):
             return {}
 
     return loaded

@@ -11,7 +11,7 @@ import math
 
 from mwd_estimation.gravity.bounded import clipping, mechanisation, noise
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record
+from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record, forget_density
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -65,6 +65,7 @@ def begin_roll(s: Record) -> None:
 def forget_motion(s: Record) -> None:
     """Reset velocity and position and the averages derived from them, because the motion is not known."""
     motion = s.motion
+    forget_density(s)
     motion.force_time = 0.0
     for j in range(3):
         s.vel[j] = s.pos[j] = 0.0

@@ -8,7 +8,7 @@ import math
 from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.measurement import SHOCK_APART
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record
+from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record, forget_density
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -183,6 +183,7 @@ def _end_clipping(s: Record) -> bool:
         for m in range(MISSING - BIAS):
             P[BIAS + j, BIAS + m] = c.kept[j, m]
     join_tilt(s, c.tilt)
+    forget_density(s)
     clear(s)
     return lost or P[TILT, TILT] + P[TILT + 1, TILT + 1] > CLIP_TILT
 

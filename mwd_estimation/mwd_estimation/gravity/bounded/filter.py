@@ -15,11 +15,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import clip_flags, track
+from mwd_estimation.core import clip_flags, ring, track
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import (
     alignment,
+    bias_step,
     clipping,
     field_roll,
     gaps,
@@ -30,7 +31,18 @@ from mwd_estimation.gravity.bounded import (
 )
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Field, Log, Record, State, forget, initial
+from mwd_estimation.gravity.bounded.state import (
+    ERRORS,
+    STEADY,
+    TILT,
+    Field,
+    Log,
+    Record,
+    State,
+    Update,
+    forget,
+    initial,
+)
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -145,6 +157,7 @@ def _run(
         for j in range(3):
             out.g_t[i, j] = s.g_t[j]
         out.sigma_inclination[i], out.sigma_toolface[i] = s.sigma_inclination, s.sigma_toolface
+        out.gyro_step[i], s.gyro_step = s.gyro_step, 0.0
         out.non_gravity[i] = motion.peak_force
         out.rotary_speed[i] = motion.rotary_speed
         if len(log.updates) > 0:
@@ -243,9 +256,8 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     noise.follow_motion(s, w)
     mechanisation.propagate(s.P, s.sums, size)
     turn = noise.add_noise(p, s)
-    logged = len(log.updates) > 0
-    if logged:
-        _log_before(s, i, log)
+    entry = s.recent.rows[ring.next_place(s.recent)]
+    _note_before(s, i, entry)
     gate = clipping.jump_gate(s)
     tilt, aside = scale.tilts(s)
     square = 0.0
@@ -254,17 +266,23 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     for axis in range(3):
         white = measurement.update(s, size, axis, p.displacement**2, gate)
         square += white * white / 3.0
-        if logged:
-            entry = log.updates[log.entries[0]]
-            entry.innovation[axis], entry.spread[axis] = s.innovation, s.spread
-            measurement.log_measured(s, axis, entry.measured[axis], entry.gain[axis])
+        bias_step.follow_innovation(s, axis, white)
+        entry.innovation[axis], entry.spread[axis] = s.innovation, s.spread
+        measurement.log_measured(s, axis, entry.measured[axis], entry.gain[axis])
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
     scale.follow_corrections(s, turn, tilt, aside)
     measurement.correct(s, size)
-    if logged:
-        _log_after(p, s, log)
+    for j in range(2):
+        entry.correction[j] = s.correction[TILT + j]
+    if size == STEADY and bias_step.follow(p, s):
+        for j in range(2):
+            entry.correction[j] += s.correction[TILT + j]
+    if len(log.updates) > 0:
+        _note_after(p, s, entry)
+        log.updates[log.entries[0]] = entry
+        log.entries[0] += 1
     mechanisation.clear_sums(s.sums)
     if not measurement.sound(s):
         forget(p, s)
@@ -276,8 +294,7 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
 
 
 @compiled
-def _log_before(s: Record, i: int, log: Log) -> None:
-    entry = log.updates[log.entries[0]]
+def _note_before(s: Record, i: int, entry: Update) -> None:
     entry.sample = i
     entry.epoch = s.epoch if s.clipping.sign == 0.0 else -1
     entry.sums.time = s.sums.time
@@ -290,12 +307,9 @@ def _log_before(s: Record, i: int, log: Log) -> None:
 
 
 @compiled
-def _log_after(p: Params, s: Record, log: Log) -> None:
-    entry = log.updates[log.entries[0]]
+def _note_after(p: Params, s: Record, entry: Update) -> None:
     for j in range(2):
-        entry.correction[j] = s.correction[TILT + j]
         for m in range(STEADY):
             entry.tilt[j, m] = s.P[TILT + j, m]
     entry.factors[0], entry.factors[1] = s.innovations.along.power, s.innovations.across.power
     entry.floors[0], entry.floors[1] = scale.floors(p, s)
-    log.entries[0] += 1

@@ -173,13 +173,17 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
     velocity' = velocity + [mean of both tilts x] force + T down;
     position' = position + T velocity + half a step of the change of velocity due to the first half of these terms.
     """
-    _carry_columns(P, sums, size)
-    _carry_columns(P.T, sums, size)
+    carry_columns(P, sums, size, size > MISSING)
+    carry_columns(P.T, sums, size, size > MISSING)
 
 
 @compiled
-def _carry_columns(P: Array, sums: Sums, size: int) -> None:
-    """Apply P <- F P, column by column."""
+def carry_columns(P: Array, sums: Sums, columns: int, clipped: bool) -> None:
+    """
+    Apply P <- F P to the first columns of P, shape (STEADY or ERRORS, at least `columns`).
+
+    clipped means that the x gyro clips, so that the rows MISSING and SLOPE of all errors count.
+    """
     T = sums.time
     h = 0.5 * T
     fx, fy, fz = 0.5 * sums.force[0], 0.5 * sums.force[1], 0.5 * sums.force[2]
@@ -187,11 +191,10 @@ def _carry_columns(P: Array, sums: Sums, size: int) -> None:
     b00, b01, b02, b10, b11, b12 = b[0, 0], b[0, 1], b[0, 2], b[1, 0], b[1, 1], b[1, 2]
     c0, c1 = c[0], c[1]
     k00, k01, k10, k11 = sums.askew[0, 0], sums.askew[0, 1], sums.askew[1, 0], sums.askew[1, 1]
-    clipped = size > MISSING
     if not clipped:
         # Vibration has no mean, so only gravity acts reliably through the tilt over the whole interval.
         fx, fy, fz = 0.0, 0.0, -h * STANDARD_GRAVITY
-    for j in range(size):
+    for j in range(columns):
         x, y = P[TILT, j], P[TILT + 1, j]
         nx = x - b00 * P[BIAS, j] - b01 * P[BIAS + 1, j] - b02 * P[BIAS + 2, j] - c0 * P[SCALE, j]
         nx -= k00 * P[ASKEW, j] + k01 * P[ASKEW + 1, j]

@@ -28,6 +28,7 @@ from mwd_sensors.core.records import dtype_of
 TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 16, 17, 18
 STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
 TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, more than a magnetic sample waits
+RECENT = 100  # number of updates kept: 3 s, in which a step of the gyro bias shows
 DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
 
 
@@ -101,6 +102,10 @@ class Innovations:
     """Scale across the hole, for toolface."""
     usual: float
     """Usual square of one innovation."""
+    slow: Annotated[Array, 3]
+    """Low-passed innovation over its sigma, by tool axis."""
+    density: Annotated[Array, 3]
+    """Spectral density of the innovations at low frequencies, by tool axis; 1 if they are as large as expected."""
 
 
 class Clipping:
@@ -159,6 +164,40 @@ class Field:
     """Mean strength of the field across the axis, T."""
 
 
+class Update:
+    """Trace of one update of the covariance, for the smoother and for the search for a jump (`bias_step`)."""
+
+    sample: int
+    """Index of the sample at which the update was made."""
+    epoch: int
+    """Epoch of the update (`Record.epoch`); -1 while the x gyro clips."""
+    sums: Sums
+    measured: Annotated[Array, 3, STEADY]
+    """Rows of the measurement matrix H, one for each tool axis."""
+    gain: Annotated[Array, 3, STEADY]
+    """Gains of the three measurements."""
+    innovation: Annotated[Array, 3]
+    """Innovations of the three measurements, m."""
+    spread: Annotated[Array, 3]
+    """Variances of the innovations, m^2."""
+    evidence: Annotated[Array, 3]
+    """The same times their density (`Innovations.density`), m^2."""
+    correction: Annotated[Array, 2]
+    """Tilt applied to the attitude, rad."""
+    tilt: Annotated[Array, 2, STEADY]
+    """Covariance of the tilt with all errors after the measurements."""
+    factors: Annotated[Array, 2]
+    """Factors on the covariance, along and across the hole."""
+    floors: Annotated[Array, 2]
+    """Variances to add, rad^2."""
+
+
+class RecentUpdates(Ring):
+    """The last updates."""
+
+    rows: Annotated[MutableSequence[Update], RECENT]
+
+
 class Record:
     """State of the filter that the kernels change."""
 
@@ -199,6 +238,11 @@ class Record:
     innovations: Innovations
     clipping: Clipping
     field: Field
+    recent: RecentUpdates
+    surprise: float
+    """Sum of recent squared innovations over their variances, decaying exponentially."""
+    gyro_step: float
+    """Time since a step of the gyro bias that the last update has revealed, s; 0 if there was none."""
     turn: float
     """Rotation about the axis since the first sample, rad."""
     started: bool
@@ -245,7 +289,7 @@ class Record:
     """Published sigma of toolface, rad."""
 
 
-RECORD = dtype_of(Record)
+RECORD, UPDATE = dtype_of(Record), dtype_of(Update)
 
 
 @dataclasses.dataclass
@@ -284,6 +328,15 @@ def forget(p: Params, s: Record) -> None:
     s.P[DOWN, DOWN] = DOWN_SIGMA**2
 
 
+@compiled
+def forget_density(s: Record) -> None:
+    """Expect innovations of the size of their sigmas from here on, because new errors were just added to P."""
+    s.innovations.slow[:] = 0.0
+    s.innovations.density[:] = 1.0
+    s.surprise = 0.0
+    s.recent.length = 0
+
+
 def initial(params: Params) -> State:
     """Return the state before the first sample."""
     record = np.zeros(1, dtype=RECORD)
@@ -293,35 +346,6 @@ def initial(params: Params) -> State:
     s.C[:] = np.eye(3)
     forget(params, s)
     return State(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
-
-
-class Update:
-    """Trace of one update of the covariance, for the smoother."""
-
-    sample: int
-    """Index of the sample at which the update was made."""
-    epoch: int
-    """Epoch of the update (`Record.epoch`); -1 while the x gyro clips."""
-    sums: Sums
-    measured: Annotated[Array, 3, STEADY]
-    """Rows of the measurement matrix H, one for each tool axis."""
-    gain: Annotated[Array, 3, STEADY]
-    """Gains of the three measurements."""
-    innovation: Annotated[Array, 3]
-    """Innovations of the three measurements, m."""
-    spread: Annotated[Array, 3]
-    """Variances of the innovations, m^2."""
-    correction: Annotated[Array, 2]
-    """Tilt applied to the attitude, rad."""
-    tilt: Annotated[Array, 2, STEADY]
-    """Covariance of the tilt with all errors after the measurements."""
-    factors: Annotated[Array, 2]
-    """Factors on the covariance, along and across the hole."""
-    floors: Annotated[Array, 2]
-    """Variances to add, rad^2."""
-
-
-UPDATE = dtype_of(Update)
 
 
 class Log(NamedTuple):

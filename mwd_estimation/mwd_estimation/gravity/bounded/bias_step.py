@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Steps of the gyro bias, found from the innovations of the last seconds.
+
+The filter assumes that biases walk slowly. A gyro whose bias steps (by a blow, or a fault of its supply) tilts the
+vertical for as long as the filter believes the walk. A step is a hypothesis about one time in the last seconds. Its
+probability follows from the innovations since then (Willsky and Jones, A generalized likelihood ratio approach to the
+detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The information that
+innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer, Diagnosing
+shocks in time series, J. Am. Stat. Assoc. 93, 1998). Other jumps explain innovations as well: a string that starts
+along its hole, and a knock whose force was cut off. If a step is more probable than these and than none, its estimate
+and its covariance are added to the errors that it has caused since.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_estimation.core import ring
+from mwd_estimation.gravity.bounded import information, measurement, mechanisation
+from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, STEADY, VEL, Record, forget_density
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+# Sigma of a step of the gyro bias, rad/s: 1 deg/s, with which a gyro at rest is still in use (`health.rest_check`).
+BIAS_STEP = 0.017
+# Mean time between jumps of each kind, s: 100 h, so that even one step in a run is rare. The time is the same for all
+# kinds, because a string whose speed changes is soon certain, and a small knock is not more probable than a step.
+EVERY = 3.6e5
+SURPRISE_TIME = 0.3  # s, memory of `Record.surprise`
+# Least recent sum of squared innovations over their variances with which the backward pass is worth its time. No jump
+# is more probable than none if all squares of its time together are below twice the logarithm of its odds (20 to 34).
+SURPRISING = 10.0
+# Averaging times of the innovations and of their density, s; least density.
+SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
+# Kinds of jumps: a bias steps; the string starts or stops along its hole; a knock whose force was cut off.
+STEP, TRAVEL, KNOCK, KINDS = 0, 1, 2, 3
+SURE = 5.0  # logarithm of the odds against every other explanation with which a step counts
+# Updates since a step of the bias until it counts, 1.2 s: until a string has its speed, which takes up to a second, its
+# acceleration looks like the tilt that a gyro adds.
+AFTER_STEP = 40
+LEAST_AFTER = 8  # updates since a jump that can show it: a quarter of a second
+APART = 4  # updates between two searches
+
+
+@compiled
+def follow_innovation(s: Record, axis: int, white: float) -> None:
+    """
+    Follow the density of the innovations along a tool axis; white: one of them over its sigma.
+
+    The assumed noises are larger than the real ones, and motion is not white: heave repeats an error for a second. The
+    density at low frequencies says how much evidence an innovation is. If the covariance is right, it is 1.
+    """
+    T, found = s.sums.time, s.innovations
+    found.slow[axis] += T / (SLOW_TIME + T) * (white - found.slow[axis])
+    density = (2.0 * SLOW_TIME / T + 1.0) * found.slow[axis] ** 2
+    usual = found.density[axis]
+    # A jump must not count as usual before it is found.
+    found.density[axis] += T / DENSITY_TIME * (min(density, 9.0 * usual) - usual)
+    s.surprise += white * white / max(usual, LEAST_DENSITY) - min(T / SURPRISE_TIME, 1.0) / 3.0 * s.surprise
+
+
+@compiled
+def follow(p: Params, s: Record) -> bool:
+    """Search for a step after an update, at most every fourth; apply it and return True if there is probably one."""
+    if s.surprise < SURPRISING or s.recent.length < LEAST_AFTER or s.recent.head % APART != 0:
+        return False
+    at = _search(p, s)
+    if at > 0:
+        _apply(p, s, at)
+    return at > 0
+
+
+@compiled
+def _search(p: Params, s: Record) -> int:
+    """Return the number of updates since a step of the bias, 0 if there was probably none."""
+    A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
+    odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
+    for back in range(1, s.recent.length + 1):
+        row = s.recent.rows[ring.place(s.recent, back)]
+        if row.epoch != s.epoch:
+            break
+        for axis in range(3):
+            row.evidence[axis] = row.spread[axis] * max(s.innovations.density[axis], LEAST_DENSITY)
+            squares += row.innovation[axis] ** 2 / row.evidence[axis]
+        information.carry_over(row, row.evidence, A, B, w)
+        if back < LEAST_AFTER:
+            continue
+        for kind in range(KINDS):
+            _, _, gain, occam = _explain(A, _moves(p, s, kind))
+            # Squares that no jump explains show that all innovations are larger than usual.
+            unexplained = max((squares - gain) / (3.0 * back), 1.0)
+            found = 0.5 * (gain / unexplained - occam) - math.log(EVERY / row.sums.time)
+            if found > odds[kind]:
+                odds[kind], at[kind] = found, back
+    certain = odds[STEP] >= max(odds[TRAVEL], odds[KNOCK]) + SURE
+    return at[STEP] if certain and at[STEP] >= AFTER_STEP else 0
+
+
+@compiled
+def _moves(p: Params, s: Record, kind: int) -> Array:
+    """Return the errors that a jump of 1 sigma changes, in up to three directions, shape (STEADY, 3)."""
+    moves = np.zeros((STEADY, 3))
+    for j in range(3):
+        if kind == STEP:
+            moves[BIAS + j, j] = BIAS_STEP
+        elif kind == KNOCK:
+            moves[VEL + j, j] = p.axial_speed
+        else:
+            moves[VEL + j, 0] = p.axial_speed * s.C[j, 0]
+    return moves
+
+
+@compiled
+def _explain(A: Array, moves: Array) -> tuple[Array, Array, float, float]:
+    """
+    Estimate the size of a jump, in sigmas, from the information A about the errors at its time.
+
+    Returns size, shape (3,), its covariance, how much of the squared innovations it explains, and twice the logarithm
+    of the factor by which the data narrow its size.
+    """
+    known, vector = np.zeros((3, 3)), np.zeros(3)
+    for a in range(3):
+        for i in range(STEADY):
+            if moves[i, a] != 0.0:
+                vector[a] += moves[i, a] * A[i, STEADY]
+                for b in range(3):
+                    for j in range(STEADY):
+                        known[a, b] += moves[i, a] * A[i, j] * moves[j, b]
+        known[a, a] += 1.0
+    spread, determinant = _inverse(known)
+    size, gain = np.zeros(3), 0.0
+    for a in range(3):
+        for b in range(3):
+            size[a] += spread[a, b] * vector[b]
+        gain += size[a] * vector[a]
+    return size, spread, gain, math.log(max(determinant, 1.0))
+
+
+@compiled
+def _inverse(M: Array) -> tuple[Array, float]:
+    """Return inverse and determinant of a positive definite matrix, shape (3, 3)."""
+    found = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            found[j, i] = M[a, c] * M[b, d] - M[a, d] * M[b, c]
+    determinant = M[0, 0] * found[0, 0] + M[0, 1] * found[1, 0] + M[0, 2] * found[2, 0]
+    return found / determinant, determinant
+
+
+@compiled
+def _apply(p: Params, s: Record, at: int) -> None:
+    """Add the present effect of a step `at` updates ago, with the variances that the filter assumes."""
+    A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
+    for back in range(1, at + 1):
+        row = s.recent.rows[ring.place(s.recent, back)]
+        information.carry_over(row, row.spread, A, B, w)
+    moves, since = _moves(p, s, STEP), 0.0
+    jump, covariance, _, _ = _explain(A, moves)
+    for back in range(at, 0, -1):
+        row = s.recent.rows[ring.place(s.recent, back)]
+        since += row.sums.time
+        mechanisation.carry_columns(moves, row.sums, 3, False)
+        for axis in range(3):
+            for a in range(3):
+                seen = 0.0
+                for i in range(STEADY):
+                    seen += row.measured[axis, i] * moves[i, a]
+                for i in range(STEADY):
+                    moves[i, a] -= row.gain[axis, i] * seen
+    for i in range(ERRORS):
+        s.correction[i] = 0.0
+    for i in range(STEADY):
+        for a in range(3):
+            s.correction[i] += moves[i, a] * jump[a]
+            for j in range(STEADY):
+                for b in range(3):
+                    s.P[i, j] += moves[i, a] * covariance[a, b] * moves[j, b]
+    measurement.symmetrise(s.P, STEADY)
+    measurement.correct(s, STEADY)
+    s.gyro_step = since
+    forget_density(s)

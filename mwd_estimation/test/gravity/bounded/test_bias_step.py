@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps of the gyro bias: found within seconds, and not where only the string moves."""
+
+import functools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mwd_estimation.gravity.bounded import bias_step
+from mwd_estimation.gravity.bounded import filter as bounded
+from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.simulator import scenario
+from mwd_sensors.simulator.sonde import Sonde
+from project import SCENARIOS
+
+STEP_S = 40.0
+P = bounded.Params()
+
+
+@functools.cache
+def slide(inclination_deg, seed, motion="slide"):
+    """Stamps, rates, forces and true down of a tool that slides or turns in a hole."""
+    phase = {
+        "slide": {"kind": "slide", "seconds": 75.0, "rop_m_h": 0.0, "toolface_deg": 40.0},
+        "drill": {"kind": "drill", "seconds": 75.0, "rpm": 60.0, "rop_m_h": 0.0},
+    }[motion]
+    changes = {
+        "seed": seed,
+        "well": {"stations": [[0.0, inclination_deg, 60.0]]},
+        "schedule": [phase],
+        "vibration": {"random": [{"band_hz": [8.0, 300.0], "acceleration_mps2": [5.0, 5.0, 5.0]}]},
+    }
+    blocks = list(Sonde(scenario.read(SCENARIOS / "bench" / "rot155.yaml", changes)).blocks(5.0))
+    imu, truth = (np.concatenate([block[name] for block in blocks]) for name in ("imu/data_raw", "truth"))
+    down = truth["gravity"][np.searchsorted(truth["stamp_ns"], imu["stamp_ns"])]
+    return imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], down
+
+
+def seconds(stamps):
+    return (stamps - stamps[0]) * 1e-9
+
+
+def error_deg(g_t, down):
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(g_t, down), axis=1), np.sum(g_t * down, axis=1)))
+
+
+def beyond_three_sigma(track, down):
+    """Share of samples with an inclination or toolface more than 3 sigma off."""
+    inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
+    turned = wrap_pi(np.arctan2(track.g_t[:, 1], track.g_t[:, 2]) - np.arctan2(down[:, 1], down[:, 2]))
+    off = np.abs(track.inclination - inclination) > 3.0 * track.sigma_inclination
+    return np.mean(off | (np.abs(turned) > 3.0 * track.sigma_toolface))
+
+
+@pytest.mark.slow(20)
+@settings(max_examples=12, deadline=None)
+@given(
+    inclination_deg=st.sampled_from([25.0, 50.0, 80.0]),
+    seed=st.sampled_from([5, 6]),
+    size=st.floats(0.5, 1.5),
+    axis=st.sampled_from([(1.0, 0.0, 0.0), (0.0, 0.7, 0.7), (0.0, -0.7, 0.7), (0.5, 0.0, -0.8)]),
+)
+def test_a_step_of_the_gyro_bias_is_found_within_seconds_and_covered_by_sigma(inclination_deg, seed, size, axis):
+    # VQF is 2 to 3 deg off for more than a minute; the same filter without jumps 2 deg, for 15 s.
+    stamps, gyro, accel, down = slide(inclination_deg, seed)
+    t = seconds(stamps)
+    gyro = gyro + np.where(t > STEP_S, np.radians(size), 0.0)[:, None] * np.array(axis)
+    got = bounded.run(P, bounded.initial(P), stamps, gyro, accel)
+    off, after = error_deg(got.g_t, down), t > STEP_S
+    assert off[after].max() < 1.8 * size
+    assert off[t > STEP_S + 5.0].max() < 0.5
+    # Nothing can show a step at once.
+    assert beyond_three_sigma(got.part(t > STEP_S + 3.0), down[t > STEP_S + 3.0]) < 0.05
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("motion", ["slide", "drill"])
+@pytest.mark.parametrize("seed", [15, 16])
+def test_a_string_that_starts_and_stops_is_not_taken_for_a_step(motion, seed):
+    stamps, gyro, accel, _ = slide(80.0, seed, motion)
+    t, accel = seconds(stamps), accel.copy()
+    rng = np.random.default_rng(seed)
+    for begins in (30.0, 50.0):
+        speed, lasts = rng.uniform(0.3, 0.6), rng.uniform(0.3, 1.0)
+        for at, sign in ((begins, 1.0), (begins + 10.0, -1.0)):
+            x = (t - at) / lasts
+            accel[:, 0] += np.where((x > 0) & (x < 1), sign * speed / lasts * (1.0 - np.cos(2 * np.pi * x)), 0.0)
+    got = bounded.run(P, bounded.initial(P), stamps, gyro, accel)
+    assert not got.gyro_step.any()
+
+
+@pytest.mark.slow(15)
+@pytest.mark.parametrize("case", ["rot155", "stickslip", "biasdrift", "surge", "shocks"])
+def test_no_step_is_found_in_ordinary_motion(case):
+    blocks = list(Sonde(scenario.read(SCENARIOS / "bench" / f"{case}.yaml", {"seed": 3})).blocks(5.0))
+    imu = np.concatenate([block["imu/data_raw"] for block in blocks])
+    got = bounded.run(P, bounded.initial(P), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+    assert not got.gyro_step.any()
+
+
+def test_the_size_of_a_jump_is_the_posterior_mean_of_linear_regression():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(17, 17))
+    A = np.zeros((17, 18))
+    A[:, :17], A[:, 17] = root @ root.T, rng.normal(size=17)
+    moves = rng.normal(size=(17, 3))
+    size, covariance, gain, occam = bias_step._explain(A, moves)
+    known = moves.T @ A[:, :17] @ moves + np.eye(3)
+    expected = np.linalg.solve(known, moves.T @ A[:, 17])
+    assert np.allclose(size, expected)
+    assert np.allclose(covariance, np.linalg.inv(known))
+    assert np.isclose(gain, expected @ moves.T @ A[:, 17])
+    assert np.isclose(occam, np.linalg.slogdet(known)[1])
