@@ -14,10 +14,9 @@ pytestmark = pytest.mark.slow(0.3)
 CHINESE = language("zh_CN")
 TABS = ("surveys", "path", "charts", "steering", "link", "alarms", "system", "controls")
 # Units, names of wells, zones and models, abbreviations that drillers use in Chinese as well, and names of settings.
-KEPT = frozenset(
-    ("CSV", "LAS", "PDF", "HTML", "WITSML", "MWD", "UTC", "RKB", "Nordlys", "NORDLYS", "WMM", "pygeomag", "min", "Esc")
-    + ("English", "Shanghai", "WebSocket", "bags", "control", "enabled")
-)
+KEPT = {"CSV", "LAS", "PDF", "HTML", "WITSML", "MWD", "UTC", "RKB", "Nordlys", "NORDLYS", "WMM", "pygeomag", "min"} | {
+    *("Esc", "English", "Shanghai", "WebSocket", "bags", "control", "enabled")
+}
 # What the test itself has put there as foreign text.
 TYPED = frozenset(["External", "field", "use", "gyro", "total", "over", "off", "check", "slow", "look", "mag"])
 
