@@ -20,6 +20,7 @@ setup(
             "runs/fastdds.xml",
             "ros/security_policy.yaml",
             "signals/table.csv",
+            "language/*.po",
         ]
     },
     data_files=[
@@ -49,6 +50,7 @@ setup(
         "jinja2",
         "fpdf2",
         "pyarrow",
+        "babel",
     ],
     extras_require={
         "opcua": ["asyncua"],

@@ -15,6 +15,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import EARTH_RATE
@@ -270,6 +271,23 @@ def map_grid(lat: float, lon: float, crs: str | None = None) -> MapGrid:
     datums, up to some hundred metres.
     """
     return _map_grid(lat, lon, crs if crs is not None else utm_zone(lat, lon))
+
+
+def geographic(crs: str, easting: ArrayLike, northing: ArrayLike) -> tuple[Array, Array]:
+    """
+    Return latitude and longitude of places in a map grid, rad; the inverse of `map_grid`.
+
+    Parameters
+    ----------
+    crs : str
+        Grid, for example ``EPSG:23031``.
+    easting, northing : array_like, shape (n,)
+        Coordinates in the grid, m.
+    """
+    import pyproj
+
+    lon_deg, lat_deg = pyproj.Proj(crs)(np.asarray(easting, float), np.asarray(northing, float), inverse=True)
+    return np.radians(lat_deg), np.radians(lon_deg)
 
 
 def utm_zone(lat: float, lon: float) -> str:

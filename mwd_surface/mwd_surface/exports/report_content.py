@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from mwd_estimation.survey.survey import Verdict
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
+from mwd_surface.exports.report_positions import positions, programme
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.report_trajectory import high_density
@@ -34,6 +36,22 @@ class Content:
         """Every table, in printed order."""
         return tuple(sheet for section in self.sections for sheet in section.sheets)
 
+    def words(self) -> Iterator[str]:
+        """Return every text of the report, without those of its drawings."""
+        yield from (
+            self.title,
+            self.certificate,
+            *self.signatures,
+            *self.notes,
+            *(t for pair in self.header for t in pair),
+        )
+        for section in self.sections:
+            yield from (section.heading, *section.text, *(drawing.caption for drawing in section.drawings))
+        for sheet in self.sheets:
+            yield from (sheet.heading, sheet.legend, *sheet.titles, *sheet.units, *sheet.marks)
+            for row in sheet.rows:
+                yield from row
+
 
 def content(table: SurveyTable) -> Content:
     """Return the report of a table, as texts and printed numbers."""
@@ -45,6 +63,10 @@ def content(table: SurveyTable) -> Content:
     if by_hand:
         numbers = ", ".join(str(r.survey.sequence) for r in by_hand)
         notes.append(f"Used by manual decision against the automatic verdict: survey {numbers}.")
+    try:
+        logo_of(well.logo)
+    except (OSError, ValueError) as error:
+        notes.append(f"The logo {well.logo} is not printed: {error}")
     made = (make(table) for make in SECTIONS)
     return Content(
         title=plain(f"Survey report {well.name}" + (f", {well.wellbore}" if well.wellbore else "")),
@@ -62,6 +84,32 @@ def content(table: SurveyTable) -> Content:
         ),
         signatures=("Survey engineer", "Directional driller", "Company representative"),
     )
+
+
+def logo_of(path: str) -> tuple[bytes, str]:
+    """
+    Return the bytes of a picture and its MIME type; empty for no path.
+
+    Raises
+    ------
+    OSError, ValueError
+        The file cannot be read, or is neither PNG nor JPEG.
+    """
+    if not path:
+        return b"", ""
+    data = Path(path).expanduser().read_bytes()
+    for start, kind in ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg")):
+        if data.startswith(start):
+            return data, kind
+    raise ValueError("the file is neither PNG nor JPEG")
+
+
+def printed_logo(path: str) -> tuple[bytes, str]:
+    """Return the bytes of a picture and its MIME type; empty if it cannot be printed, which a note then says."""
+    try:
+        return logo_of(path)
+    except (OSError, ValueError):
+        return b"", ""
 
 
 def definitive(table: SurveyTable) -> Section:
@@ -108,7 +156,9 @@ def drawn(table: SurveyTable) -> Section:
 # In printed order; a function returns None if its section would be empty.
 SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
     definitive,
+    positions,
     drawn,
+    programme,
     run_quality,
     repeated,
     stations,

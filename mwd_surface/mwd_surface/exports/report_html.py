@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
+import base64
+
 import jinja2
 
 from mwd_sensors.core.foreign_text import printable
-from mwd_surface.exports.report_content import content
+from mwd_surface.exports.report_content import content, printed_logo
+from mwd_surface.exports.report_edge import for_people
 from mwd_surface.exports.report_section import TINTS, Drawing
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.language.language import language
 from mwd_surface.plots.drawing import svg
 
 _PAGE = """<!DOCTYPE html>
-<html lang="en">
+<html lang="{{ code }}">
 <head>
 <meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
@@ -20,9 +24,11 @@ _PAGE = """<!DOCTYPE html>
 <title>{{ c.title }}</title>
 <style>
 :root { color-scheme: light; }
-body { font: 14px/1.45 "DejaVu Sans", Arial, sans-serif; color: #111; background: #fff; margin: 1.5rem auto;
+body { font: 14px/1.45 "DejaVu Sans", "Noto Sans SC", "Noto Sans CJK SC",
+  "Microsoft YaHei", "PingFang SC", Arial, sans-serif; color: #111; background: #fff; margin: 1.5rem auto;
   max-width: 78rem; padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin: 0 0 .5rem; } h2 { font-size: 1.15rem; margin: 1.6rem 0 .4rem; }
+img.logo { float: right; max-height: 3.5rem; max-width: 12rem; }
 h3 { font-size: 1rem; margin: 1.2rem 0 .3rem; }
 dl { display: grid; grid-template-columns: max-content 1fr max-content 1fr; gap: .1rem 1rem; margin: 0; }
 dt { color: #444; } dd { margin: 0; }
@@ -41,7 +47,8 @@ figcaption { color: #444; }
 .sign { display: flex; gap: 3rem; margin-top: 3.5rem; flex-wrap: wrap; }
 .sign div { border-top: 1px solid #111; min-width: 14rem; padding-top: .2rem; }
 @page { size: A4 landscape; margin: 12mm;
-  @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 9px; } }
+  @bottom-right { font-size: 9px;
+    content: "{{ page[0] }}" counter(page) "{{ page[1] }}" counter(pages) "{{ page[2] }}"; } }
 @media screen and (max-width: 60rem) { dl { grid-template-columns: max-content 1fr; } figure { width: 100%; } }
 @media print { body { margin: 0; max-width: none; font-size: 8.5pt; padding: 0; } table { font-size: 6.6pt; }
   th, td { padding: .1rem .25rem; } .long { min-width: 0; } .scroll { overflow: visible; }
@@ -51,11 +58,11 @@ figcaption { color: #444; }
 </style>
 </head>
 <body>
-<header><h1>{{ c.title }}</h1>
+<header>{% if logo %}<img class="logo" alt="" src="{{ logo }}">{% endif %}<h1>{{ c.title }}</h1>
 <dl>{% for label, value in c.header %}<dt>{{ label }}</dt><dd>{{ value }}</dd>
 {% endfor %}</dl></header>
 <main>
-{% if c.notes %}<h2>Notes</h2><ul>{% for note in c.notes %}<li>{{ note }}</li>{% endfor %}</ul>{% endif %}
+{% if c.notes %}<h2>{{ say("Notes") }}</h2><ul>{% for note in c.notes %}<li>{{ note }}</li>{% endfor %}</ul>{% endif %}
 {% for part in c.sections %}<section{% if part.page %} class="page"{% endif %}>
 <h2>{{ part.heading }}</h2>
 {% for text in part.text %}<p>{{ text }}</p>{% endfor %}
@@ -79,8 +86,8 @@ figcaption { color: #444; }
 <figcaption>{{ drawing.caption }}</figcaption></figure>
 {% endfor %}</section>
 {% endfor %}
-<h2>Certificate</h2><p>{{ c.certificate }}</p>
-<div class="sign">{% for who in c.signatures %}<div>{{ who }}, date</div>{% endfor %}</div>
+<h2>{{ say("Certificate") }}</h2><p>{{ c.certificate }}</p>
+<div class="sign">{% for who in c.signatures %}<div>{{ who }}, {{ say("date") }}</div>{% endfor %}</div>
 </main>
 </body>
 </html>
@@ -95,7 +102,19 @@ def report_html(table: SurveyTable) -> str:
         trim_blocks=False,
         finalize=lambda value: printable(value) if type(value) is str else value,
     )
-    return environment.from_string(_PAGE).render(c=content(table), drawn=_drawn, tints=TINTS)
+    well = table.surveys.well
+    said = language(well.language)
+    logo, kind = printed_logo(well.logo)
+    words = said.say("page {page_no} of {nb}").replace("{page_no}", "|").replace("{nb}", "|").split("|")
+    return environment.from_string(_PAGE).render(
+        c=for_people(content(table), said, well.units),
+        drawn=_drawn,
+        tints=TINTS,
+        say=said.say,
+        code=said.code.replace("_", "-"),
+        page=words,
+        logo=f"data:{kind};base64,{base64.b64encode(logo).decode()}" if logo else "",
+    )
 
 
 def _drawn(drawing: Drawing) -> str:

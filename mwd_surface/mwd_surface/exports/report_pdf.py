@@ -5,26 +5,39 @@ from __future__ import annotations
 
 import datetime as dt
 import io
-from collections.abc import Sequence
-from pathlib import Path
+import unicodedata
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from mwd_surface.exports.report_content import Content, content
+from mwd_surface.exports.report_content import Content, content, printed_logo
+from mwd_surface.exports.report_edge import for_people
 from mwd_surface.exports.report_section import TINTS, Drawing, Section, Sheet
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.language.language import language
+from mwd_surface.plots import fonts
 from mwd_surface.plots.drawing import png
 
-_FONT = "DejaVu"
+_FONT, _SPARE = "text", "spare"
 _MARK = (255, 243, 224)
 
 
 def report_pdf(table: SurveyTable) -> bytes:
-    """Return the report of a table as the bytes of a PDF file; the same table gives the same text."""
-    import matplotlib as mpl
+    """
+    Return the report of a table as the bytes of a PDF file; the same table gives the same text.
+
+    Raises
+    ------
+    ValueError
+        No font here has the characters of the language; the message says how to get one. Or the language is unknown.
+    """
     from fpdf import FPDF
 
-    report = content(table)
+    well = table.surveys.well
+    said = language(well.language)
+    report = for_people(content(table), said, well.units)
     title = report.title
+    if said.entries and fonts.lacking(report.certificate):
+        raise ValueError(f"well.language: no font for {said.name} is installed, which the PDF needs: {fonts.HOW}")
 
     class Page(FPDF):  # type: ignore[misc]
         """Pages with the title and the page number."""
@@ -37,27 +50,38 @@ def report_pdf(table: SurveyTable) -> bytes:
         def footer(self) -> None:
             self.set_y(-10)
             self.set_font(_FONT, "", 8)
-            self.cell(0, 5, f"page {self.page_no()} of {{nb}}", align="R")
+            self.cell(0, 5, said.say(f"page {self.page_no()} of {{nb}}"), align="R")
 
     pdf = Page(orientation="landscape", format="A4")
-    # Matplotlib includes a font with Greek and accented letters, under a free licence.
-    fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
-    pdf.add_font(_FONT, "", fonts / "DejaVuSans.ttf")
-    pdf.add_font(_FONT, "B", fonts / "DejaVuSans-Bold.ttf")
+    main, bold, wide = fonts.main_font(), fonts.main_font(bold=True), fonts.wide_font()
+    if wide is not None and fonts.needs_wide(report.words()):
+        # One font for all texts: fpdf2 2.8 mixes up the glyphs where a cell of two lines changes the font.
+        pdf.add_font(_SPARE, "", main)
+        pdf.set_fallback_fonts([_SPARE], exact_match=False)
+        main = bold = wide
+    pdf.add_font(_FONT, "", main)
+    pdf.add_font(_FONT, "B", bold)
     pdf.set_creation_date(dt.datetime.fromtimestamp(table.made_ns // 10**9, tz=dt.UTC))
     pdf.set_title(title)
-    pdf.set_lang("en")
+    pdf.set_author(well.service_company)
+    pdf.set_subject(" ".join(filter(None, (well.company, well.field, well.wellbore_name, well.job_number))))
+    pdf.set_keywords(" ".join(filter(None, (well.rig, well.revision))))
+    pdf.set_creator(dict(table.header).get("Software", "mwd"))
+    pdf.set_lang(said.code.replace("_", "-"))
     pdf.set_margins(10, 10)
     pdf.set_auto_page_break(True, margin=12)
     pdf.set_draw_color(170)
     pdf.set_line_width(0.15)
     pdf.add_page()
+    logo, _ = printed_logo(well.logo)
+    if logo:
+        pdf.image(io.BytesIO(logo), x=247, y=6, w=40, h=14, keep_aspect_ratio=True)
     pdf.set_font(_FONT, "B", 15)
     pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
     _head(pdf, report)
     for section in report.sections:
         _section(pdf, section)
-    _certificate(pdf, report)
+    _certificate(pdf, report, said.say)
     return bytes(pdf.output())
 
 
@@ -129,11 +153,11 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     # Column widths in proportion to the longest text, up to 40 characters.
     lengths = (
         [
-            min(40, max(len(t), len(u), *(len(r[k]) for r in sheet.rows), 3))
+            min(40, max(_width(t), _width(u), *(_width(r[k]) for r in sheet.rows), 3))
             for k, (t, u) in enumerate(zip(sheet.titles, sheet.units, strict=True))
         ]
         if sheet.rows
-        else [max(3, len(t)) for t in sheet.titles]
+        else [max(3, _width(t)) for t in sheet.titles]
     )
     align = tuple("LEFT" if k in sheet.words else "RIGHT" for k in range(len(sheet.titles)))
     with pdf.table(
@@ -155,11 +179,16 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     pdf.ln(3)
 
 
-def _certificate(pdf: Any, report: Content) -> None:
+def _width(text: str) -> int:
+    """Return the width of a text in letters; a Chinese character is as wide as two."""
+    return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
+
+
+def _certificate(pdf: Any, report: Content, say: Callable[[str], str]) -> None:
     if pdf.will_page_break(40):
         pdf.add_page()
     pdf.set_font(_FONT, "B", 11)
-    pdf.cell(0, 8, "Certificate", new_x="LMARGIN", new_y="NEXT")
+    pdf.cell(0, 8, say("Certificate"), new_x="LMARGIN", new_y="NEXT")
     pdf.set_font(_FONT, "", 8)
     pdf.multi_cell(0, 5, report.certificate, new_x="LMARGIN", new_y="NEXT")
     pdf.ln(14)
@@ -168,5 +197,5 @@ def _certificate(pdf: Any, report: Content) -> None:
         pdf.set_draw_color(0)
         pdf.line(x, y, x + 70, y)
         pdf.set_xy(x, y + 1)
-        pdf.cell(70, 5, f"{who}, date")
+        pdf.cell(70, 5, f"{who}, {say('date')}")
         pdf.set_xy(x + 88, y)

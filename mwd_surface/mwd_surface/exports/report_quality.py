@@ -25,8 +25,8 @@ _VERDICT_TINTS = {"accept": GOOD, "doubtful": DOUBTFUL, "reject": REJECT}
 _TINT_LEGEND = (
     "Green: within the limit. Yellow: beyond the limit, or doubtful. Red: beyond 1.5 times the limit, or rejected. "
     "Shaded lines: not used, or used by manual decision. B and dip are judged without the drill string's axial field "
-    "if the azimuth is corrected for it (field: corrected), otherwise as read; each limit applies to the value on its "
-    "left."
+    "if the azimuth is corrected for it (judged as: corrected), otherwise as read; each limit applies to the value on "
+    "its left."
 )
 _RUN_LEGEND = (
     "rms: of the deviations of the surveys in use from their references, as judged. Axial: mean field of the drill "
@@ -38,7 +38,7 @@ _STATION = (
     *(("Survey", ""), ("UTC", ""), ("MD", "m"), ("Inc", "deg"), ("1σ", "deg")),
     *(("Azi", "deg"), ("north", ""), ("1σ", "deg")),
     *((title, unit) for name, unit, _, _ in TOTALS for title in (f"Δ{name}", "limit ±")),
-    *(("Field", ""), ("Axial", "nT"), ("1σ", "nT")),
+    *(("Judged as", ""), ("Axial", "nT"), ("1σ", "nT")),
     *(("Inc is", ""), ("Azi is", ""), ("Toolface is", ""), ("Used", "")),
 )
 _READ = (

@@ -254,6 +254,8 @@ def _header(
         ("Field", well.field),
         ("Rig", well.rig),
         ("Survey company", well.service_company),
+        ("Job number", well.job_number),
+        ("Revision", well.revision),
         *_placed(well),
         ("Depth datum", well.depth_datum or not_given),
         ("Datum elevation", _metres(well.datum_elevation, " above mean sea level") or not_given),

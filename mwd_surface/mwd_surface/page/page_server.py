@@ -35,6 +35,7 @@ from mwd_surface.page.replay_route import OnReplay, replay_handler
 from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
+from mwd_surface.page.words_route import words_handler
 
 _HEADERS = {
     "Content-Security-Policy": (
@@ -76,7 +77,7 @@ class PageServer:
     Raises
     ------
     ValueError
-        The address is not loopback and `allow_network` is not set, or the token is too short.
+        The address is not loopback and `allow_network` is not set, the token is too short, or the language is unknown.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class PageServer:
         if why := refused_host(self.settings.host, allow_network=self.settings.allow_network):
             raise ValueError(why)
         self.refused = 0
+        self._words = words_handler(self.settings.language)
         self._access = Access(token, clock) if token else None
         self._on_command = on_command if token else None
         self._page, self._exports = page, exports
@@ -210,6 +212,7 @@ class PageServer:
         for name, (body, kind) in files.items():
             application.router.add_get("/" + name, sender(body, kind))
         application.router.add_get("/", sender(*files["index.html"]))
+        application.router.add_get("/words.json", self._words)
         application.router.add_get("/state.json", self._state)
         application.router.add_get("/live", self._live)
         application.router.add_post("/command/{name}", self._command)

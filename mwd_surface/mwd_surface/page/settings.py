@@ -33,6 +33,11 @@ class PageSettings:
         "time zone of the rig, shown on the page beside UTC, for example Europe/Oslo; if empty, UTC alone",
         fixed=True,
     )
+    language: str = setting(
+        "en",
+        "language of the page in browsers where nobody has chosen one: en, zh_CN, or that of another catalogue",
+        fixed=True,
+    )
     max_rate: float = setting(
         15.0,
         "largest number of updates per second to one browser; raising it costs computing time per browser",

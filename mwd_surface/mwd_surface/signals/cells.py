@@ -11,9 +11,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 
+class Printed(str):
+    """A printed number with its value before rounding, so that a report can print it again in another unit."""
+
+    number: float  #: in the unit of the text
+    decimals: int
+
+    def __new__(cls, text: str, number: float, decimals: int) -> Printed:
+        """Return the text with its number, in the unit of the text."""
+        printed = super().__new__(cls, text)
+        printed.number, printed.decimals = number, decimals
+        return printed
+
+
 def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
     """
-    Return a number with the given number of decimals; empty for None or if not finite.
+    Return a number with the given number of decimals (`Printed`); empty for None or if not finite.
 
     Never "-0.00"; a number that rounds to `wrap` (360.00 for an azimuth) becomes zero.
     """
@@ -22,7 +35,8 @@ def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
     text = f"{value:.{decimals}f}"
     if wrap and float(text) >= wrap:
         text = f"{0.0:.{decimals}f}"
-    return text[1:] if text.startswith("-") and float(text) == 0.0 else text
+    text = text[1:] if text.startswith("-") and float(text) == 0.0 else text
+    return Printed(text, float(value), decimals)
 
 
 def utc(stamp_ns: int) -> str:

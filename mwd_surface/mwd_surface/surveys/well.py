@@ -8,6 +8,7 @@ import dataclasses
 from mwd_sensors.core.settings import setting
 
 NORTHS = ("magnetic", "true", "grid")
+METRIC, FIELD = "metric", "field"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,6 +21,16 @@ class Well:
     field: str = setting("", "oil or gas field, or site")
     rig: str = setting("", "drilling rig")
     service_company: str = setting("", "company that runs the surveys")
+    job_number: str = setting("", "number of the job, as printed in reports")
+    revision: str = setting("", "revision of the survey report, as printed in its head, such as 2 or B")
+    logo: str = setting("", "picture for the head of reports, a PNG or JPEG file")
+    units: str = setting(
+        METRIC,
+        "units of the report and of LAS files: metric (m, deg/30 m, degC) or field (ft, deg/100 ft, degF); tables for "
+        "programs stay metric",
+        choices=(METRIC, FIELD),
+    )
+    language: str = setting("en", "language of the report: en, zh_CN, or that of another catalogue")
     latitude_deg: float | None = setting(
         None, "WGS84 latitude of the wellhead; nan if not given", unit="deg", low=-90.0, high=90.0
     )

@@ -46,7 +46,7 @@ def test_deviations_stand_beside_the_limits_of_the_same_value():
         row = dict(zip(quality.titles, quality.rows[k], strict=True))
         assert float(row["ΔB"]) == pytest.approx(field.deviation * 1e9, abs=0.51)
         # The toolface of the sixth is not determined: its field is judged as it was read.
-        assert row["Field"] == ("as read" if k == 5 else "corrected")
+        assert row["Judged as"] == ("as read" if k == 5 else "corrected")
         assert float(read.rows[k][read.titles.index("B judged")]) == pytest.approx(field.value * 1e9, abs=0.51)
         assert float(read.rows[k][read.titles.index("Dip read")]) == pytest.approx(math.degrees(dip.read), abs=0.0051)
         limits = [quality.rows[k][j] for j, title in enumerate(quality.titles) if title == "limit ±"]

@@ -4,6 +4,7 @@ import { byId, el, pill, setText } from "./dom.js";
 import { alarmState, byUrgency, notEvaluated } from "./header.js";
 import { act, mayCommand, operatorName } from "./operator_tab.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const SEVERITIES = { info: "info", warning: "doubtful", critical: "reject" };
 
@@ -28,7 +29,7 @@ export function toggleSound() {
 }
 
 function beep() {
-  setText(byId("sound"), !sound ? "Turn sound on" : sounding() ? "Silence" : "Turn sound off");
+  setText(byId("sound"), !sound ? t("Turn sound on") : sounding() ? t("Silence") : t("Turn sound off"));
   if (!sound || !sounding()) return;
   const tone = sound.createOscillator();
   tone.frequency.value = 880;
@@ -45,27 +46,27 @@ export function showAlarms({ sections, server }) {
   const may = mayCommand(server);
   const unknown = notEvaluated(alarms);
   const rows = byUrgency(alarms.rows).map((a) => el("li", { class: "alarm", "data-severity": a.severity_word, "data-state": alarmState(a) },
-    pill(a.active ? SEVERITIES[a.severity_word] : "idle", a.severity_word),
+    pill(a.active ? SEVERITIES[a.severity_word] : "idle", say(a.severity_word)),
     el("div", {},
-      el("strong", {}, a.text),
-      el("p", {}, a.remedy),
+      el("strong", {}, say(a.text)),
+      el("p", {}, say(a.remedy)),
       el("p", { class: "quiet-text" }, [
-        `since ${units.clock(a.raised_ns)} UTC`, a.count > 1 ? `${a.count} times` : "", a.active ? "active" : `gone since ${units.clock(a.last_ns)} UTC`,
-        a.acknowledged ? `acknowledged by ${a.acknowledged_by}` : "not yet acknowledged",
+        t`since ${units.clock(a.raised_ns)} UTC`, a.count > 1 ? t`${a.count} times` : "", a.active ? t("active") : t`gone since ${units.clock(a.last_ns)} UTC`,
+        a.acknowledged ? t`acknowledged by ${a.acknowledged_by}` : t("not yet acknowledged"),
       ].filter(Boolean).join(" · ")),
     ),
-    may && !a.acknowledged ? el("button", { type: "button", onclick: () => act("acknowledge_alarm", { id: a.id, operator_name: operatorName() }) }, "Acknowledge") : null,
+    may && !a.acknowledged ? el("button", { type: "button", onclick: () => act("acknowledge_alarm", { id: a.id, operator_name: operatorName() }) }, t("Acknowledge")) : null,
   ));
   const log = events.rows.slice(0, 100).map((e) => el("tr", {},
-    el("td", {}, units.clock(e.stamp_ns)), el("td", {}, e.kind), el("td", {}, e.source), el("td", {}, e.text)));
+    el("td", {}, units.clock(e.stamp_ns)), el("td", {}, say(e.kind)), el("td", {}, say(e.source)), el("td", {}, say(e.text))));
   byId("tab-alarms").replaceChildren(
     el("div", { class: "split two" },
-      el("div", {}, el("h2", {}, "Alarms"), 
-        rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, unknown ? "No alarm is known." : "No alarms."),
-        unknown ? el("p", {}, pill("unknown", "not evaluated"), ` ${unknown.replace(/^not evaluated: /, "")}: no data that would show this alarm has come`) : null),
-      el("div", {}, el("h2", {}, `Events, UTC, ${sections.well?.name || ""}`), log.length
-        ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Time", "What", "Source", "Text"].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))
-        : el("p", { class: "empty" }, "No events yet."))),
+      el("div", {}, el("h2", {}, t("Alarms")), 
+        rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, unknown ? t("No alarm is known.") : t("No alarms.")),
+        unknown ? el("p", {}, pill("unknown", t("not evaluated")), ` ${alarms.not_evaluated.map(say).join(", ") || unknown}: `, t("no data that would show this alarm has come")) : null),
+      el("div", {}, el("h2", {}, t`Events, UTC, ${sections.well?.name || ""}`), log.length
+        ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, [t("Time"), t("What"), t("Source"), t("Text")].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))
+        : el("p", { class: "empty" }, t("No events yet.")))),
   );
   const before = waiting;
   waiting = alarms.rows.filter((a) => a.active && !a.acknowledged && a.severity > 0).map(keyOf);

@@ -2,6 +2,7 @@
 
 import { el, mark, setText } from "./dom.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const shown = [];
 
@@ -29,7 +30,7 @@ const secondsOf = (cell, now) => Math.max(0, now - (cell.measured_at ?? cell.at)
 export function valueBox(where, label, kind, options = {}) {
   const parts = {
     name: el("span", {}, label),
-    number: el("span", { class: "number" }, "no data"),
+    number: el("span", { class: "number" }, t("no data")),
     unit: el("span", { class: "unit" }),
     sigma: el("span", { class: "sigma" }),
     age: el("span", { class: "age" }),
@@ -51,12 +52,12 @@ export function refresh(sections, now, silent) {
     const state = stateOf(cell, now, silent);
     mark(box, "data-state", state);
     if (options.label) setText(parts.name, options.label(sections));
-    const reason = state === "live" ? "" : cell?.reason || "";
+    const reason = state === "live" ? "" : say(cell?.reason);
     if (state === "none") {
-      setText(parts.number, "no data");
+      setText(parts.number, t("no data"));
       setText(parts.unit, "");
       setText(parts.sigma, "");
-      setText(parts.age, reason || (where.startsWith("drilling.") && sections.well?.over_link ? "not sent over the link" : ""));
+      setText(parts.age, reason || (where.startsWith("drilling.") && sections.well?.over_link ? t("not sent over the link") : ""));
       continue;
     }
     const text = options.bearing ? units.bearing(cell.value, options.decimals ?? 2) : units.number(kind, cell.value);
@@ -64,6 +65,6 @@ export function refresh(sections, now, silent) {
     setText(parts.unit, units.unit(kind));
     const sigma = options.big ? " 1σ" : "";
     setText(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
-    setText(parts.age, state === "stale" ? [`STALE ${ageOf(cell, now)}`, reason].filter(Boolean).join(" · ") : unusualAge(cell, now));
+    setText(parts.age, state === "stale" ? [t`STALE ${ageOf(cell, now)}`, reason].filter(Boolean).join(" · ") : unusualAge(cell, now));
   }
 }

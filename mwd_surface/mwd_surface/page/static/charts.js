@@ -3,9 +3,10 @@
 import { byId, el, scale, setText } from "./dom.js";
 import { SIGNALS } from "./signals.js";
 import * as units from "./units.js";
+import { t } from "./words.js";
 
 // Title, and lines (column, word, colour, dashes). Several lines differ in dashes as well as in colour.
-const VIBRATION = ["Vibration", [["vibration", "─ peak", "--trace", []], ["lateral_vibration", "╌ lat.", "--text", [6, 4]], ["axial_vibration", "┈ axial", "--good", [2, 3]]]];
+const VIBRATION = [t("Vibration"), [["vibration", t("─ peak"), "--trace", []], ["lateral_vibration", t("╌ lat."), "--text", [6, 4]], ["axial_vibration", t("┈ axial"), "--good", [2, 3]]]];
 const one = (name) => [SIGNALS[name][0], [[name, "", "--trace", []]]];
 const TOOL = [VIBRATION, ...["rotary_speed", "stick_slip", "shocks", "temperature", "total_field", "axial_interference", "inclination", "azimuth"].map(one)];
 // Over a telemetry link the tool sends few of these signals, and rarely, but the rig sends its own continuously.
@@ -16,7 +17,7 @@ export const colour = (name) => getComputedStyle(document.documentElement).getPr
 // Axes of a plot with a signal of a kind; `times` writes the labels of the time axis.
 export function axesOf(kind, times, room = 50) {
   const axis = { stroke: colour("--muted"), grid: { stroke: colour("--line"), width: 1 }, ticks: { show: false }, font: `${12 * scale()}px system-ui` };
-  const value = (t) => String(Number((kind === "bearing" ? units.turn(t) : t).toFixed(3)));
+  const value = (v) => units.decimal(String(Number((kind === "bearing" ? units.turn(v) : v).toFixed(3))));
   return [{ ...axis, size: 24 * scale(), ...times }, { ...axis, size: room * scale(), space: 18 * scale(), values: (_, ticks) => ticks.map(value) }];
 }
 
@@ -38,7 +39,7 @@ export class Charts {
     this.grid.replaceChildren();
     this.shades = [];
     const { minutes } = this;
-    const times = { values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} min`)), splits: () => [-minutes, -minutes / 2, 0] };
+    const times = { values: (_, ticks) => ticks.map((v) => (v === 0 ? t("now") : t`${v} min`)), splits: () => [-minutes, -minutes / 2, 0] };
     this.charts = (this.overLink ? LINK : TOOL).map(([title, lines]) => {
       const kind = SIGNALS[lines[0][0]][1];
       const value = el("span", { class: "chart-value" });
@@ -80,7 +81,7 @@ export class Charts {
       const traces = lines.map(([name]) => traceOf(history, rows, name));
       plot.setData([times, ...traces.map((trace) => inUnits(trace, kind))]);
       const raw = traces.flat().filter((v) => v !== null);
-      setText(value, raw.length ? spanOf(raw, kind, lines.length > 1) : "no data");
+      setText(value, raw.length ? spanOf(raw, kind, lines.length > 1) : t("no data"));
     }
   }
 }
@@ -127,7 +128,7 @@ export function unwrapped(angles) {
 export function spanOf(raw, kind, most = false) {
   const text = (v) => (kind === "bearing" ? units.bearing(v, 1) : units.number(kind, v));
   const high = `${text(Math.max(...raw))}${units.after(kind)}`;
-  return most ? `≤ ${high}` : `${text(Math.min(...raw))} to ${high}`;
+  return most ? `≤ ${high}` : t`${text(Math.min(...raw))} to ${high}`;
 }
 
 // Intervals with one level of doubt: from, to, level.

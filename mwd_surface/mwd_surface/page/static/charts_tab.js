@@ -6,6 +6,7 @@ import { el, mark } from "./dom.js";
 import { LargeChart } from "./large_chart.js";
 import { SIGNALS } from "./signals.js";
 import { fills } from "./view.js";
+import { t } from "./words.js";
 
 // Signals that were chosen before, without names that are not signals any more.
 const known = (text) => (text || "").split(",").filter((name) => name in SIGNALS);
@@ -19,9 +20,9 @@ export class ChartsTab {
       this.byDepth = !this.byDepth;
       this.show();
     };
-    this.overDepth = el("button", { type: "button", class: "choice", "aria-pressed": "false", onclick: toggle }, "Over depth");
+    this.overDepth = el("button", { type: "button", class: "choice", "aria-pressed": "false", onclick: toggle }, t("Over depth"));
     this.depthBox = el("div", { class: "depth-box", hidden: true });
-    panel.append(el("div", { class: "chart-head" }, this.overDepth, el("span", { class: "quiet-text" }, "shaded: doubtful data")));
+    panel.append(el("div", { class: "chart-head" }, this.overDepth, el("span", { class: "quiet-text" }, t("shaded: doubtful data"))));
     this.charts = new Charts(panel);
     const chosen = known(memory.get("signals"));
     this.large = new LargeChart(panel, chosen.length ? chosen : null, (names) => memory.set("signals", names.join()));

@@ -1,5 +1,7 @@
 // The last state from the server, and its age by the server's own clock.
 
+import { t } from "./words.js";
+
 const SILENT_AFTER = 2.5;
 // If the other end disappears silently (cable, switch), no close event comes, so use a timeout.
 const REOPEN_AFTER = 6;
@@ -150,7 +152,7 @@ export async function command(name, token, given) {
     const { ok, message } = await answer.json();
     return { ok, message };
   } catch {
-    return { ok: false, message: "no answer from the surface unit" };
+    return { ok: false, message: t("no answer from the surface unit") };
   }
 }
 
@@ -176,6 +178,6 @@ export async function download(name, token) {
     setTimeout(() => URL.revokeObjectURL(address), 60000);
     return "";
   } catch {
-    return "no answer from the surface unit";
+    return t("no answer from the surface unit");
   }
 }

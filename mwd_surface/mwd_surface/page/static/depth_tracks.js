@@ -3,14 +3,15 @@
 import { el, scale, svg } from "./dom.js";
 import { shadesOf, unwrapped } from "./charts.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const TRACKS = [
-  ["inclination", "Inclination", "angle"],
-  ["azimuth", "Azimuth", "bearing"],
-  ["vibration", "Vibration", "vibration"],
-  ["rotary_speed", "Rotary, tool", "rotation"],
-  ["stick_slip", "Stick-slip", "index"],
-  ["shocks", "Shocks", "count"],
+  ["inclination", t("Inclination"), "angle"],
+  ["azimuth", t("Azimuth"), "bearing"],
+  ["vibration", t("Vibration"), "vibration"],
+  ["rotary_speed", t("Rotary, tool"), "rotation"],
+  ["stick_slip", t("Stick-slip"), "index"],
+  ["shocks", t("Shocks"), "count"],
 ];
 const LEAST_WIDTH = 84;
 const EDGE = { left: 66, mode: 26, top: 44, bottom: 8, gap: 12 };
@@ -22,7 +23,7 @@ function range(values) {
   return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
 }
 
-const short = (v) => v.toFixed(Math.abs(v) < 10 ? 1 : 0);
+const short = (v) => units.decimal(v.toFixed(Math.abs(v) < 10 ? 1 : 0));
 
 function nice(span, wanted) {
   const raw = Math.max(span, 1e-6) / wanted;
@@ -45,11 +46,11 @@ export function depthTracks(log, steering, surveys, size) {
   const stretches = steering?.rows || [];
   const stations = (surveys?.rows || []).filter((row) => row.in_use && row.measured_depth !== null);
   const all = [...depths, ...stretches.flatMap((s) => [s.from_depth, s.to_depth])];
-  if (!all.length) return el("p", { class: "empty" }, "No depth tracks yet: they grow while hole is made and the rig sends its depth.");
+  if (!all.length) return el("p", { class: "empty" }, t("No depth tracks yet: they grow while hole is made and the rig sends its depth."));
   // Show only the last drilled part of a long hole.
   const [bottom, top] = [Math.max(...all), Math.max(Math.min(...all), Math.max(...all) - 600)];
   const [width, height] = [Math.max(330, size.width / scale()), Math.max(220, size.height / scale())];
-  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": `Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
+  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": t`Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
   const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
   const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
   const step = nice(deep - shallow, Math.max(2, height / 60));
@@ -60,7 +61,7 @@ export function depthTracks(log, steering, surveys, size) {
       svg("text", { class: "tick", x: EDGE.left - 6, y: at + 4, "text-anchor": "end" }, v.toFixed(0)),
     );
   }
-  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, `MD, ${units.unit("depth")}`));
+  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, t`MD, ${units.unit("depth")}`));
   modes(plot, stretches, y, top);
   const first = EDGE.left + EDGE.mode + EDGE.gap;
   // Show fewer tracks on a narrow screen instead of thinner ones.
@@ -93,11 +94,11 @@ export function depthTracks(log, steering, surveys, size) {
 
 // Mark the mode with a letter as well as a colour: S slid, R rotated.
 function modes(plot, stretches, y, top) {
-  plot.append(svg("text", { class: "axis", x: EDGE.left + EDGE.mode / 2, y: 14, "text-anchor": "middle" }, "S/R"));
+  plot.append(svg("text", { class: "axis", x: EDGE.left + EDGE.mode / 2, y: 14, "text-anchor": "middle" }, t("S/R")));
   for (const s of stretches) {
     if (s.to_depth <= top) continue;
     const [from, to] = [y(Math.max(s.from_depth, top)), y(s.to_depth)];
     plot.append(svg("rect", { class: `mode-${s.mode}`, x: EDGE.left, y: from, width: EDGE.mode, height: Math.max(1, to - from) }));
-    if (to - from > 14) plot.append(svg("text", { class: "mode-letter", x: EDGE.left + EDGE.mode / 2, y: (from + to) / 2 + 4, "text-anchor": "middle" }, s.mode === "slide" ? "S" : "R"));
+    if (to - from > 14) plot.append(svg("text", { class: "mode-letter", x: EDGE.left + EDGE.mode / 2, y: (from + to) / 2 + 4, "text-anchor": "middle" }, say(s.mode)[0].toUpperCase()));
   }
 }

@@ -3,6 +3,7 @@
 import { el, mark, setText, svg } from "./dom.js";
 import { ageOf, stateOf, unusualAge } from "./cells.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const CENTRE = 200;
 const QUILL_LASTS = 3; // s until the top drive pointer disappears
@@ -30,8 +31,8 @@ function sector(from, to, inner, outer) {
 const arc = (to, radius) => `M ${at(0, radius)} A ${radius} ${radius} 0 ${to > Math.PI ? 1 : 0} 1 ${at(to, radius)}`;
 
 const LABELS = {
-  gravity: { 0: "HIGH", 90: "90 R", 180: "LOW", 270: "90 L" },
-  magnetic: { 0: "N", 90: "E", 180: "S", 270: "W" },
+  gravity: { 0: t("HIGH"), 90: t("90 R"), 180: t("LOW"), 270: t("90 L") },
+  magnetic: { 0: t("N"), 90: t("E"), 180: t("S"), 270: t("W") },
 };
 
 export class Dial {
@@ -56,7 +57,7 @@ export class Dial {
     }
     this.svg = svg(
       "svg",
-      { viewBox: "0 -6 400 412", role: "img", "aria-label": "Toolface: no data", "data-state": "none" },
+      { viewBox: "0 -6 400 412", role: "img", "aria-label": t("Toolface: no data"), "data-state": "none" },
       svg("circle", { class: "bezel", cx: 200, cy: 200, r: 190 }),
       this.advisory,
       ticks,
@@ -106,14 +107,14 @@ export class Dial {
     mark(this.svg, "data-rotating", toolface.rotating && state === "live" ? "yes" : "no");
     this.showAdvisory(toolface, state);
     this.showReadings(toolface.readings, now);
-    const words = gravity ? "GTF · high side up" : `MTF · ${attitude?.north || "unnamed"} north up`;
-    setText(this.mode, gravity ? "GTF" : "MTF");
+    const words = gravity ? t("GTF · high side up") : attitude?.north ? t`MTF · ${say(attitude.north)} north up` : t("MTF · unnamed north up");
+    setText(this.mode, gravity ? t("GTF") : t("MTF"));
     if (state === "none") {
-      setText(this.number, "no data");
+      setText(this.number, t("no data"));
       setText(this.side, "");
       setText(this.note, "");
       mark(this.needle, "visibility", "hidden");
-      mark(this.svg, "aria-label", `Toolface, ${words}: no data`);
+      mark(this.svg, "aria-label", t`Toolface, ${words}: no data`);
     } else {
       const degrees = Number(units.bearing(cell.value, 0));
       mark(this.needle, "visibility", "visible");
@@ -121,10 +122,10 @@ export class Dial {
       setText(this.number, `${degrees}°`);
       setText(this.side, gravity ? sideOf(degrees) : "");
       const inside = toolface.advisory?.inside ?? null;
-      const word = inside === null ? unusualAge(cell, now) : inside ? "INSIDE" : "OUTSIDE";
-      const note = state === "stale" ? `STALE ${ageOf(cell, now)}` : toolface.rotating ? "ROTATING" : word;
+      const word = inside === null ? unusualAge(cell, now) : inside ? t("INSIDE") : t("OUTSIDE");
+      const note = state === "stale" ? t`STALE ${ageOf(cell, now)}` : toolface.rotating ? t("ROTATING") : word;
       setText(this.note, note);
-      mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
+      mark(this.svg, "aria-label", t`Toolface ${degrees} degrees, ${words}, ${note}`);
     }
     this.showFar(state);
     this.showLegend(toolface, words, cell, state, wordAge !== null);
@@ -159,7 +160,7 @@ export class Dial {
   showQuill(quill, now, silent) {
     const known = quill && !silent && now - quill.since <= QUILL_LASTS;
     mark(this.quill, "visibility", known ? "visible" : "hidden");
-    this.quillText = known ? `▽ quill ${units.bearing(quill.value, 0)}°` : "";
+    this.quillText = known ? t`▽ quill ${units.bearing(quill.value, 0)}°` : "";
     if (known) mark(this.quill, "transform", `rotate(${((quill.value * 180) / Math.PI).toFixed(1)} 200 200)`);
   }
 
@@ -188,20 +189,20 @@ export class Dial {
 
   showLegend(toolface, words, cell, state, overLink) {
     const parts = [words];
-    if (state !== "live" && cell.reason) parts.push(cell.reason);
+    if (state !== "live" && cell.reason) parts.push(say(cell.reason));
     else if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.spread("coarse_angle", cell.sigma)}° 1σ`);
     const advisory = toolface.advisory;
     const lines = [parts.join(" · ")];
     const second = [];
-    if (state !== "none" && toolface.measured_ns) second.push(`${overLink ? "word of" : "read"} ${units.clock(toolface.measured_ns)} UTC`);
+    if (state !== "none" && toolface.measured_ns) second.push(overLink ? t`word of ${units.clock(toolface.measured_ns)} UTC` : t`read ${units.clock(toolface.measured_ns)} UTC`);
     if (advisory) {
-      const wanted = `wanted ${units.bearing(advisory.toolface, 0)}° ± ${units.size("coarse_angle", advisory.limit, -1)}°`;
+      const wanted = t`wanted ${units.bearing(advisory.toolface, 0)}° ± ${units.size("coarse_angle", advisory.limit, -1)}°`;
       second.push(wanted);
     }
     if (this.quillText) second.push(this.quillText);
     lines.push(second.join(" · "));
-    const below = toolface.threshold === null ? "near vertical" : `below ${units.size("angle", toolface.threshold, -2)}° inclination`;
-    lines.push(`● GTF  ■ MTF ${below}  ○ rotating`);
+    const below = toolface.threshold === null ? t("near vertical") : t`below ${units.size("angle", toolface.threshold, -2)}° inclination`;
+    lines.push(t`● GTF  ■ MTF ${below}  ○ rotating`);
     const text = lines.join("\n");
     if (this.legendText === text) return;
     this.legendText = text;
@@ -210,7 +211,7 @@ export class Dial {
 }
 
 function sideOf(degrees) {
-  if (degrees === 0) return "HIGH SIDE";
-  if (degrees === 180) return "LOW SIDE";
-  return degrees < 180 ? `${degrees} R` : `${360 - degrees} L`;
+  if (degrees === 0) return t("HIGH SIDE");
+  if (degrees === 180) return t("LOW SIDE");
+  return degrees < 180 ? t`${degrees} R` : t`${360 - degrees} L`;
 }

@@ -3,6 +3,7 @@
 import { byId, el, mark, pill, setText } from "./dom.js";
 import { STREAM_NAMES, stateOfStream } from "./streams.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 export function showBanner(connection, silent) {
   const banner = byId("banner");
@@ -13,11 +14,11 @@ export function showBanner(connection, silent) {
   }
   const gone = connection.silence();
   const text = gone === Infinity
-    ? "CONNECTING: no data from the surface unit yet"
-    : "DISCONNECTED: no data from the surface unit; all values below are old";
+    ? t("CONNECTING: no data from the surface unit yet")
+    : t("DISCONNECTED: no data from the surface unit; all values below are old");
   setText(banner, text);
   banner.hidden = false;
-  if (gone !== Infinity) document.title = "DISCONNECTED · MWD";
+  if (gone !== Infinity) document.title = t("DISCONNECTED · MWD");
 }
 
 // Clock: UTC and, if the rig's time zone is set, local time at the rig. epoch: s, null if not known.
@@ -31,33 +32,33 @@ function timeIn(zone, at) {
   try {
     return `${at.toLocaleTimeString("en-GB", { timeZone: zone })} ${zone.split("/").pop().replace("_", " ")}`;
   } catch {
-    return `unknown time zone ${zone}`;
+    return t`unknown time zone ${zone}`;
   }
 }
 
 export function showWell(well) {
   setText(byId("well-name"), well.wellbore_name || well.name);
-  const angle = (v) => (v === null ? "not given" : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
+  const angle = (v) => (v === null ? t("not given") : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
   const { declination, convergence, source } = well.field;
   const total = {
     grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
   }[well.north_reference];
   // Mark values that were not given as assumed.
-  const assumed = well.given ? "" : " (assumed)";
+  const assumed = (text) => (well.given ? text : t`${text} (assumed)`);
   setText(byId("datum"), [
-    well.depth_datum ? `Depth from ${well.depth_datum}${assumed}` : "Depth from a datum not given",
-    well.sensor_to_bit === null ? "sensor to bit not given" : `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
-    `${well.north_reference} north${assumed}`,
-    `decl. ${angle(declination)}`,
-    `conv. ${angle(convergence)}`,
-    `total correction ${angle(total)}`,
-    `field ${source || "not given"}`,
+    well.depth_datum ? assumed(t`Depth from ${well.depth_datum}`) : t("Depth from a datum not given"),
+    well.sensor_to_bit === null ? t("sensor to bit not given") : t`sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
+    assumed(t`${say(well.north_reference)} north`),
+    t`decl. ${angle(declination)}`,
+    t`conv. ${angle(convergence)}`,
+    t`total correction ${angle(total)}`,
+    t`field ${say(source) || t("not given")}`,
   ].join(" · "));
   document.title = `${well.wellbore_name || well.name} · MWD`;
 }
 
 export function showTitle(well) {
-  document.title = `${well?.wellbore_name || "Well"} · MWD`;
+  document.title = `${well?.wellbore_name || t("Well")} · MWD`;
 }
 
 function pillTo(select, [tabName, kind, text]) {
@@ -69,43 +70,43 @@ function pillTo(select, [tabName, kind, text]) {
 let pillsText = "";
 
 // Status words of the estimator in the driller's terms.
-const TOOL = { still: "tool still", rotating: "tool rotating", sliding: "tool sliding" };
+const TOOL = { still: t("tool still"), rotating: t("tool rotating"), sliding: t("tool sliding") };
 const TROUBLE = {
-  sensor_fault: "sensor faulty", sensor_suspect: "sensor in doubt", clipped: "sensor at its limit", mag_disturbed: "magnetic disturbance",
-  no_mag: "no magnetometer", initialising: "settling", aliased: "vibration too fast",
-  no_reference: "no reference field", correction_refused: "azimuth not corrected",
+  sensor_fault: t("sensor faulty"), sensor_suspect: t("sensor in doubt"), clipped: t("sensor at its limit"), mag_disturbed: t("magnetic disturbance"),
+  no_mag: t("no magnetometer"), initialising: t("settling"), aliased: t("vibration too fast"),
+  no_reference: t("no reference field"), correction_refused: t("azimuth not corrected"),
 };
 
 // State of the telemetry link; the tool is silent while no mud flows.
 const LINK = {
-  locked: ["good", "words arrive"], doubtful: ["doubtful", "words doubtful"], searching: ["info", "searching for words"],
-  "no flow": ["idle", "no flow, tool silent"], "no pressure": ["reject", "no pressure"],
+  locked: ["good", t("words arrive")], doubtful: ["doubtful", t("words doubtful")], searching: ["info", t("searching for words")],
+  "no flow": ["idle", t("no flow, tool silent")], "no pressure": ["reject", t("no pressure")],
 };
 const LINK_LASTS = 5; // s; the receiver reports its state once per second
 
 function telemetryPill(link, now) {
-  if (now - link.since > LINK_LASTS) return ["link", "stale", `${link.name}: receiver silent ${units.age(now - link.since)}`];
+  if (now - link.since > LINK_LASTS) return ["link", "stale", t`${say(link.name)}: receiver silent ${units.age(now - link.since)}`];
   // A link that is locked has a reason to give until its first words have come.
-  const [kind, words] = link.state === "locked" && link.reason ? ["info", link.reason] : LINK[link.state] || ["idle", link.state];
-  return ["link", kind, `${link.name}: ${words}`];
+  const [kind, words] = link.state === "locked" && link.reason ? ["info", say(link.reason)] : LINK[link.state] || ["idle", say(link.state)];
+  return ["link", kind, t`${say(link.name)}: ${words}`];
 }
 
 function linkPills(streams, now, silent, link) {
   const stream = (name) => stateOfStream(streams[name], now, silent);
   // Over a link, no data come directly from the sonde.
   const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
-  const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - streams[name].at)}`}`;
-  if (silent) return [["system", "reject", "link lost"]];
+  const word = (name) => t`no ${STREAM_NAMES[name].toLowerCase()}` + (stream(name) === "none" ? "" : ` ${units.age(now - streams[name].at)}`);
+  if (silent) return [["system", "reject", t("link lost")]];
   const pills = down.map((name) => ["system", "doubtful", word(name)]);
   if (link) return [...pills, telemetryPill(link, now)];
-  return pills.length ? pills : [["system", "good", "link"]];
+  return pills.length ? pills : [["system", "good", t("link")]];
 }
 
 function recorderPill(recorder, live) {
-  if (!recorder || !live) return ["system", "stale", "recorder no data"];
+  if (!recorder || !live) return ["system", "stale", t("recorder no data")];
   const kind = { recording: recorder.dropped ? "doubtful" : "good", stopped: "idle" }[recorder.state] || "reject";
-  const word = recorder.state === "recording" ? "recording" : `recorder ${recorder.state}`;
-  return ["system", kind, `${word}${recorder.dropped ? `, ${recorder.dropped} dropped` : ""}`];
+  const word = recorder.state === "recording" ? t("recording") : t`recorder ${say(recorder.state)}`;
+  return ["system", kind, recorder.dropped ? t`${word}, ${recorder.dropped} dropped` : word];
 }
 
 // Show the states of tool and rig only while they are reported.
@@ -123,8 +124,8 @@ export function showPills(sections, now, silent, select, replayed) {
     list.push(...bad.map((word) => ["system", "doubtful", TROUBLE[word]]));
   }
   if (rig && alive("rig")) {
-    if (rig.pumps_on !== null) list.push(["system", "info", rig.pumps_on ? "pumps on" : "pumps off"]);
-    if (rig.in_slips) list.push(["system", "info", "in slips"]);
+    if (rig.pumps_on !== null) list.push(["system", "info", rig.pumps_on ? t("pumps on") : t("pumps off")]);
+    if (rig.in_slips) list.push(["system", "info", t("in slips")]);
   }
   // Items that do not fit are dropped from the end: the recorder comes first, because it is shown nowhere else, then faults.
   const rank = (kind) => ["reject", "doubtful", "stale"].indexOf(kind) + 1 || 9;
@@ -141,8 +142,8 @@ export function showPills(sections, now, silent, select, replayed) {
 
 // Names of the alarms that are not evaluated; empty if all are evaluated.
 export function notEvaluated(alarms) {
-  if (alarms.since === null) return "alarms are not evaluated yet";
-  return alarms.not_evaluated.length ? `not evaluated: ${alarms.not_evaluated.join(", ")}` : "";
+  if (alarms.since === null) return t("alarms are not evaluated yet");
+  return alarms.not_evaluated.length ? t`not evaluated: ${alarms.not_evaluated.map(say).join(", ")}` : "";
 }
 
 // Alarms by urgency: active before ended, unacknowledged before acknowledged, then by severity, then newest first.
@@ -165,11 +166,11 @@ export function showAlarmStrip({ alarms }, now) {
   mark(strip, "data-state", first ? alarmState(first) : "none");
   if (!strip.firstChild) strip.append(...["what", "remedy", "age"].map((name) => el("span", { class: `alarm-${name}` })));
   const [what, remedy, age] = strip.children;
-  const none = unknown ? `No alarm is known; ${unknown}` : first ? "✓ No alarm is active" : "✓ No alarms";
-  setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${first.severity_word.toUpperCase()}: ${first.text}` : none);
-  setText(remedy, first?.active ? first.remedy : first ? `gone, not yet acknowledged: ${rows.map((a) => a.text).join("; ")}` : "");
+  const none = unknown ? t`No alarm is known; ${unknown}` : first ? t("✓ No alarm is active") : t("✓ No alarms");
+  setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${say(first.severity_word).toUpperCase()}: ${say(first.text)}` : none);
+  setText(remedy, first?.active ? say(first.remedy) : first ? t`gone, not yet acknowledged: ${rows.map((a) => say(a.text)).join("; ")}` : "");
   setText(age, first?.active ? [
-    alarms.epoch === null ? `since ${units.clock(first.raised_ns)} UTC` : `for ${units.age(Math.max(0, now + alarms.epoch - first.raised_ns / 1e9))}`,
-    first.acknowledged ? "acknowledged" : "", rows.length > 1 ? `+ ${rows.length - 1} more` : "",
+    alarms.epoch === null ? t`since ${units.clock(first.raised_ns)} UTC` : t`for ${units.age(Math.max(0, now + alarms.epoch - first.raised_ns / 1e9))}`,
+    first.acknowledged ? t("acknowledged") : "", rows.length > 1 ? t`+ ${rows.length - 1} more` : "",
   ].filter(Boolean).join(" · ") : "");
 }

@@ -4,8 +4,9 @@ import { axesOf, colour, drawShades, inUnits, padded, shadesOf, sizeTo, spanOf, 
 import { el, mark, scale, setText } from "./dom.js";
 import { SIGNALS } from "./signals.js";
 import * as units from "./units.js";
+import { t } from "./words.js";
 
-const RANGES = [[600, "10 min"], [3600, "1 h"], [6 * 3600, "6 h"], [86400, "24 h"]];
+const RANGES = [[600, t("10 min")], [3600, t("1 h")], [6 * 3600, t("6 h")], [86400, t("24 h")]];
 const LEAST = 20; // s, the shortest time that zoom shows
 const FIRST = ["inclination", "azimuth", "vibration", "rotary_speed"];
 const FIRST_OVER_LINK = ["pressure", "flow", "inclination", "azimuth"];
@@ -20,10 +21,10 @@ export class LargeChart {
     this.at = null; // time of the cursor, s before now
     this.panes = [];
     this.ranges = RANGES.map(([seconds, text]) => el("button", { type: "button", class: "choice", onclick: () => this.setRange(seconds) }, text));
-    this.whole = el("button", { type: "button", class: "choice", onclick: () => this.setRange(this.range) }, "Whole range");
+    this.whole = el("button", { type: "button", class: "choice", onclick: () => this.setRange(this.range) }, t("Whole range"));
     this.moment = el("span", { class: "chart-moment", role: "status" });
-    this.choices = el("div", { class: "signal-choices", role: "group", "aria-label": "Signals of the chart" });
-    this.stack = el("div", { class: "chart-stack", tabindex: "0", role: "group", "aria-label": "Chart: arrow keys move the cursor, plus and minus zoom" });
+    this.choices = el("div", { class: "signal-choices", role: "group", "aria-label": t("Signals of the chart") });
+    this.stack = el("div", { class: "chart-stack", tabindex: "0", role: "group", "aria-label": t("Chart: arrow keys move the cursor, plus and minus zoom") });
     this.box = el("div", { class: "large-chart" },
       el("div", { class: "chart-ranges" }, this.ranges, this.whole, this.moment), this.choices, this.stack);
     place.append(this.box);
@@ -123,7 +124,7 @@ export class LargeChart {
       const value = el("span", { class: "chart-value" });
       const box = el("div", { class: "chart-box" });
       const last = k === all.length - 1;
-      const times = { splits, values: (_, ticks) => ticks.map((t) => (last ? agoOf(t) : "")), size: (last ? 24 : 6) * scale() };
+      const times = { splits, values: (_, ticks) => ticks.map((time) => (last ? agoOf(time) : "")), size: (last ? 24 : 6) * scale() };
       const plot = new window.uPlot(
         {
           width: 600, height: 120, legend: { show: false }, cursor: { show: false },
@@ -185,8 +186,8 @@ export class LargeChart {
     for (const { raw, kind, value, plot } of this.panes) {
       const known = (raw || []).filter((v) => v !== null);
       const at = nearest === null ? null : raw[nearest];
-      const there = at === null || at === undefined ? "no value" : `${kind === "bearing" ? units.bearing(at, 2) : units.number(kind, at)}${units.after(kind)}`;
-      setText(value, nearest !== null ? there : known.length ? spanOf(known, kind) : "no data");
+      const there = at === null || at === undefined ? t("no value") : `${kind === "bearing" ? units.bearing(at, 2) : units.number(kind, at)}${units.after(kind)}`;
+      setText(value, nearest !== null ? there : known.length ? spanOf(known, kind) : t("no data"));
       plot.redraw(false);
     }
   }
@@ -213,10 +214,10 @@ function ticksOf(low, high) {
 }
 
 // Time before now in words: "now", "−30 s", "−12 min", "−3 h 20 min".
-function agoOf(t) {
-  const ago = Math.round(-t);
-  if (ago <= 0) return "now";
-  if (ago < 120) return `−${ago} s`;
-  if (ago < 7200) return `−${Math.floor(ago / 60)} min${ago % 60 ? ` ${ago % 60} s` : ""}`;
-  return `−${Math.floor(ago / 3600)} h${Math.floor(ago / 60) % 60 ? ` ${Math.floor(ago / 60) % 60} min` : ""}`;
+function agoOf(time) {
+  const ago = Math.round(-time);
+  if (ago <= 0) return t("now");
+  if (ago < 120) return t`−${ago} s`;
+  if (ago < 7200) return t`−${Math.floor(ago / 60)} min` + (ago % 60 ? t` ${ago % 60} s` : "");
+  return t`−${Math.floor(ago / 3600)} h` + (Math.floor(ago / 60) % 60 ? t` ${Math.floor(ago / 60) % 60} min` : "");
 }

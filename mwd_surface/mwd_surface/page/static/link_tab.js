@@ -2,10 +2,11 @@
 
 import { byId, el, mark, pill, scale, setText } from "./dom.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "no flow": "idle", "no pressure": "reject" };
 const UNITS = { rad: "angle", T: "field" };
-const SAYS = { locked: "Words arrive", searching: "No words yet", "no flow": "No mud flows: the tool is silent", doubtful: "Words are doubtful", "no pressure": "No pressure arrives" };
+const SAYS = { locked: t("Words arrive"), searching: t("No words yet"), "no flow": t("No mud flows: the tool is silent"), doubtful: t("Words are doubtful"), "no pressure": t("No pressure arrives") };
 const HARMONICS = [1, 2, 3, 6];
 const MOST_PASSES = 12; // shown
 
@@ -21,27 +22,29 @@ function wordBox(word) {
   const bar = el("span", { class: "link-share", "aria-hidden": "true" });
   // Set the width by script, because the content policy forbids styles in the markup.
   bar.style.setProperty("--share", `${share}%`);
-  return el("span", { class: "link-word", "data-status": word.status, title: `${word.status}, right with ${share} %${word.final ? "" : ", provisional"}` },
-    el("span", { class: "name" }, word.name), el("span", { class: "number" }, word.status === "erased" ? "erased" : valueText(word)), bar);
+  return el("span", { class: "link-word", "data-status": word.status, title: provisional(word, t`${say(word.status)}, right with ${share} %`) },
+    el("span", { class: "name" }, say(word.name)), el("span", { class: "number" }, word.status === "erased" ? t("erased") : valueText(word)), bar);
 }
 
-const state = (link) => pill(KINDS[link.state] || "idle", `${link.name}: ${link.state}`);
+const provisional = (word, text) => (word.final ? text : t`${text}, provisional`);
 
-const margin = (link) => (link.margin_db === null ? "" : `margin ${link.margin_db < 0 ? "−" : "+"}${Math.abs(link.margin_db).toFixed(1)} dB`);
+const state = (link) => pill(KINDS[link.state] || "idle", `${say(link.name)}: ${say(link.state)}`);
+
+const margin = (link) => (link.margin_db === null ? "" : t`margin ${link.margin_db < 0 ? "−" : "+"}${units.decimal(Math.abs(link.margin_db).toFixed(1))} dB`);
 
 // State, margin, present pass, and words of the last survey.
 export function showLinkStrip(link, since) {
   const place = byId("link-strip");
   place.hidden = !link;
   if (!link) return;
-  const running = link.words_expected ? `${link.mode} ${link.words_done} of ${link.words_expected}` : "";
-  const old = link.survey_age === null ? "" : `survey ${units.age(link.survey_age + since)} old`;
+  const running = link.words_expected ? t`${say(link.mode)} ${link.words_done} of ${link.words_expected}` : "";
+  const old = link.survey_age === null ? "" : t`survey ${units.age(link.survey_age + since)} old`;
   const key = JSON.stringify([link.state, link.reason, link.margin_db, running, old, link.survey, link.others.map((one) => [one.name, one.state])]);
   if (key === place.dataset.key) return;
   place.dataset.key = key;
   place.replaceChildren(
     el("span", { class: "link-state" }, [link, ...link.others].map(state)),
-    el("span", { class: "link-say" }, [margin(link), running, old, link.reason].filter(Boolean).join(" · ")),
+    el("span", { class: "link-say" }, [margin(link), running, old, say(link.reason)].filter(Boolean).join(" · ")),
     el("span", { class: "link-words" }, link.survey.map(wordBox)),
   );
 }
@@ -50,20 +53,20 @@ export function showLinkStrip(link, since) {
 export function showLink(link, overLink) {
   const place = byId("link-body");
   if (!link) {
-    place.replaceChildren(el("p", { class: "empty" }, overLink === false ? "The tool is connected directly: there is no telemetry link to show." : "No telemetry link has reported yet."));
+    place.replaceChildren(el("p", { class: "empty" }, overLink === false ? t("The tool is connected directly: there is no telemetry link to show.") : t("No telemetry link has reported yet.")));
     return;
   }
   if (!place.querySelector("canvas")) {
     place.replaceChildren(
       el("p", { class: "link-reason" }),
       el("div", { class: "link-pictures" },
-        el("figure", {}, el("figcaption", {}, "Spectrum of the pressure, the newest on the right"), el("canvas", { id: "link-waterfall", role: "img" })),
-        el("figure", {}, el("figcaption", {}, "Pressure of the last two minutes, with the chosen pulses below"), el("canvas", { id: "link-wave", role: "img" }))),
+        el("figure", {}, el("figcaption", {}, t("Spectrum of the pressure, the newest on the right")), el("canvas", { id: "link-waterfall", role: "img" })),
+        el("figure", {}, el("figcaption", {}, t("Pressure of the last two minutes, with the chosen pulses below")), el("canvas", { id: "link-wave", role: "img" }))),
       el("div", { class: "link-tables" }),
       el("div", { class: "link-others" }));
   }
-  const says = [link.reason || SAYS[link.state] || link.state, margin(link)].filter(Boolean).join(" · ");
-  setText(place.querySelector(".link-reason"), link.others.length ? `In use: ${link.name}. ${says}` : says);
+  const says = [say(link.reason) || SAYS[link.state] || say(link.state), margin(link)].filter(Boolean).join(" · ");
+  setText(place.querySelector(".link-reason"), link.others.length ? t`In use: ${say(link.name)}. ${says}` : says);
   if (!byId("tab-link").hidden) {
     drawWaterfall(byId("link-waterfall"), link);
     drawWave(byId("link-wave"), link);
@@ -77,33 +80,33 @@ const tables = (link) => [figures(link), passes(link), words(link)];
 // Row of a link that is not the one in use.
 function other(link) {
   return el("section", { "aria-label": link.name },
-    el("p", {}, state(link), ` ${link.reason || margin(link)}`), el("div", { class: "link-tables" }, tables(link)));
+    el("p", {}, state(link), ` ${say(link.reason) || margin(link)}`), el("div", { class: "link-tables" }, tables(link)));
 }
 
 function figures(link) {
   const rows = [
-    ["Eb/N0", link.ebn0_db === null ? "no signal" : `${link.ebn0_db.toFixed(1)} dB`],
-    ["margin", link.margin_db === null ? "no signal" : `${link.margin_db.toFixed(1)} dB`],
-    ["believed bits", link.goodput === null ? "none yet" : `${link.goodput.toFixed(2)} /s`],
-    ["words expected wrong", link.word_error === null ? "not known" : `${(100 * link.word_error).toFixed(1)} %`],
-    ["tool clock", link.clock_error === null ? "not known" : `${(100 * link.clock_error).toFixed(3)} %`],
-    ["pumps", link.strokes.length ? link.strokes.map((hz) => `${(60 * hz).toFixed(1)} /min`).join(", ") : "not counted"],
+    ["Eb/N0", link.ebn0_db === null ? t("no signal") : `${link.ebn0_db.toFixed(1)} dB`],
+    [t("margin"), link.margin_db === null ? t("no signal") : `${link.margin_db.toFixed(1)} dB`],
+    [t("believed bits"), link.goodput === null ? t("none yet") : `${link.goodput.toFixed(2)} /s`],
+    [t("words expected wrong"), link.word_error === null ? t("not known") : `${(100 * link.word_error).toFixed(1)} %`],
+    [t("tool clock"), link.clock_error === null ? t("not known") : `${(100 * link.clock_error).toFixed(3)} %`],
+    [t("pumps"), link.strokes.length ? link.strokes.map((hz) => `${(60 * hz).toFixed(1)} /min`).join(", ") : t("not counted")],
   ];
   return el("table", { class: "link-figures" }, el("tbody", {}, rows.map(([name, text]) => el("tr", {}, el("th", { scope: "row" }, name), el("td", {}, text)))));
 }
 
 function passes(link) {
   const rows = link.frames.slice(-MOST_PASSES).reverse().map((frame) => el("tr", {}, [
-    units.clock(frame.start_ns), frame.kind, `${frame.believed} of ${frame.words}`, frame.ebn0_db === null ? "–" : frame.ebn0_db.toFixed(1), frame.reason || "complete",
+    units.clock(frame.start_ns), say(frame.kind), t`${frame.believed} of ${frame.words}`, frame.ebn0_db === null ? "–" : units.decimal(frame.ebn0_db.toFixed(1)), say(frame.reason) || t("complete"),
   ].map((text) => el("td", {}, text))));
-  return table(["begin, UTC", "pass", "believed", "Eb/N0 dB", "end"], rows, "No pass yet.");
+  return table([t("begin, UTC"), t("pass"), t("believed"), "Eb/N0 dB", t("end")], rows, t("No pass yet."));
 }
 
 function words(link) {
   const rows = [...link.words].reverse().slice(0, 20).map((word) => el("tr", { "data-status": word.status }, [
-    units.clock(word.stamp_ns), word.name, valueText(word), `${(Math.floor(1000 * word.confidence) / 10).toFixed(1)} %`, `${word.status}${word.final ? "" : ", provisional"}`,
+    units.clock(word.stamp_ns), say(word.name), valueText(word), `${(Math.floor(1000 * word.confidence) / 10).toFixed(1)} %`, provisional(word, say(word.status)),
   ].map((text) => el("td", {}, text))));
-  return table(["end, UTC", "word", "value", "right with", "status"], rows, "No word yet.");
+  return table([t("end, UTC"), t("word"), t("value"), t("right with"), t("status")], rows, t("No word yet."));
 }
 
 function table(names, rows, empty) {
@@ -147,14 +150,14 @@ function drawWaterfall(canvas, link) {
   for (let hz = 0; hz < top; hz += 2) context.fillText(`${hz} Hz`, 4, height - (hz / top) * height - 2);
   context.fillStyle = colour("--text");
   const rows = [];
-  link.strokes.forEach((hz, k) => HARMONICS.forEach((n) => { if (n * hz < top) rows.push([n * hz, `pump ${k + 1} ×${n}`]); }));
+  link.strokes.forEach((hz, k) => HARMONICS.forEach((n) => { if (n * hz < top) rows.push([n * hz, t`pump ${k + 1} ×${n}`]); }));
   let last = Infinity;
   for (const [hz, text] of rows.sort((a, b) => a[0] - b[0])) {
     const y = height - (hz / top) * height;
     context.fillRect(width - 96, y, 8, 1);
     if (last - y > 12) { context.fillText(text, width - 84, y + 4); last = y; }
   }
-  mark(canvas, "aria-label", `Spectrum of the pressure up to ${top.toFixed(0)} Hz`);
+  mark(canvas, "aria-label", t`Spectrum of the pressure up to ${top.toFixed(0)} Hz`);
 }
 
 function drawWave(canvas, link) {
@@ -187,7 +190,7 @@ function drawWave(canvas, link) {
       if (at >= 0 && at <= width) context.fillRect(at - 1.5, room + 2, 3, 10);
     }
     const at = x(ago);
-    if (at > -60 && at < width) context.fillText(word.name, Math.max(2, at), height - 2);
+    if (at > -60 && at < width) context.fillText(say(word.name), Math.max(2, at), height - 2);
   }
-  mark(canvas, "aria-label", "Pressure of the last two minutes with the chosen pulses");
+  mark(canvas, "aria-label", t("Pressure of the last two minutes with the chosen pulses"));
 }

@@ -20,6 +20,7 @@ import { showDiagnostics, showInputs, showStreams } from "./system_tab.js";
 import { select, startTabs } from "./tabs.js";
 import * as units from "./units.js";
 import { current, setView } from "./view.js";
+import { chooseLanguage, say, t } from "./words.js";
 
 const memory = {
   get: (key) => { try { return localStorage.getItem(key); } catch { return null; } },
@@ -33,33 +34,33 @@ const dial = new Dial(byId("dial"), byId("dial-side"), byId("dial-legend"));
 const table = new SurveyTable(byId("tab-surveys"), (name, values) => act(name, { ...values, operator_name: operatorName() }));
 
 byId("head-values").append(
-  valueBox("rig.bit_depth", "Bit depth", "depth"),
-  valueBox("rig.hole_depth", "Hole depth", "depth"),
-  valueBox("rig.rate_of_penetration", "ROP", "penetration"),
+  valueBox("rig.bit_depth", t("Bit depth"), "depth"),
+  valueBox("rig.hole_depth", t("Hole depth"), "depth"),
+  valueBox("rig.rate_of_penetration", t("ROP"), "penetration"),
 );
 byId("big").append(
-  valueBox("attitude.inclination", "Inclination", "angle", { big: true }),
-  valueBox("attitude.azimuth", "Azimuth", "angle", {
+  valueBox("attitude.inclination", t("Inclination"), "angle", { big: true }),
+  valueBox("attitude.azimuth", t("Azimuth"), "angle", {
     big: true, bearing: true, decimals: 2,
-    label: (s) => `Azimuth, ${s.attitude?.north ? `${s.attitude.north} north` : "north unknown"}`,
+    label: (s) => s.attitude?.north ? t`Azimuth, ${say(s.attitude.north)} north` : t("Azimuth, north unknown"),
   }),
 );
 // A wired tool sends values continuously. Over a telemetry link it sends few, so the rig's values are more useful.
 const OF_TOOL = [
-  valueBox("drilling.rotary_speed", "Rotary", "rotation"),
-  valueBox("drilling.vibration", "Vibration", "vibration"),
-  valueBox("drilling.temperature", "Temperature", "temperature"),
-  valueBox("drilling.total_field", "Total field", "field"),
-  valueBox("drilling.axial_interference", "Axial interf.", "field"),
-  valueBox("rig.weight_on_bit", "WOB", "force"),
+  valueBox("drilling.rotary_speed", t("Rotary"), "rotation"),
+  valueBox("drilling.vibration", t("Vibration"), "vibration"),
+  valueBox("drilling.temperature", t("Temperature"), "temperature"),
+  valueBox("drilling.total_field", t("Total field"), "field"),
+  valueBox("drilling.axial_interference", t("Axial interf."), "field"),
+  valueBox("rig.weight_on_bit", t("WOB"), "force"),
 ];
 const OF_RIG = [
-  valueBox("rig.flow_rate", "Flow in", "flow"),
-  valueBox("rig.pressure", "Standpipe", "pressure"),
-  valueBox("rig.torque", "Torque", "torque"),
-  valueBox("rig.rotary_speed", "Top drive", "rotation"),
-  valueBox("rig.weight_on_bit", "WOB", "force"),
-  valueBox("rig.hookload", "Hookload", "force"),
+  valueBox("rig.flow_rate", t("Flow in"), "flow"),
+  valueBox("rig.pressure", t("Standpipe"), "pressure"),
+  valueBox("rig.torque", t("Torque"), "torque"),
+  valueBox("rig.rotary_speed", t("Top drive"), "rotation"),
+  valueBox("rig.weight_on_bit", t("WOB"), "force"),
+  valueBox("rig.hookload", t("Hookload"), "force"),
 ];
 byId("small").append(...OF_TOOL, ...OF_RIG);
 
@@ -163,7 +164,7 @@ function showSurveys() {
 }
 
 function showSince(now) {
-  for (const box of document.querySelectorAll("[data-since]")) setText(box, `${units.age(Math.max(0, now - Number(box.dataset.since)))} ago`);
+  for (const box of document.querySelectorAll("[data-since]")) setText(box, t`${units.age(Math.max(0, now - Number(box.dataset.since)))} ago`);
 }
 
 function redraw() {
@@ -173,8 +174,8 @@ function redraw() {
 }
 
 function showSwitches() {
-  setText(byId("units"), units.isField() ? "Metric units" : "US units");
-  setText(byId("theme"), document.documentElement.dataset.theme === "day" ? "Night" : "Day");
+  setText(byId("units"), units.isField() ? t("Metric units") : t("US units"));
+  setText(byId("theme"), document.documentElement.dataset.theme === "day" ? t("Night") : t("Day"));
 }
 
 byId("units").addEventListener("click", () => {
@@ -208,6 +209,7 @@ byId("view").addEventListener("click", () => {
 new ResizeObserver(showWellPath).observe(byId("tab-path"));
 
 showSwitches();
+chooseLanguage(byId("language"));
 startTabs(() => {
   showLink(connection.sections.link, connection.sections.well?.over_link);
   showWellPath();

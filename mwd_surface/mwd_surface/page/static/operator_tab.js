@@ -3,6 +3,7 @@
 import { command, download, exportedFiles } from "./connection.js";
 import { byId, el, setText } from "./dom.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const operator = { name: sessionStorage.getItem("operator") || "", token: "" };
 
@@ -15,19 +16,19 @@ export const mayCommand = (server) => server.controls && operator.token !== "";
 export async function act(name, values) {
   const request = Object.fromEntries(Object.entries(values).filter(([, value]) => value !== ""));
   if ("operator_name" in values && !operator.name.trim()) {
-    const message = "give your name under Operator first";
+    const message = t("give your name under Operator first");
     if (answerBox) setText(answerBox, message);
     return { ok: false, message };
   }
   const answer = await command(name, operator.token, request);
-  if (answerBox) setText(answerBox, `${name.replace("_", " ")}: ${answer.message}`);
+  if (answerBox) setText(answerBox, `${say(name.replaceAll("_", " "))}: ${say(answer.message)}`);
   return answer;
 }
 
 export function showControls(server, onToken) {
   const place = byId("tab-controls");
   if (!server.controls) {
-    place.replaceChildren(el("h2", {}, "Operator"), el("p", { id: "read-only" }, "This page is read-only: the surface unit has no token configured."));
+    place.replaceChildren(el("h2", {}, t("Operator")), el("p", { id: "read-only" }, t("This page is read-only: the surface unit has no token configured.")));
     answerBox = null;
     return;
   }
@@ -45,20 +46,20 @@ export function showControls(server, onToken) {
   });
   const button = (id, text, command_, given = () => ({})) => el("button", { type: "button", id, disabled: true, onclick: () => act(command_, given()) }, text);
   const depth = el("input", { type: "text", id: "bit-depth", inputmode: "decimal", autocomplete: "off", maxlength: 12 });
-  const format = el("select", { id: "export-format" }, server.exports.map(([key, text]) => el("option", { value: key }, text)));
+  const format = el("select", { id: "export-format" }, server.exports.map(([key, text]) => el("option", { value: key }, say(text))));
   const setDepth = el("button", { type: "button", id: "set-depth", disabled: true, onclick: () => {
     const metres = units.metres(depth.value);
-    if (metres === null) setText(answerBox, `bit depth "${depth.value}" is not a number (${units.unit("length")})`);
+    if (metres === null) setText(answerBox, t`bit depth "${depth.value}" is not a number (${units.unit("length")})`);
     else act("set_depth", { bit_depth: metres, operator_name: operator.name });
-  } }, "Set bit depth");
+  } }, t("Set bit depth"));
   const buttons = [
-    button("take-survey", "Take survey", "take_survey"),
-    button("start-recording", "Start recording", "start_recording"),
-    button("stop-recording", "Stop recording", "stop_recording"),
-    button("split-recording", "Split recording", "split_recording"),
-    button("snapshot-recording", "Snapshot", "snapshot_recording"),
+    button("take-survey", t("Take survey"), "take_survey"),
+    button("start-recording", t("Start recording"), "start_recording"),
+    button("stop-recording", t("Stop recording"), "stop_recording"),
+    button("split-recording", t("Split recording"), "split_recording"),
+    button("snapshot-recording", t("Snapshot"), "snapshot_recording"),
   ];
-  const files = el("ul", { class: "exported", "aria-label": "Exported files" });
+  const files = el("ul", { class: "exported", "aria-label": t("Exported files") });
   const writing = el("button", { type: "button", id: "export", disabled: true, onclick: async () => {
     const { ok } = await act("export", { format: format.value });
     if (!ok) return;
@@ -66,20 +67,20 @@ export function showControls(server, onToken) {
     if (made.length) fetched(made[0].name);
     files.replaceChildren(...made.map((one) => el("li", {},
       el("button", { type: "button", onclick: () => fetched(one.name) }, one.name), ` ${units.bytes(one.bytes)}, ${units.clock(one.changed * 1e9, true)}`)));
-  } }, "Export and download");
+  } }, t("Export and download"));
   const fetched = async (name) => {
     const problem = await download(name, operator.token);
-    if (problem) setText(answerBox, `${name}: ${problem}`);
+    if (problem) setText(answerBox, `${name}: ${say(problem)}`);
   };
   const all = [...buttons, setDepth, writing];
   place.replaceChildren(
-    el("h2", {}, "Operator"),
-    el("p", { class: "quiet-text" }, "With the token you can judge surveys in their table row and acknowledge alarms; without it this page is read-only."),
-    el("form", { class: "form", onsubmit: (event) => event.preventDefault() }, el("label", { for: "operator-name" }, "Your name, for the log"), name, el("label", { for: "operator-token" }, "Token"), token),
+    el("h2", {}, t("Operator")),
+    el("p", { class: "quiet-text" }, t("With the token you can judge surveys in their table row and acknowledge alarms; without it this page is read-only.")),
+    el("form", { class: "form", onsubmit: (event) => event.preventDefault() }, el("label", { for: "operator-name" }, t("Your name, for the log")), name, el("label", { for: "operator-token" }, t("Token")), token),
     el("div", { class: "buttons" }, buttons),
     el("div", { class: "buttons" },
-      el("label", { for: "bit-depth" }, "Bit depth, ", el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
-      el("label", { for: "export-format" }, "Survey list as"), format, writing),
+      el("label", { for: "bit-depth" }, t("Bit depth, "), el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
+      el("label", { for: "export-format" }, t("Survey list as")), format, writing),
     answerBox,
     files,
   );

@@ -2,6 +2,7 @@
 
 import { el, svg } from "./dom.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const EDGE = { left: 62, right: 10, top: 8, bottom: 38 };
 
@@ -108,38 +109,38 @@ const sizeOf = (plot) => {
 
 function describe(path, offset) {
   const k = path.measured_depth.length - 1;
-  if (k < 0) return "no stations yet";
-  const where = `at ${units.number("depth", path.measured_depth[k])} ${units.unit("depth")}`;
-  return offset ? `${where}, ${units.number("length", offset.distance)} ${units.unit("length")} from the plan` : where;
+  if (k < 0) return t("no stations yet");
+  const where = t`at ${units.number("depth", path.measured_depth[k])} ${units.unit("depth")}`;
+  return offset ? t`${where}, ${units.number("length", offset.distance)} ${units.unit("length")} from the plan` : where;
 }
 
 export function planView(path, plan, offset, size) {
-  const plot = canvas(`Plan view: ${describe(path, offset)}`, size);
+  const plot = canvas(t`Plan view: ${describe(path, offset)}`, size);
   const [wellX, wellY] = [scaled(path.east), scaled(path.north)];
   const [planX, planY] = [scaled(plan.east), scaled(plan.north)];
   const place = frame(plot, wellX.concat(planX), wellY.concat(planY), false);
   ellipses(plot, path, "plan", wellX, wellY, place, true);
   wells(plot, planX, planY, wellX, wellY, path.kind, place.x, place.y);
-  const north = path.north_reference ? `North (${path.north_reference})` : "North";
-  label(plot, `East, ${units.unit("depth")}`, `${north}, ${units.unit("depth")}`);
+  const north = path.north_reference ? t`North (${say(path.north_reference)})` : t("North");
+  label(plot, t`East, ${units.unit("depth")}`, `${north}, ${units.unit("depth")}`);
   return plot;
 }
 
 export function sectionView(path, plan, offset, size) {
-  const plot = canvas(`Vertical section: ${describe(path, offset)}`, size);
+  const plot = canvas(t`Vertical section: ${describe(path, offset)}`, size);
   const [wellX, wellY] = [scaled(path.vertical_section), scaled(path.vertical_depth)];
   const [planX, planY] = [scaled(plan.vertical_section), scaled(plan.vertical_depth)];
   const place = frame(plot, wellX.concat(planX), wellY.concat(planY), true);
   ellipses(plot, path, "section", wellX, wellY, place, false);
   wells(plot, planX, planY, wellX, wellY, path.kind, place.x, place.y);
-  const azimuth = path.section_azimuth === undefined || path.section_azimuth === null ? "" : ` at ${units.bearing(path.section_azimuth, 1)}°`;
-  label(plot, `Vertical section${azimuth}, ${units.unit("depth")}`, `TVD, ${units.unit("depth")}`);
+  const azimuth = path.section_azimuth === undefined || path.section_azimuth === null ? "" : t` at ${units.bearing(path.section_azimuth, 1)}°`;
+  label(plot, t`Vertical section${azimuth}, ${units.unit("depth")}`, t`TVD, ${units.unit("depth")}`);
   return plot;
 }
 
 export function spaceView(path, plan, turn, tilt, size) {
   const { width, height } = size;
-  const plot = canvas("3D view from one side; the arrow keys turn it", size);
+  const plot = canvas(t("3D view from one side; the arrow keys turn it"), size);
   const [s, c] = [Math.sin(turn), Math.cos(turn)];
   const [st, ct] = [Math.sin(tilt), Math.cos(tilt)];
   const view = (n, e, d) => (n === null ? [null, null] : [e * c - n * s, d * ct - (n * c + e * s) * st]);
@@ -168,8 +169,8 @@ export function spaceView(path, plan, turn, tilt, size) {
   const [ex, ey] = view(0, top, 0);
   plot.append(line([[0, 0], [nx, ny]], "zero"), line([[0, 0], [ex, ey]], "zero"));
   plot.append(
-    svg("text", { class: "axis", x: x(nx), y: y(ny) - 5, "text-anchor": "middle" }, "N"),
-    svg("text", { class: "axis", x: x(ex), y: y(ey) - 5, "text-anchor": "middle" }, "E"),
+    svg("text", { class: "axis", x: x(nx), y: y(ny) - 5, "text-anchor": "middle" }, t("N")),
+    svg("text", { class: "axis", x: x(ex), y: y(ey) - 5, "text-anchor": "middle" }, t("E")),
   );
   wells(plot, planX, planY, wellX, wellY, path.kind, x, y);
   return plot;
@@ -180,10 +181,10 @@ export function legend(plan, path) {
   const line = (kind) => svg("polyline", { class: kind, points: "2,6 32,6" });
   return el(
     "p", { class: "key-row" },
-    el("span", {}, sample("drilled", line), path.assumptions.length ? " drilled, place assumed" : " drilled"),
-    path.kind[0] === "assumed" ? el("span", {}, sample("assumed", line), " assumed, not surveyed") : null,
-    plan.north.length ? el("span", {}, sample("planned", line), ` plan ${plan.name}`) : null,
-    path.kind.includes("projected") ? el("span", {}, sample("projected", line), " projected to bit") : null,
-    path.ellipses.length ? el("span", {}, sample("ellipse", (kind) => svg("ellipse", { class: kind, cx: 17, cy: 6, rx: 13, ry: 5 })), " 2σ") : null,
+    el("span", {}, sample("drilled", line), path.assumptions.length ? t(" drilled, place assumed") : t(" drilled")),
+    path.kind[0] === "assumed" ? el("span", {}, sample("assumed", line), t(" assumed, not surveyed")) : null,
+    plan.north.length ? el("span", {}, sample("planned", line), t` plan ${plan.name}`) : null,
+    path.kind.includes("projected") ? el("span", {}, sample("projected", line), t(" projected to bit")) : null,
+    path.ellipses.length ? el("span", {}, sample("ellipse", (kind) => svg("ellipse", { class: kind, cx: 17, cy: 6, rx: 13, ry: 5 })), t(" 2σ")) : null,
   );
 }

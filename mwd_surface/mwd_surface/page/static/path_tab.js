@@ -4,6 +4,7 @@ import { byId, el, pill, scale } from "./dom.js";
 import { legend, planView, sectionView, spaceView } from "./path_plot.js";
 import { assumedNote, remarksNote } from "./survey_table.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const LEVELS = { clear: "good", warning: "doubtful", stop: "reject" };
 const view = { on: false, turn: 0.6, tilt: 0.35 };
@@ -13,10 +14,10 @@ export function showPath(sections) {
   const place = byId("tab-path");
   if (!path || !plan || place.hidden) return;
   if (!path.measured_depth.length && !plan.north.length) {
-    place.replaceChildren(el("p", { class: "empty" }, "No path yet: it starts with the first accepted survey."));
+    place.replaceChildren(el("p", { class: "empty" }, t("No path yet: it starts with the first accepted survey.")));
     return;
   }
-  const choice = el("button", { type: "button", class: "choice", "aria-pressed": String(view.on), onclick: () => { view.on = !view.on; showPath(sections); place.querySelector(".choice").focus(); } }, "3-D");
+  const choice = el("button", { type: "button", class: "choice", "aria-pressed": String(view.on), onclick: () => { view.on = !view.on; showPath(sections); place.querySelector(".choice").focus(); } }, t("3-D"));
   const box = el("div", { class: "plots" });
   place.replaceChildren(el("div", { class: "path-head" }, el("div", {}, legend(plan, path), assumedNote(path), remarksNote(path, sections.surveys, sections.clearance)), ...near(sections.clearance), choice), box);
   // Draw at the displayed size, so that letters keep their size.
@@ -35,14 +36,14 @@ function near(clearance) {
   const length = (v) => `${units.number("length", v)} ${units.unit("length")}`;
   const lines = clearance.rows.map((c) => el("div", {},
     el("dt", {}, c.name),
-    el("dd", { title: `${length(c.distance)} away at ${length(c.measured_depth)}; least allowed ${length(c.allowed)}` },
-      pill(LEVELS[c.level], `${c.level} ${c.factor.toFixed(2)}`)),
+    el("dd", { title: t`${length(c.distance)} away at ${length(c.measured_depth)}; least allowed ${length(c.allowed)}` },
+      pill(LEVELS[c.level], `${say(c.level)} ${units.decimal(c.factor.toFixed(2))}`)),
   ));
   return [el("dl", { id: "clearance", class: "near" }, lines)];
 }
 
 function turnable(path, plan, size) {
-  const box = el("div", { class: "turnable", tabindex: "0", role: "group", "aria-label": "3D view; turn it with the arrow keys or a finger" });
+  const box = el("div", { class: "turnable", tabindex: "0", role: "group", "aria-label": t("3D view; turn it with the arrow keys or a finger") });
   const draw = () => box.replaceChildren(spaceView(path, plan, view.turn, view.tilt, size));
   const turn = (across, up) => {
     view.turn += across;

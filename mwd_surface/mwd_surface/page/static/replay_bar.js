@@ -1,6 +1,7 @@
 // The bar of `mwd view`: position in the recording, play and pause, rate; hidden on a live page.
 
 import { byId, el, setText } from "./dom.js";
+import { t } from "./words.js";
 
 const RATES = [0.25, 1, 2, 5, 10, 30, 100];
 let built = null;
@@ -23,12 +24,12 @@ async function ask(given) {
 function build(replay) {
   const play = el("button", { type: "button", id: "replay-play", onclick: () => ask({ playing: play.dataset.playing !== "yes" }) });
   const slider = el("input", {
-    type: "range", id: "replay-slider", min: 0, max: replay.length, step: 0.1, "aria-label": "Time in the recording",
+    type: "range", id: "replay-slider", min: 0, max: replay.length, step: 0.1, "aria-label": t("Time in the recording"),
     onpointerdown: () => { held = true; },
     oninput: () => { setText(built.at, time(Number(slider.value))); },
     onchange: () => { held = false; ask({ seek: Number(slider.value) }); },
   });
-  const rate = el("select", { id: "replay-rate", "aria-label": "Rate", onchange: () => ask({ rate: Number(rate.value) }) },
+  const rate = el("select", { id: "replay-rate", "aria-label": t("Rate"), onchange: () => ask({ rate: Number(rate.value) }) },
     RATES.map((value) => el("option", { value }, `${value} ×`)));
   const at = el("output", { id: "replay-at" });
   byId("replay").append(play, slider, at, el("span", {}, `/ ${time(replay.length)}`), rate);
@@ -41,7 +42,7 @@ export function showReplay(replay) {
   if (!built) build(replay);
   const { play, slider, rate, at } = built;
   play.dataset.playing = replay.playing ? "yes" : "no";
-  setText(play, replay.playing ? "Pause" : "Play");
+  setText(play, replay.playing ? t("Pause") : t("Play"));
   if (!held) {
     slider.value = replay.at;
     setText(at, replay.seeking ? `${time(replay.at)} …` : time(replay.at));

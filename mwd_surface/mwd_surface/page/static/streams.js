@@ -1,8 +1,10 @@
 // Names of the streams, and their state by the page's own clock.
 
+import { t } from "./words.js";
+
 export const STREAM_NAMES = {
-  sonde: "Sonde", estimator: "Estimator", magnetometer: "Magnetometer", temperature: "Temperature",
-  interference: "Interference", dynamics: "Dynamics", rig: "Rig data", recorder: "Recorder",
+  sonde: t("Sonde"), estimator: t("Estimator"), magnetometer: t("Magnetometer"), temperature: t("Temperature"),
+  interference: t("Interference"), dynamics: t("Dynamics"), rig: t("Rig data"), recorder: t("Recorder"),
 };
 
 export function stateOfStream(row, now, silent) {

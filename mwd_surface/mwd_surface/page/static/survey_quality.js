@@ -4,13 +4,14 @@ import { byId, el, mark, pill, setText } from "./dom.js";
 import { percent } from "./survey_table.js";
 import { stateOfStream } from "./streams.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "unknown", "not measured": "unknown" };
-const VERDICTS = { accept: ["good", "accept"], doubtful: ["doubtful", "doubtful"], reject: ["reject", "reject"] };
+const VERDICTS = { accept: ["good"], doubtful: ["doubtful"], reject: ["reject"] };
 const SIGNS = { accept: "✓", doubtful: "▲", reject: "✕" };
 const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 
-const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": "Survey in progress" }), result: el("p", { class: "result" }) };
+const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": t("Survey in progress") }), result: el("p", { class: "result" }) };
 
 // State of the survey under way, its time, and the result of the last one; the box keeps its height.
 export function showProgress({ survey_progress: progress, quality, rig, streams }, now, silent) {
@@ -22,7 +23,7 @@ export function showProgress({ survey_progress: progress, quality, rig, streams 
   const waiting = progress.active && Boolean(progress.waits_for);
   const elapsed = progress.elapsed === null ? null : progress.elapsed + past;
   const left = progress.remaining === null ? null : Math.max(0, progress.remaining - past);
-  const pumps = { true: "pumps on", false: "pumps off" }[rig?.pumps_on] || "";
+  const pumps = { true: t("pumps on"), false: t("pumps off") }[rig?.pumps_on] || "";
   // Without new samples no survey can be running, whatever the last report said.
   const held = progress.active && Boolean(streams) && stateOfStream(streams.estimator, now, silent) !== "live";
   mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
@@ -30,32 +31,32 @@ export function showProgress({ survey_progress: progress, quality, rig, streams 
   // result of a later attempt has priority over the instruction.
   const newest = !progress.result || progress.result.startsWith(`survey ${quality?.sequence}:`);
   const instructs = !silent && !progress.active && newest && quality && quality.verdict !== "accept";
-  const instruction = instructs ? quality.headline : "";
+  const instruction = instructs ? say(quality.headline) : "";
   mark(place, "data-instructs", instruction ? "yes" : "no");
-  setText(head, silent ? "NO SURVEY REPORT" : held ? "SURVEY HELD UP" : waiting
-    ? `SURVEY WAITS · at most ${whole(left, Math.ceil)}`
-    : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : instruction || "No survey under way");
-  const doing = waiting ? `${progress.waits_for}; averaging for ${whole(elapsed, Math.floor)} so far` : progress.state === "none under way" ? "" : progress.state;
-  setText(state, instruction ? "" : held ? "no samples arrive" : [doing, progress.active ? pumps : ""].filter(Boolean).join(" · "));
+  setText(head, silent ? t("NO SURVEY REPORT") : held ? t("SURVEY HELD UP") : waiting
+    ? t`SURVEY WAITS · at most ${whole(left, Math.ceil)}`
+    : progress.active ? t`TAKING SURVEY · ${left === null ? t("time unknown") : left > 0 ? t`${Math.ceil(left)} s to go` : t("finishing")}` : instruction || t("No survey under way"));
+  const doing = waiting ? t`${say(progress.waits_for)}; averaging for ${whole(elapsed, Math.floor)} so far` : progress.state === "none under way" ? "" : say(progress.state);
+  setText(state, instruction ? "" : held ? t("no samples arrive") : [doing, progress.active ? pumps : ""].filter(Boolean).join(" · "));
   const share = !progress.active || elapsed === null || left === null || elapsed + left <= 0 ? 0 : elapsed / (elapsed + left);
   mark(bar, "value", share.toFixed(3));
-  setText(result, progress.result && !instruction ? `Last: ${progress.result}` : "");
+  setText(result, progress.result && !instruction ? t`Last: ${say(progress.result)}` : "");
 }
 
-const whole = (seconds, round) => (seconds === null ? "time unknown" : `${round(seconds)} s`);
+const whole = (seconds, round) => (seconds === null ? t("time unknown") : `${round(seconds)} s`);
 
 function lightRow(light) {
   const unit = KINDS[light.unit];
   const text = light.deviation === null
-    ? (light.light === "no survey" ? "" : light.value === null ? "not measured" : "no reference")
-    : `${units.signed(unit, light.deviation)} of ± ${units.size(unit, light.limit)}${units.after(unit)}`;
+    ? (light.light === "no survey" ? "" : light.value === null ? t("not measured") : t("no reference"))
+    : t`${units.signed(unit, light.deviation)} of ± ${units.size(unit, light.limit)}${units.after(unit)}`;
   const share = light.deviation === null ? 0 : Math.max(-1, Math.min(1, light.deviation / (2 * light.limit)));
   const bar = el("span", { class: "bar", "aria-hidden": "true" }, el("span", { class: `fill ${LIGHTS[light.light]}` }));
   const fill = bar.firstChild.style;
   fill.left = `${50 + Math.min(0, share) * 50}%`;
   fill.width = `${Math.abs(share) * 50}%`;
   return el("div", { class: "light", "data-light": light.light },
-    pill(LIGHTS[light.light] || "idle", light.light), el("span", { class: "name" }, light.corrected ? `${light.name}, corrected` : light.name), el("span", { class: "deviation" }, text), bar);
+    pill(LIGHTS[light.light] || "idle", say(light.light)), el("span", { class: "name" }, light.corrected ? t`${say(light.name)}, corrected` : say(light.name)), el("span", { class: "deviation" }, text), bar);
 }
 
 const NAMES = ["inclination", "azimuth", "toolface"];
@@ -63,35 +64,35 @@ const NAMES = ["inclination", "azimuth", "toolface"];
 const NONE = ["total gravity", "total field", "dip"].map((name) => ({ name, unit: "T", value: null, deviation: null, limit: 1, light: "no survey" }));
 
 export function showQuality(quality) {
-  const verdict = (word) => VERDICTS[word] || ["idle", word];
+  const verdict = (word) => [(VERDICTS[word] || ["idle"])[0], say(word)];
   byId("lights").replaceChildren(
-    el("p", { class: "verdict" }, quality ? [`No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(...verdict(quality.verdict))] : "No survey yet."),
-    el("p", { class: "each" }, quality ? NAMES.map((name, k) => el("span", { class: `word ${verdict(quality.verdicts[k])[0]}` }, `${name} ${SIGNS[quality.verdicts[k]] || "–"}`)) : ""),
+    el("p", { class: "verdict" }, quality ? [t`No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(...verdict(quality.verdict))] : t("No survey yet.")),
+    el("p", { class: "each" }, quality ? NAMES.map((name, k) => el("span", { class: `word ${verdict(quality.verdicts[k])[0]}` }, `${say(name)} ${SIGNS[quality.verdicts[k]] || "–"}`)) : ""),
     ...(quality ? quality.lights : NONE).map(lightRow),
   );
   const other = quality && quality.alternatives.length
-    ? `Azimuth may also be ${quality.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(" or ")}.` : "";
+    ? t`Azimuth may also be ${quality.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(t(" or "))}.` : "";
   const details = quality ? quality.reasons.filter((text) => text !== quality.headline) : [];
   byId("reasons").replaceChildren(
-    quality?.headline ? el("p", { class: "headline" }, quality.headline) : "",
+    quality?.headline ? el("p", { class: "headline" }, say(quality.headline)) : "",
     other ? el("p", {}, other) : "",
-    details.length ? el("ul", { class: "reasons" }, details.map((text) => el("li", {}, text))) : "",
+    details.length ? el("ul", { class: "reasons" }, details.map((text) => el("li", {}, say(text)))) : "",
   );
 }
 
 export function showOffset(o, plan, path) {
   const place = byId("offset");
   if (!o) {
-    const why = plan?.name ? `not known yet: no depth or survey to compare with ${plan.name}` : "no plan loaded";
-    place.replaceChildren(el("p", { class: "empty" }, `Off plan: ${why}.`));
+    const why = plan?.name ? t`not known yet: no depth or survey to compare with ${plan.name}` : t("no plan loaded");
+    place.replaceChildren(el("p", { class: "empty" }, t`Off plan: ${why}.`));
     return;
   }
   const length = (v) => `${units.number("length", Math.abs(v))} ${units.unit("length")}`;
   const facts = [
-    ["Off plan", `${length(o.up)} ${o.up < 0 ? "below" : "above"}, ${length(o.right)} ${o.right < 0 ? "left" : "right"}`],
-    ["Steer back at", `${units.bearing(o.toolface, 0)}° GTF`],
+    [t("Off plan"), `${o.up < 0 ? t`${length(o.up)} below` : t`${length(o.up)} above`}, ${o.right < 0 ? t`${length(o.right)} left` : t`${length(o.right)} right`}`],
+    [t("Steer back at"), `${units.bearing(o.toolface, 0)}° ${t("GTF")}`],
   ];
-  if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
-  const doubt = path?.assumptions.length ? el("p", {}, pill("doubtful", "assumed"), " the position rests on an assumption: see Path") : "";
+  if (o.dogleg_to_target !== null) facts.push([t("To hit target"), `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
+  const doubt = path?.assumptions.length ? el("p", {}, pill("doubtful", t("assumed")), t(" the position rests on an assumption: see Path")) : "";
   place.replaceChildren(doubt, el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
 }

@@ -2,30 +2,31 @@
 
 import { el, pill } from "./dom.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 const VERDICTS = { accepted: "good", waiting: "info", doubtful: "doubtful", rejected: "reject" };
 
 const REVISED = { accept: "good", doubtful: "doubtful", reject: "reject" };
 
-// Verdict of each quantity: letter and mark in the row, full word in the title.
-const QUANTITIES = [["I", "inclination"], ["A", "azimuth"], ["T", "toolface"]];
+// Verdict of each quantity: first letter and mark in the row, full word in the title.
+const QUANTITIES = ["inclination", "azimuth", "toolface"].map((name) => [say(name)[0].toUpperCase(), name]);
 const MARKS = { accept: "✓", doubtful: "?", reject: "✕", "not determined": "–" };
 
 const each = (row) => row.verdicts.every((word) => word === "accept") ? null : el("span",
-  { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${name}: ${row.verdicts[k]}`).join(", ") },
+  { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${say(name)}: ${say(row.verdicts[k])}`).join(", ") },
   QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
 
 // Another value of the survey than the definitive one: azimuth with sigma and verdict.
 const otherValue = (value) =>
-  `${or(value.azimuth, (v) => `${units.bearing(v, 2)}°`)} ± ${or(value.sigma_azimuth, (v) => `${units.size("angle", v)}°`)}, ${value.verdict}`;
+  `${or(value.azimuth, (v) => `${units.bearing(v, 2)}°`)} ± ${or(value.sigma_azimuth, (v) => `${units.size("angle", v)}°`)}, ${say(value.verdict)}`;
 
 // Whether later surveys of the run have changed this one, or want to.
-const revised = (row) => row.revised ? pill(REVISED[row.revised.verdict] || "info", `revised value: ${row.revised.verdict}`)
-  : row.first ? pill("info", "revised") : null;
+const revised = (row) => row.revised ? pill(REVISED[row.revised.verdict] || "info", t`revised value: ${say(row.revised.verdict)}`)
+  : row.first ? pill("info", t("revised")) : null;
 
 // Note on the assumptions behind depths and positions; null if there are none.
 export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
-  pill("doubtful", "coordinates assumed"), ` ${path.assumptions.join("; ")}`);
+  pill("doubtful", t("coordinates assumed")), ` ${path.assumptions.map(say).join("; ")}`);
 
 let remarksOpen = false;
 
@@ -35,11 +36,11 @@ export function remarksNote(path, ...tables) {
   const texts = [...new Set(tables.flatMap((table) => table?.remarks || []))].filter((text) => !said.has(text));
   return !texts.length ? null : el("details",
     { class: "remarks", open: remarksOpen, ontoggle: (event) => { remarksOpen = event.target.open; } },
-    el("summary", { "data-keep": "remarks" }, pill("info", `remarks: ${texts.length}`)),
-    el("ul", {}, texts.map((text) => el("li", {}, text))));
+    el("summary", { "data-keep": "remarks" }, pill("info", t`remarks: ${texts.length}`)),
+    el("ul", {}, texts.map((text) => el("li", {}, say(text)))));
 }
 
-export const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
+export const percent = (odds) => `${units.decimal((100 * odds).toFixed(odds < 0.1 ? 1 : 0))} %`;
 
 // Values of a survey that a person can accept, as in JudgeSurvey.srv.
 const DEFINITIVE = 0, REVISED_VALUE = 1, FIRST_VALUE = 2;
@@ -47,7 +48,7 @@ const DEFINITIVE = 0, REVISED_VALUE = 1, FIRST_VALUE = 2;
 const BLANK = { reason: "", depth: "", replace: false };
 
 const hemisphere = (value, plus, minus) =>
-  value === null ? "–" : `${units.number("length", Math.abs(value))} ${value < 0 ? minus : plus}`;
+  value === null ? "–" : `${units.number("length", Math.abs(value))} ${t(value < 0 ? minus : plus)}`;
 const or = (value, show) => (value === null || value === undefined ? "–" : show(value));
 
 // Deviation from the reference, with the colour and mark of its light.
@@ -62,7 +63,7 @@ function delta(row, k, kind) {
 const PLACES = new Set(["vertical_depth", "north", "east", "vertical_section"]);
 
 const cell = (row, { field, text, width }) => row.assumed && PLACES.has(field)
-  ? el("td", { class: `at-${width} assumed`, title: "rests on an assumption" }, `${text(row)} ?`)
+  ? el("td", { class: `at-${width} assumed`, title: t("rests on an assumption") }, `${text(row)} ?`)
   : el("td", { class: `at-${width}` }, text(row));
 
 // Fields that are not written as a plain number of their kind.
@@ -73,16 +74,16 @@ const SPECIAL = {
 };
 
 // Deviation of a total from its reference, next to the column of the total: place in `totals`, heading and unit kind.
-const DEVIATIONS = { g_total: [0, "ΔG", "gravity_deviation"], b_total: [1, "ΔB", "field"], dip: [2, "ΔDip", "angle"] };
+const DEVIATIONS = { g_total: [0, "ΔG", "gravity_deviation"], b_total: [1, "ΔB", "field"], dip: [2, t("ΔDip"), "angle"] };
 
 // Columns with heading, unit kind, text of a row, and least width at which they are shown (0 always, 1 tablet, 2 wide).
 // The server chooses the columns from its table of signals.
 function columns(listed, north) {
-  const bearing = (r) => or(r.azimuth, (v) => units.bearing(v, 2)) + (r.azimuth !== null && r.azimuth_north !== north ? ` ${r.azimuth_north}` : "");
+  const bearing = (r) => or(r.azimuth, (v) => units.bearing(v, 2)) + (r.azimuth !== null && r.azimuth_north !== north ? ` ${say(r.azimuth_north)}` : "");
   return listed.flatMap(({ field, title, kind, width }) => {
     const plain = (r) => or(r[field], (v) => units.number(kind, v));
-    const column = field === "azimuth" ? { field, name: `${title} ${north}`, kind, text: bearing, width }
-      : { field, name: title, kind, text: SPECIAL[field] || plain, width };
+    const column = field === "azimuth" ? { field, name: t`${say(title)} ${say(north)}`, kind, text: bearing, width }
+      : { field, name: say(title), kind, text: SPECIAL[field] || plain, width };
     if (!DEVIATIONS[field]) return [column];
     const [k, name, unit] = DEVIATIONS[field];
     return [column, { field: name, name, kind: unit, text: (r) => delta(r, k, unit), width: 1 }];
@@ -104,15 +105,15 @@ export class SurveyTable {
     const rows = surveys?.rows || [];
     const remarks = remarksNote(path, surveys) || "";
     if (!rows.length) {
-      this.body.replaceChildren(remarks, el("p", { class: "empty" }, "No surveys yet."));
+      this.body.replaceChildren(remarks, el("p", { class: "empty" }, t("No surveys yet.")));
       return;
     }
     const wanted = columns(surveys.columns, well?.north_reference || "");
-    const head = el("tr", {}, el("th", { scope: "col" }, "No."));
+    const head = el("tr", {}, el("th", { scope: "col" }, t("No.")));
     for (const { name, kind, width } of wanted) {
       head.append(el("th", { scope: "col", class: `at-${width}` }, name, el("small", {}, units.unit(kind))));
     }
-    head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-2 method" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
+    head.append(el("th", { scope: "col" }, t("Verdict")), el("th", { scope: "col", class: "at-2 method" }, t("Method")), el("th", { scope: "col", class: "at-1" }, t("By")));
     const body = el("tbody", {});
     const bit = this.projected(path);
     if (bit) body.append(this.bitRow({ ...bit, azimuth_north: well?.north_reference || "" }, wanted));
@@ -120,25 +121,25 @@ export class SurveyTable {
       body.append(this.row(row, wanted));
       if (row.sequence === this.open) body.append(this.detail(row, wanted.length + 4, controls));
     }
-    const table = el("table", { class: "surveys" }, el("caption", { class: "quiet" }, "Survey list, deepest first"), el("thead", {}, head), body);
+    const table = el("table", { class: "surveys" }, el("caption", { class: "quiet" }, t("Survey list, deepest first")), el("thead", {}, head), body);
     // Keep the keyboard focus when the table is rebuilt while somebody types.
     const focused = document.activeElement?.getAttribute?.("data-keep");
     this.body.replaceChildren(assumedNote(path) || "", remarks, table);
-    if (surveys.left_out) this.body.append(el("p", { class: "empty" }, `${surveys.left_out} older lines are in the export.`));
+    if (surveys.left_out) this.body.append(el("p", { class: "empty" }, t`${surveys.left_out} older lines are in the export.`));
     if (focused) this.body.querySelector(`[data-keep="${focused}"]`)?.focus();
   }
 
   projected(path) {
-    const k = path ? path.kind.indexOf("projected") : -1;
+    const k = path ? path.kind.indexOf(t("projected")) : -1;
     if (k < 0) return null;
     const names = ["measured_depth", "inclination", "azimuth", "vertical_depth", "north", "east", "vertical_section", "dogleg_severity"];
     return { ...Object.fromEntries(names.map((name) => [name, path[name][k]])), assumed: path.assumptions.length > 0 };
   }
 
   bitRow(bit, wanted) {
-    const line = el("tr", { class: "projected-row" }, el("th", { scope: "row" }, "bit"));
+    const line = el("tr", { class: "projected-row" }, el("th", { scope: "row" }, t("bit")));
     line.append(...wanted.map((column) => cell(bit, column)));
-    line.append(el("td", {}, pill("idle", "projected")), el("td", { class: "at-2" }, "–"), el("td", { class: "at-1" }, "–"));
+    line.append(el("td", {}, pill("idle", t("projected"))), el("td", { class: "at-2" }, "–"), el("td", { class: "at-1" }, "–"));
     return line;
   }
 
@@ -146,15 +147,15 @@ export class SurveyTable {
     const open = row.sequence === this.open;
     const toggle = el("button", {
       type: "button", class: "row-button", "aria-expanded": String(open), "data-keep": `row-${row.sequence}`,
-      "aria-label": `Survey ${row.sequence}, ${row.verdict}, details`,
+      "aria-label": t`Survey ${row.sequence}, ${say(row.verdict)}, details`,
       onclick: () => this.toggle(row.sequence),
     }, `${open ? "▾" : "▸"} ${row.sequence}`);
     const line = el("tr", { class: row.in_use ? "used" : "unused", "data-sequence": row.sequence }, el("th", { scope: "row" }, toggle));
     line.append(...wanted.map((column) => cell(row, column)));
     line.append(
-      el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row), revised(row)),
-      el("td", { class: "at-2 method" }, row.method || "–"),
-      el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? "auto" : row.accepted_by),
+      el("td", {}, pill(VERDICTS[row.verdict] || "info", say(row.verdict)), each(row), revised(row)),
+      el("td", { class: "at-2 method" }, say(row.method) || "–"),
+      el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? t("auto") : row.accepted_by),
     );
     return line;
   }
@@ -168,40 +169,40 @@ export class SurveyTable {
 
   detail(row, span, controls) {
     const facts = [
-      ["Time", units.clock(row.stamp_ns, true)],
-      ["Kind", row.kind],
-      ["Inclination 1σ", or(row.sigma_inclination, (v) => `${units.size("angle", v)}°`)],
-      ["Azimuth 1σ", or(row.sigma_azimuth, (v) => `${units.size("angle", v)}°`)],
-      ["TVD, VS", `${or(row.vertical_depth, (v) => units.number("length", v))}, ${or(row.vertical_section, (v) => units.number("length", v))} ${units.unit("length")}`],
-      ["DLS / build / turn", `${or(row.dogleg_severity, (v) => units.number("dogleg", v))} / ${or(row.build_rate, (v) => units.number("dogleg", v))} / ${or(row.turn_rate, (v) => units.number("dogleg", v))} ${units.unit("dogleg")}`],
-      ["N/S, E/W", `${hemisphere(row.north, "N", "S")}, ${hemisphere(row.east, "E", "W")}`],
-      ["Gtot / Btot / dip", `${or(row.g_total, (v) => units.number("gravity", v))} ${units.unit("gravity")} / ${or(row.b_total, (v) => units.number("field", v))} nT / ${or(row.dip, (v) => units.number("angle", v))}°`],
-      ["Azimuth by", row.method || "–"],
-      ["Automatic verdict", row.automatic],
-      ...(row.first ? [["Azimuth as first decided", otherValue(row.first)]] : []),
-      ...(row.revised ? [["Azimuth revised, not applied", otherValue(row.revised)]] : []),
-      ["Inclination, azimuth, toolface", row.verdicts.join(", ")],
-      ...(row.headline ? [["What to do", row.headline]] : []),
-      ...(row.alternatives.length ? [["Other azimuths that fit", row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
-      ...(row.disturbances.length ? [["May be disturbed by", row.disturbances.map(([words, odds]) => `${words} ${percent(odds)}`).join(", ")]] : []),
-      ["Judged by", row.accepted_by + (row.judged_reason ? `: ${row.judged_reason}` : "")],
-      ["Leg, tool", [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
-      ["Comment", row.comment || "–"],
+      [t("Time"), units.clock(row.stamp_ns, true)],
+      [t("Kind"), say(row.kind)],
+      [t("Inclination 1σ"), or(row.sigma_inclination, (v) => `${units.size("angle", v)}°`)],
+      [t("Azimuth 1σ"), or(row.sigma_azimuth, (v) => `${units.size("angle", v)}°`)],
+      [t("TVD, VS"), `${or(row.vertical_depth, (v) => units.number("length", v))}, ${or(row.vertical_section, (v) => units.number("length", v))} ${units.unit("length")}`],
+      [t("DLS / build / turn"), `${or(row.dogleg_severity, (v) => units.number("dogleg", v))} / ${or(row.build_rate, (v) => units.number("dogleg", v))} / ${or(row.turn_rate, (v) => units.number("dogleg", v))} ${units.unit("dogleg")}`],
+      [t("N/S, E/W"), `${hemisphere(row.north, "N", "S")}, ${hemisphere(row.east, "E", "W")}`],
+      [t("Gtot / Btot / dip"), `${or(row.g_total, (v) => units.number("gravity", v))} ${units.unit("gravity")} / ${or(row.b_total, (v) => units.number("field", v))} nT / ${or(row.dip, (v) => units.number("angle", v))}°`],
+      [t("Azimuth by"), say(row.method) || "–"],
+      [t("Automatic verdict"), say(row.automatic)],
+      ...(row.first ? [[t("Azimuth as first decided"), otherValue(row.first)]] : []),
+      ...(row.revised ? [[t("Azimuth revised, not applied"), otherValue(row.revised)]] : []),
+      [t("Inclination, azimuth, toolface"), row.verdicts.map(say).join(", ")],
+      ...(row.headline ? [[t("What to do"), say(row.headline)]] : []),
+      ...(row.alternatives.length ? [[t("Other azimuths that fit"), row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
+      ...(row.disturbances.length ? [[t("May be disturbed by"), row.disturbances.map(([words, odds]) => `${say(words)} ${percent(odds)}`).join(", ")]] : []),
+      [t("Judged by"), (row.accepted_by === "automatic" ? t("automatic") : row.accepted_by) + (row.judged_reason ? `: ${row.judged_reason}` : "")],
+      [t("Leg, tool"), [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
+      [t("Comment"), say(row.comment) || "–"],
     ];
     const why = [...row.reasons, ...row.flags];
     const box = el("div", { class: "detail" },
       controls ? this.judging(row) : null,
       el("dl", {}, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))),
-      why.length ? el("ul", { class: "reasons" }, why.map((text) => el("li", {}, text))) : el("p", {}, "Nothing to remark."),
+      why.length ? el("ul", { class: "reasons" }, why.map((text) => el("li", {}, say(text)))) : el("p", {}, t("Nothing to remark.")),
     );
     return el("tr", { class: "detail-row" }, el("td", { colspan: span }, box));
   }
 
   judging(row) {
-    const reason = el("input", { type: "text", maxlength: 300, "data-keep": "reason", "aria-label": "Reason" });
+    const reason = el("input", { type: "text", maxlength: 300, "data-keep": "reason", "aria-label": t("Reason") });
     reason.value = this.draft.reason;
     reason.addEventListener("input", () => { this.draft.reason = reason.value; });
-    const depth = el("input", { type: "text", inputmode: "decimal", maxlength: 12, "data-keep": "depth", "aria-label": `Measured depth, ${units.unit("length")}`, placeholder: row.measured_depth === null ? "none" : units.number("length", row.measured_depth) });
+    const depth = el("input", { type: "text", inputmode: "decimal", maxlength: 12, "data-keep": "depth", "aria-label": t`Measured depth, ${units.unit("length")}`, placeholder: row.measured_depth === null ? t("none") : units.number("length", row.measured_depth) });
     depth.value = this.draft.depth;
     depth.addEventListener("input", () => { this.draft.depth = depth.value; });
     const replace = el("input", { type: "checkbox", "data-keep": "replace" });
@@ -216,7 +217,7 @@ export class SurveyTable {
         if (depth.value.trim()) {
           const metres = units.metres(depth.value);
           if (metres === null) {
-            answer.textContent = `depth "${depth.value}" is not a number (${units.unit("length")})`;
+            answer.textContent = t`depth "${depth.value}" is not a number (${units.unit("length")})`;
             return;
           }
           given.measured_depth = metres;
@@ -224,20 +225,20 @@ export class SurveyTable {
       }
       answer.textContent = "…";
       const { message } = await this.judge(name, given);
-      this.answer = message;
-      answer.textContent = message;
+      this.answer = say(message);
+      answer.textContent = this.answer;
       // This decision's own update may already have rebuilt the table.
       const current = this.body.querySelector("output.answer");
-      if (current) current.textContent = message;
+      if (current) current.textContent = this.answer;
     };
     return el("div", { class: "judging" },
-      el("label", {}, "Reason ", reason),
-      el("label", { class: "short" }, `MD, ${units.unit("length")} `, depth),
-      el("label", { class: "check" }, replace, " replace the one there"),
-      el("button", { type: "button", "data-keep": "accept", onclick: () => send("accept_survey") }, "✓ Accept"),
-      row.revised ? el("button", { type: "button", "data-keep": "accept-revised", onclick: () => send("accept_survey", REVISED_VALUE) }, "✓ Accept the revised value") : null,
-      row.first ? el("button", { type: "button", "data-keep": "accept-first", onclick: () => send("accept_survey", FIRST_VALUE) }, "✓ Accept the first value") : null,
-      el("button", { type: "button", "data-keep": "reject", onclick: () => send("reject_survey") }, "✕ Reject"),
+      el("label", {}, t("Reason "), reason),
+      el("label", { class: "short" }, t`MD, ${units.unit("length")} `, depth),
+      el("label", { class: "check" }, replace, t(" replace the one there")),
+      el("button", { type: "button", "data-keep": "accept", onclick: () => send("accept_survey") }, t("✓ Accept")),
+      row.revised ? el("button", { type: "button", "data-keep": "accept-revised", onclick: () => send("accept_survey", REVISED_VALUE) }, t("✓ Accept the revised value")) : null,
+      row.first ? el("button", { type: "button", "data-keep": "accept-first", onclick: () => send("accept_survey", FIRST_VALUE) }, t("✓ Accept the first value")) : null,
+      el("button", { type: "button", "data-keep": "reject", onclick: () => send("reject_survey") }, t("✕ Reject")),
       answer,
     );
   }

@@ -2,9 +2,10 @@
 
 import { byId, el, mark, setText } from "./dom.js";
 import { current, fills, setView, startView } from "./view.js";
+import { t } from "./words.js";
 
 const TABS = [
-  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["link", "Link"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
+  ["surveys", t("Surveys")], ["path", t("Path")], ["charts", t("Charts")], ["steering", t("Steering")], ["link", t("Link")], ["alarms", t("Alarms")], ["system", t("System")], ["controls", t("Operator")],
 ];
 const NAMES = TABS.map(([key]) => key);
 
@@ -29,8 +30,8 @@ export function select(name, focus = false) {
     panel.hidden = !(always(key) || key === tab);
     mark(panel, "role", always(key) ? "region" : "tabpanel");
   }
-  setText(byId("fill"), fills() ? "Back" : "Full page");
-  setText(byId("view"), current() === "toolface" ? "All panels" : "Dial");
+  setText(byId("fill"), fills() ? t("Back") : t("Full page"));
+  setText(byId("view"), current() === "toolface" ? t("All panels") : t("Dial"));
   if (focus) byId(`select-${tab}`).focus();
   onSelect();
 }

@@ -1,5 +1,9 @@
 // Conversion from SI and rad to units for people. One switch changes all units.
 
+import { decimal, t } from "./words.js";
+
+export { decimal };
+
 const DEG = 180 / Math.PI;
 const FOOT = 0.3048;
 const G = 9.80665;
@@ -48,17 +52,18 @@ export function number(kind, value, more = 0) {
   const [factor, offset, decimals] = rule(kind);
   if (Math.abs(value) < (DEAD_BAND[kind] || 0)) return "0";
   // Avoid "-0", to which a small negative number rounds.
-  return (value * factor + offset).toFixed(Math.max(0, decimals + more)).replace(/^-(0(\.0*)?)$/, "$1");
+  return decimal((value * factor + offset).toFixed(Math.max(0, decimals + more)).replace(/^-(0(\.0*)?)$/, "$1"));
 }
 
 // Give a small sigma enough decimals to show it.
 export function spread(kind, value) {
-  const text = size(kind, value);
-  return value > 0 && Number(text) === 0 ? (value * rule(kind)[0]).toPrecision(1) : text;
+  return value > 0 && Number(plainSize(kind, value)) === 0 ? decimal((value * rule(kind)[0]).toPrecision(1)) : size(kind, value);
 }
 
 // For a difference, the offset of a temperature scale does not apply.
-export function size(kind, value, more = 0) {
+export const size = (kind, value, more = 0) => decimal(plainSize(kind, value, more));
+
+function plainSize(kind, value, more = 0) {
   const [factor, , decimals] = rule(kind);
   return (value * factor).toFixed(Math.max(0, decimals + more));
 }
@@ -77,24 +82,24 @@ export const turn = (degrees) => ((degrees % 360) + 360) % 360;
 // Write 359.97 rounded to one decimal as 0.0, not 360.0.
 export function bearing(value, decimals = 1) {
   const text = turn(value * DEG).toFixed(decimals);
-  return Number(text) >= 360 ? (0).toFixed(decimals) : text;
+  return decimal(Number(text) >= 360 ? (0).toFixed(decimals) : text);
 }
 
 export function signed(kind, value) {
-  const text = size(kind, Math.abs(value));
-  return Number(text) === 0 ? text : (value < 0 ? "−" : "+") + text;
+  const text = plainSize(kind, Math.abs(value));
+  return decimal(Number(text) === 0 ? text : (value < 0 ? "−" : "+") + text);
 }
 
 export function age(seconds) {
-  if (seconds < 1) return "< 1 s";
-  if (seconds < 100) return `${Math.floor(seconds)} s`;
-  if (seconds < 6000) return `${Math.floor(seconds / 60)} min`;
-  return `${Math.floor(seconds / 3600)} h`;
+  if (seconds < 1) return t("< 1 s");
+  if (seconds < 100) return t`${Math.floor(seconds)} s`;
+  if (seconds < 6000) return t`${Math.floor(seconds / 60)} min`;
+  return t`${Math.floor(seconds / 3600)} h`;
 }
 
 export function bytes(count) {
   for (const [step, name] of [[1e12, "TB"], [1e9, "GB"], [1e6, "MB"], [1e3, "kB"]]) {
-    if (count >= step) return `${(count / step).toFixed(1)} ${name}`;
+    if (count >= step) return `${decimal((count / step).toFixed(1))} ${name}`;
   }
   return `${count} B`;
 }

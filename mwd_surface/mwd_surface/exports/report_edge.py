@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The report as people read it: its content in the language and the units of the well.
+
+The content is made in English and metric units, which its tests and other programs read. Here, at the edge, numbers are
+converted from their values before rounding, and texts are translated.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mwd_surface.exports.report_section import Drawing, Section, Sheet
+from mwd_surface.language.language import Language
+from mwd_surface.signals.cells import Printed, fixed
+from mwd_surface.signals.units import FOOT, UNITS, Scale
+from mwd_surface.surveys.well import FIELD
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mwd_surface.exports.report_content import Content
+
+# Units of people in metric wells, with the unit of the same quantity in field units.
+_FIELD: dict[str, Scale] = {UNITS[name].people.symbol: UNITS[name].fps for name in ("m", "rad/m", "degC", "m/s", "N")}
+_SI: dict[str, Scale] = {UNITS[name].people.symbol: UNITS[name].people for name in ("m", "rad/m", "degC", "m/s", "N")}
+# The scale writes 100ft for machines.
+_SYMBOLS = {"deg/100ft": "deg/100 ft"}
+# A length or a dogleg severity in a sentence; coordinates of a map grid (m E, m N) stay as the grid has them.
+_IN_TEXT = re.compile(r"(?<![\w.])(-?\d+(?:[.,](\d+))?) ?(m|(?:deg|°)/30 m)(?![\w/^]| [EN东北])", re.ASCII)
+
+
+class Edge(NamedTuple):
+    """Language and units of a report."""
+
+    language: Language
+    field: bool
+
+    def text(self, text: str) -> str:
+        """Return a sentence of the report."""
+        said = self.language.say(text)
+        return _IN_TEXT.sub(self._converted, said) if self.field else said
+
+    def _converted(self, match: re.Match[str]) -> str:
+        unit = match[3].replace("°", "deg")
+        number = _FIELD[unit].of(_SI[unit].si(float(match[1].replace(",", "."))))
+        return f"{self.language.number(fixed(number, len(match[2] or '')))} {self.unit(unit)}"
+
+    def unit(self, unit: str) -> str:
+        """Return the symbol of a unit of a column, or of the end of an axis label."""
+        head, space, tail = unit.partition(" slid")
+        scale = _FIELD.get(head) if self.field else None
+        symbol = head if scale is None else _SYMBOLS.get(scale.symbol, scale.symbol)
+        return self.language.entries.get(symbol + space + tail) or self.language.say(symbol + space + tail)
+
+    def cell(self, cell: str, unit: str) -> str:
+        """Return a cell of a column with a unit."""
+        unit = unit.removesuffix(" slid")
+        if not isinstance(cell, Printed):
+            return self.text(cell)
+        if self.field and unit in _FIELD:
+            cell = fixed(_FIELD[unit].of(_SI[unit].si(cell.number)), cell.decimals)
+        return self.language.number(str(cell))
+
+
+def for_people(content: Content, language: Language, units: str) -> Content:
+    """Return a content in a language and in metric or field units."""
+    edge = Edge(language, units == FIELD)
+    return dataclasses.replace(
+        content,
+        title=language.say(content.title),
+        header=tuple((language.say(label), _value(edge, label, value)) for label, value in content.header),
+        notes=tuple(map(edge.text, content.notes)),
+        sections=tuple(_section(edge, section) for section in content.sections),
+        certificate=edge.text(content.certificate),
+        signatures=tuple(map(edge.text, content.signatures)),
+    )
+
+
+def _value(edge: Edge, label: str, value: str) -> str:
+    return edge.language.say(value) if label == "Map grid" else edge.text(value)
+
+
+def _section(edge: Edge, section: Section) -> Section:
+    return dataclasses.replace(
+        section,
+        heading=edge.text(section.heading),
+        text=tuple(map(edge.text, section.text)),
+        sheets=tuple(_sheet(edge, sheet) for sheet in section.sheets),
+        drawings=tuple(_drawing(edge, drawing) for drawing in section.drawings),
+    )
+
+
+def _sheet(edge: Edge, sheet: Sheet) -> Sheet:
+    return dataclasses.replace(
+        sheet,
+        heading=edge.text(sheet.heading),
+        titles=tuple(map(edge.language.say, sheet.titles)),
+        units=tuple(map(edge.unit, sheet.units)),
+        rows=tuple(
+            tuple(edge.cell(cell, unit) for cell, unit in zip(row, sheet.units, strict=True)) for row in sheet.rows
+        ),
+        marks=tuple(map(edge.language.say, sheet.marks)),
+        legend=edge.text(sheet.legend),
+    )
+
+
+def _drawing(edge: Edge, drawing: Drawing) -> Drawing:
+    return dataclasses.replace(drawing, caption=edge.text(drawing.caption), draw=_drawer(edge, drawing.draw))
+
+
+def _drawer(edge: Edge, draw: Callable[[], Figure]) -> Callable[[], Figure]:
+    def drawn() -> Figure:
+        figure = draw()
+        if edge.language.entries:
+            _translate(figure, edge)
+        for axes in figure.axes if edge.field else ():
+            _in_feet(axes)
+        return figure
+
+    return drawn
+
+
+def _in_feet(axes: Any) -> None:
+    """Label an axis in metres with feet, at round numbers of feet."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    class Feet(MaxNLocator):
+        """Ticks of an axis in metres at round numbers of feet."""
+
+        def tick_values(self, vmin: float, vmax: float) -> Any:
+            return np.asarray(super().tick_values(vmin / FOOT, vmax / FOOT)) * FOOT
+
+    for axis in (axes.xaxis, axes.yaxis):
+        label = axis.get_label_text()
+        if label.endswith((", m", "，m")):
+            axis.set_label_text(f"{label[:-1]}ft")
+            axis.set_major_locator(Feet(nbins=8, steps=[1, 2, 2.5, 5, 10]))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value / FOOT, 6):g}"))
+
+
+def _translate(figure: Figure, edge: Edge) -> None:
+    """Translate the texts of a figure; without a font for them they stay English."""
+    from matplotlib.text import Text
+
+    from mwd_surface.plots.fonts import families, lacking
+
+    for item in figure.findobj(Text):
+        said = edge.language.say(item.get_text())
+        if not lacking(said):
+            item.set_text(said)
+            item.set_fontfamily(list(families()))

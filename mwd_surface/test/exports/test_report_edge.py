@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report in another language and in field units: the same numbers, converted from their values before rounding."""
+
+import dataclasses
+import io
+import math
+import re
+
+import example_surveys as example
+import pypdf
+import pytest
+
+from mwd_sensors.core import earth
+from mwd_surface.exports.report_content import content
+from mwd_surface.exports.report_edge import for_people
+from mwd_surface.exports.report_html import report_html
+from mwd_surface.exports.report_pdf import report_pdf
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.language.language import Language, language
+from mwd_surface.plots import fonts
+
+ENGLISH, CHINESE = language("en"), language("zh_CN")
+
+
+def of_well(**changes):
+    table = example.table(stretches=example.stretches())
+    well = dataclasses.replace(table.surveys.well, **changes)
+    surveys = dataclasses.replace(table.surveys, well=well)
+    return survey_table(surveys, table.made_ns, stretches=example.stretches())
+
+
+@pytest.fixture(scope="module")
+def report():
+    return content(of_well())
+
+
+def columns(report, unit):
+    for sheet in report.sheets:
+        for k, name in enumerate(sheet.units):
+            if name == unit:
+                yield sheet.heading, sheet.titles[k], [row[k] for row in sheet.rows]
+
+
+def test_lengths_are_converted_from_their_values_and_not_from_their_print(report):
+    """A converted print would be off by up to 1.6 hundredths of a foot."""
+    field = for_people(report, ENGLISH, "field")
+    assert not list(columns(field, "m"))
+    assert not list(columns(field, "deg/30 m"))
+    pairs = list(zip(columns(report, "m"), columns(field, "ft"), strict=True))
+    assert len(pairs) > 10
+    for (_, _, metres), (heading, title, feet) in pairs:
+        for m, ft in zip(metres, feet, strict=True):
+            if m and m != "end":
+                assert ft == f"{m.number / 0.3048:.{m.decimals}f}".replace("-0.00", "0.00"), (heading, title)
+
+
+def test_doglegs_are_per_hundred_feet(report):
+    metric, field = columns(report, "deg/30 m"), columns(for_people(report, ENGLISH, "field"), "deg/100 ft")
+    for (_, _, old), (_, _, new) in zip(metric, field, strict=True):
+        for a, b in zip(old, new, strict=True):
+            assert not a or math.isclose(float(b), a.number * 30.48 / 30.0, abs_tol=0.006)
+
+
+def test_no_metre_is_left_in_a_report_in_field_units_but_those_of_the_map_grid():
+    field = for_people(content(of_well(grid="utm")), ENGLISH, "field")
+    left = [t for t in field.words() if re.search(r"\d m(?![\w/])", t)]
+    assert all("wellhead at" in t for t in left), left
+    assert any(unit == "m (grid)" for sheet in field.sheets for unit in sheet.units)
+
+
+def test_a_report_in_a_language_has_the_same_numbers(report):
+    numbers = re.compile(r"\d+(?:\.\d+)?")
+    for old, new in zip(report.sheets, for_people(report, CHINESE, "metric").sheets, strict=True):
+        for a, b in zip(old.rows, new.rows, strict=True):
+            assert [sorted(numbers.findall(x)) for x in a] == [sorted(numbers.findall(x)) for x in b]
+
+
+def test_numbers_have_the_decimal_mark_of_the_language(report):
+    german = for_people(report, Language("de", {"Survey": "Messung"}, ","), "metric")
+    assert german.sheets[0].rows[1][1] == "300,00"
+
+
+def test_no_english_is_left_in_a_chinese_report(report):
+    """Names, units and what a person typed may stay."""
+    theirs = {word for text in report.words() if CHINESE.unknown(text) and len(text) < 60 for word in text.split()}
+    allowed = "RKB UTC WGS84 ISCWSA MWD nT mg m s deg mwd Rev IGRF WMM EPSG OWSG SRGM CSV ISO min rms"
+    for heading in ("heading", "titles"):
+        for sheet in for_people(report, CHINESE, "metric").sheets:
+            texts = [sheet.heading] if heading == "heading" else sheet.titles
+            for text in texts:
+                words = set(re.findall(r"[A-Za-z]{3,}", text)) - set(allowed.split())
+                assert not words - theirs, text
+
+
+@pytest.mark.slow
+def test_the_chinese_pdf_has_its_characters_its_language_and_its_data():
+    if fonts.wide_font() is None:
+        pytest.skip(f"no font with Chinese characters: {fonts.HOW}")
+    made = report_pdf(of_well(language="zh_CN", units="field", job_number="J-7", revision="B", company="油田"))
+    read = pypdf.PdfReader(io.BytesIO(made))
+    text = "".join(page.extract_text() for page in read.pages).replace("\0", "").replace("\n", "")
+    for word in ("测斜报告", "井斜角", "定案测斜数据", "作业编号", "J-7", "°/100 ft", "油田"):
+        assert word in text, word
+    assert read.metadata.subject.endswith("J-7")
+    assert read.metadata.author == "Open MWD"
+    assert len(made) < 1_000_000, "only the characters that are used get into the file"
+
+
+def test_a_pdf_without_a_font_for_its_language_says_how_to_get_one(monkeypatch):
+    monkeypatch.setattr(fonts, "wide_font", lambda: None)
+    with pytest.raises(ValueError, match="pip install"):
+        report_pdf(of_well(language="zh_CN"))
+
+
+def test_the_page_is_marked_with_its_language_and_has_the_logo(tmp_path):
+    logo = tmp_path / "logo.png"
+    logo.write_bytes(b"\x89PNG\r\n")
+    html = report_html(of_well(language="zh_CN", logo=str(logo)))
+    assert '<html lang="zh-CN">' in html
+    assert "data:image/png;base64," in html
+    logo.write_text("not a picture")
+    assert "neither PNG nor JPEG" in " ".join(content(of_well(logo=str(logo))).notes)
+
+
+@pytest.mark.parametrize("north", ["grid", "true"])
+def test_the_place_of_a_station_on_the_map_is_that_of_its_latitude_and_longitude(north):
+    """An inverse pair: the printed latitude and longitude give the printed easting and northing again."""
+    report = content(of_well(north_reference=north, grid="utm"))
+    sheet = next(sheet for sheet in report.sheets if sheet.heading == "Place of every station on the map")
+    for row in sheet.rows:
+        at = earth.map_grid(math.radians(row[2].number), math.radians(row[3].number))
+        assert math.isclose(at.easting, row[4].number, abs_tol=0.01)
+        assert math.isclose(at.northing, row[5].number, abs_tol=0.01)
+
+
+def test_the_survey_programme_is_printed():
+    sheet = next(sheet for sheet in content(of_well()).sheets if sheet.heading == "Survey programme")
+    assert sheet.rows[0][2] == of_well().surveys.well.error_model

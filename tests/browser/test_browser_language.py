@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in another language: every text of it, the sentences of the surface unit, and the choice."""
+
+import json
+import re
+
+import pytest
+
+from browser_page import EVIL, By, click, rig_on, steered, tab, text, wait
+from mwd_surface.language.language import language
+
+pytestmark = pytest.mark.slow(0.3)
+
+CHINESE = language("zh_CN")
+TABS = ("surveys", "path", "charts", "steering", "link", "alarms", "system", "controls")
+# Units, names of wells, zones and models, abbreviations that drillers use in Chinese as well, and names of settings.
+KEPT = {"CSV", "LAS", "PDF", "HTML", "WITSML", "MWD", "UTC", "RKB", "Nordlys", "NORDLYS", "WMM", "pygeomag", "min"} | {
+    *("Esc", "English", "Shanghai", "WebSocket", "bags", "control", "enabled")
+}
+# What the test itself has put there as foreign text.
+TYPED = frozenset(["External", "field", "use", "gyro", "total", "over", "off", "check", "slow", "look", "mag"])
+
+
+def in_chinese(browser):
+    browser.get(f"{browser.current_url.partition('?')[0]}?lang=zh_CN")
+    wait(browser, lambda: browser.find_element(By.TAG_NAME, "html").get_attribute("lang") == "zh-CN")
+    wait(browser, lambda: "井斜角" in text(browser, "#numbers"))
+
+
+@pytest.fixture
+def forget(browser):
+    """Return the browser to its own language afterwards."""
+    yield
+    browser.execute_script("localStorage.removeItem('language')")
+
+
+def test_no_text_of_the_page_is_left_in_english(browser, forget):
+    with rig_on(browser) as rig:
+        steered(rig)
+        in_chinese(browser)
+        found = {}
+        for name in TABS:
+            tab(browser, name)
+            rig.live()
+            shown = browser.execute_script(
+                "return [document.body.innerText, ...[...document.querySelectorAll('[aria-label],[title]')]"
+                ".flatMap((e) => [e.getAttribute('aria-label') || '', e.getAttribute('title') || ''])].join('\\n')"
+            )
+            for line in shown.replace(EVIL, "").splitlines():
+                words = [w for w in re.findall(r"[A-Za-z]{3,}", line) if w not in KEPT | TYPED]
+                if words:
+                    found.setdefault(line, name)
+        assert not found, sorted(found.items())
+
+
+def test_the_page_says_a_sentence_as_the_report_does(browser, forget):
+    """One table, two readers of it: script and Python agree on every template and on texts that fit none."""
+    templates = [one for one in CHINESE.entries if "{" in one and "{0}" not in one]
+    sentences = [re.sub(r"\{\w+\}", lambda m: f"{len(m[0])}.5", one) for one in templates]
+    sentences += [f"{a}; {b}" for a, b in zip(sentences, sentences[7:], strict=False)]
+    sentences += ["", "nobody wrote this", "survey 4: Ann's own words", "x is -y", "12.5 deg", "stop drilling"]
+    with rig_on(browser):
+        in_chinese(browser)
+        said = browser.execute_async_script(
+            "const done = arguments[1]; import('./words.js').then(({ say }) => done(arguments[0].map(say)))", sentences
+        )
+    assert said == [CHINESE.say(one) for one in sentences]
+
+
+def test_the_language_is_chosen_on_the_page_and_kept(browser, forget):
+    with rig_on(browser):
+        assert browser.find_element(By.TAG_NAME, "html").get_attribute("lang") == "en"
+        click(browser, "#language option[value=zh_CN]")
+        wait(browser, lambda: "测斜" in text(browser, "#tabs, #tab-surveys"))
+        browser.get(browser.current_url.partition("?")[0])
+        wait(browser, lambda: "井斜角" in text(browser, "#numbers"))
+        assert json.loads(browser.execute_script("return JSON.stringify([localStorage.language])")) == ["zh_CN"]

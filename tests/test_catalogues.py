@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The catalogues of the languages hold every text of the sources, with the same values."""
+
+import importlib.machinery
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+from babel.messages.pofile import read_po
+
+ROOT = Path(__file__).resolve().parents[1]
+CATALOGUES = sorted((ROOT / "mwd_surface/mwd_surface/language").glob("*.po"))
+PLACES = re.compile(r"\{\w*\}")
+
+
+@pytest.fixture(scope="module")
+def words():
+    """Load the script that collects the texts."""
+    loader = importlib.machinery.SourceFileLoader("words", str(ROOT / ".ci/words"))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("words", loader))
+    loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", CATALOGUES, ids=lambda path: path.stem)
+def test_every_text_has_a_translation_with_the_same_values(words, path):
+    with path.open("rb") as file:
+        catalogue = {m.id: m.string for m in read_po(file, locale=path.stem) if m.id}
+    texts = set(words.every_text())
+    assert not texts - {text for text, said in catalogue.items() if said}, "no translation: run `make words`, translate"
+    assert not set(catalogue) - texts, "no source has these texts any more: run `make words`"
+    for text, said in catalogue.items():
+        assert set(PLACES.findall(text)) == set(PLACES.findall(said)), (text, said)
+
+
+def test_the_values_of_a_template_have_fixed_text_between_them(words):
+    for text in words.every_text():
+        assert not re.search(r"\{[a-z]\w*\}\{", text), text
+
+
+def test_the_collector_finds_texts_in_every_form(words, tmp_path):
+    """A string, an f-string, parts joined by +, a name of a constant, and a choice within a text."""
+    source = '''
+_REST = "check the plug"
+"""Not a text."""
+def f(a, b):
+    """Nor is this."""
+    g("no data at all; ")
+    g(f"no {a.name} for {b:.0f} s: {'try again' if a else 'go on drilling'}")
+    g("the tool " + f"turns: {_REST}")
+    g("{value:+.1f deg} is off by {values[0]:g}")
+    g(setting("a parameter of something"))
+'''
+    path = tmp_path / "module.py"
+    path.write_text(source, encoding="utf-8")
+    found = words.texts_of(path)
+    assert {
+        "no data at all",
+        "no {name} for {b} s: {a}",
+        "try again",
+        "go on drilling",
+        "the tool turns: check the plug",
+        "{value} is off by {values0}",
+    } <= set(found)
+    assert not any("Not a text" in text or "Nor is" in text or "parameter" in text for text in found)
+
+
+def test_the_texts_of_the_page_are_found_with_templates_inside_templates(words):
+    source = r't("a"); t`b ${x ? t`c ${y} d` : ""} e`; t("say \"f\"")'
+    assert words.page_texts(source) == ["a", 'say "f"', "b {0} e", "c {0} d"]
