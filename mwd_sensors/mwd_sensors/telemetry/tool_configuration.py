@@ -105,8 +105,8 @@ class ToolConfiguration:
     words: dict[str, Word] = setting({}, "Ranges of words by name; they replace the ranges that kits commonly use.")
     channels: dict[str, LogChannel] = setting(
         {},
-        "Log channels by name: what the tool measures against depth, and the words that carry it. Without any, the usual "
-        "ones: gamma, inclination, temperature and lateral vibration.",
+        "Log channels by name: what the tool measures against depth, and the words that carry it. Without any, the "
+        "usual ones: gamma, inclination, temperature and lateral vibration.",
     )
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
     toolface_sequences: tuple[str, ...] = setting(
