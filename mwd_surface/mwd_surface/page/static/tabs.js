@@ -4,7 +4,7 @@ import { byId, el, mark, setText } from "./dom.js";
 import { current, fills, setView, startView } from "./view.js";
 
 const TABS = [
-  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["link", "Link"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
+  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["logs", "Logs"], ["steering", "Steering"], ["link", "Link"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
 ];
 const NAMES = TABS.map(([key]) => key);
 
