@@ -139,16 +139,16 @@ class LogSampler:
         at = {name: _seconds(name, samples) for name, samples in rows.items() if samples is not None}
         begin = self._closed_s
         seconds: set[int] = set()
-        for name, second in at.items():
-            late = (second < begin) & (second >= begin - _SET_BACK_S)
+        for name, place in at.items():
+            late = (place < begin) & (place >= begin - _SET_BACK_S)
             # Rows of the attitude stay for a while, so that the counts of the next second find their toolface.
             self.late += int(late.sum()) if name != "attitude" else 0
-            seconds.update(np.unique(second[(second >= begin) & (second < until_s)]).tolist())
+            seconds.update(np.unique(place[(place >= begin) & (place < until_s)]).tolist())
         found: list[LogSample] = []
         for second in sorted(seconds):
             found += self._close_second(second, rows, at)
-        for name, second in at.items():
-            keep = second >= until_s - 1 if name == "attitude" else (second >= until_s) | (second < begin - _SET_BACK_S)
+        for name, place in at.items():
+            keep = place >= until_s - 1 if name == "attitude" else (place >= until_s) | (place < begin - _SET_BACK_S)
             self._waiting[name] = [rows[name][keep][-_MOST:]] if keep.any() else []  # type: ignore[index]
         self._closed_s = until_s
         return found

@@ -27,4 +27,4 @@ class LogMonitor:
         self._log.advance()
         if self._log.version != self._shown:
             self._shown = self._log.version
-            self._live.show(now, logs=self._log.curves(FIRST))
+            self._live.show(now, logs=self._log.curves(FIRST), newest_logs=self._log.newest())

@@ -29,7 +29,7 @@ from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, Strea
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
-from mwd_surface.logs.depth_log import Curve
+from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
@@ -320,6 +320,8 @@ class WellState:
         Charts over the last minutes, over the last hours (in larger steps), and over the depth of the sensor.
     logs : tuple of Curve
         Log channels over depth, first pass.
+    newest_logs : mapping of str to Newest
+        Newest value of each log channel.
     changes : mapping of str to Change
         By the name of the part (a field of this class); a part that was never set is missing.
     """
@@ -358,6 +360,7 @@ class WellState:
     trend: Chart = dataclasses.field(default_factory=Chart)
     depth_log: Chart = dataclasses.field(default_factory=Chart)
     logs: tuple[Curve, ...] = ()
+    newest_logs: Mapping[str, Newest] = dataclasses.field(default_factory=dict)
     changes: Mapping[str, Change] = dataclasses.field(default_factory=dict)
 
     @property

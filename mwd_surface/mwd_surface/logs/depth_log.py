@@ -79,6 +79,16 @@ class Curve:
         return tuple((float(self.depth[a] - half), float(self.depth[b - 1] + half)) for a, b in pairs)
 
 
+@dataclasses.dataclass(frozen=True)
+class Newest:
+    """Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m."""
+
+    value: float
+    sigma: float
+    stamp_ns: int
+    depth: float
+
+
 class _Cell:
     """Sums over one depth step."""
 
@@ -113,6 +123,7 @@ class _Channel:
     def __init__(self, sample: LogSample) -> None:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
         self.deepest = -math.inf
+        self.newest: Newest | None = None
         self.newest_ns = -(2**63)
         self.cells: dict[str, dict[int, _Cell]] = {name: {} for name in PASSES}
 
@@ -168,6 +179,10 @@ class DepthLog:
     def channels(self) -> tuple[str, ...]:
         """Names of the channels, sorted."""
         return tuple(sorted(self._channels))
+
+    def newest(self) -> dict[str, Newest]:
+        """Return the newest value of each channel that has a depth."""
+        return {name: found.newest for name, found in self._channels.items() if found.newest is not None}
 
     def add_depth(self, stamp_ns: int, bit_depth: float) -> None:
         """Add a depth of the bit, m, in order of time; one that is older than the last, or unknown, is left out."""
@@ -234,6 +249,9 @@ class DepthLog:
             index = math.floor(depth / self.step_m + 1e-9)
             for which in passes:
                 shares[which, index] = shares.get((which, index), 0) + 1
+        middle = self._bit(sample.stamp_ns)
+        if middle is not None and math.isfinite(sample.value):
+            channel.newest = Newest(sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset)
         for (which, index), steps in shares.items():
             channel.add(which, index, sample, steps / count)
         if not shares:

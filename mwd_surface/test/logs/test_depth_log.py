@@ -11,7 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
+from mwd_surface.rig.derived_values import log_values
+from mwd_surface.rig.value import Condition
+from mwd_surface.rig.values import rig_values
+from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 
 S = 10**9
 T0 = 10**18
@@ -181,3 +186,24 @@ def test_two_logs_are_shifted_by_their_correlation(shift):
 def test_constant_or_short_logs_have_no_shift():
     log = drilled(lambda at: 1000.0 + 0.01 * at, 600)
     assert math.isnan(shift_between(log.curve("gamma"), log.curve("gamma"))[0])
+
+
+def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add([sample(55.0, 120.0), sample(25.0, 60.0)])
+    live = LiveState()
+    live.show(1.0, logs=log.curves(), newest_logs=log.newest())
+    state = live.at(1.0)
+    values = log_values(state, T0 + 100 * S)
+    assert values["gamma"].value == 120.0
+    assert values["gamma"].condition == Condition.GOOD
+    assert values["gamma"].age == pytest.approx(45.0)
+    assert values["gamma_depth"].value == pytest.approx(1000.0 + 5.5 - OFFSET)
+    assert log_values(state, T0 + 300 * S)["gamma"].condition == Condition.STALE
+    form = RecordWriter(Wits0Format())
+    sent = dict(form.formation(rig_values(state, (), now_ns=T0 + 100 * S)))
+    assert float(sent[823]) == 120.0
+    assert float(sent[821]) == pytest.approx(993.5)
+    assert 823 not in dict(form.formation(rig_values(LiveState().at(1.0), (), now_ns=T0)))

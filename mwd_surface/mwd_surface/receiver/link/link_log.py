@@ -50,31 +50,19 @@ def _sample(word: ReceivedWord, item: Carried, sent_ns: int, *, running: bool) -
         seconds = span if item.sector is None else span / channel.sectors
         counts = max(value, 0.0) / channel.tool_factor * seconds
         sigma = math.hypot(sigma, channel.tool_factor * math.sqrt(counts + 0.5) / seconds)
-    sectors: dict[str, tuple[float, ...]] = {}
-    if item.sector is not None:
-        places = range(channel.sectors)
-        sectors = {
-            "sectors": tuple(value if k == item.sector else math.nan for k in places),
-            "sigma_sectors": tuple(sigma if k == item.sector else math.nan for k in places),
-            "sector_durations": tuple(span / channel.sectors if k == item.sector else 0.0 for k in places),
-        }
-        value = sigma = math.nan
-    elif channel.sectors:
-        unseen = (math.nan,) * channel.sectors
-        sectors = {
-            "sectors": unseen,
-            "sigma_sectors": unseen,
-            "sector_durations": (0.0,) * channel.sectors,
-        }
+    seen = [k == item.sector for k in range(channel.sectors)]
+    whole = item.sector is None
     return LogSample(
         stamp_ns,
         item.name,
         channel.unit,
         span,
         span,
-        value,
-        sigma,
+        value if whole else math.nan,
+        sigma if whole else math.nan,
         sensor_to_bit=channel.sensor_to_bit,
         quality=FROM_WORD,
-        **sectors,
+        sectors=tuple(value if one else math.nan for one in seen),
+        sigma_sectors=tuple(sigma if one else math.nan for one in seen),
+        sector_durations=tuple(span / channel.sectors if one else 0.0 for one in seen),
     )
