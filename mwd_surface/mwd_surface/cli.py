@@ -12,7 +12,7 @@ import typer
 
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.linear_algebra import use_one_thread
-from mwd_surface.commands import downlink
+from mwd_surface.commands import downlink, memory
 from mwd_surface.commands.assembly import sag, spacing
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.batch import batch
@@ -80,6 +80,7 @@ app.add_typer(downlink.app, name="downlink", rich_help_panel=_LIVE)
 app.command(rich_help_panel=_RECORDINGS)(inspect)
 app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(log)
+app.add_typer(memory.app, name="memory", rich_help_panel=_RECORDINGS)
 app.command(rich_help_panel=_RECORDINGS)(batch)
 app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
