@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -42,12 +41,9 @@ def computed_samples(
     given: InputSettings,
     channels: dict[str, LogChannel],
     recorded: Recorded | None = None,
-    sink: Callable[[Output], None] = lambda _output: None,
 ) -> list[LogSample]:
     """
     Return the log samples of a recording, as the live estimator gives them.
-
-    sink : also called with the output of each block of samples.
 
     Raises
     ------
@@ -64,7 +60,6 @@ def computed_samples(
     def take(output: Output) -> None:
         if not len(output.attitude):
             return
-        sink(output)
         newest = output.attitude["stamp_ns"].max()
         for name, samples in beside.items():
             # Samples that are recorded before the attitude of their time, in the order of recording.

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
@@ -16,12 +15,11 @@ from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.logs.memory_merge import GRAVITY
-from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.log_estimate import computed_samples
-from mwd_surface.processing.thinner import Thinner
 from mwd_surface.surveys.recorded_settings import Recorded
 
-_ROTATION_HZ = 10.0
+_ROTATION_NS = 100_000_000  # ns of one value of the rotary speed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,13 +69,8 @@ def dump(
     """
     estimator = (recorded.estimator if recorded is not None else None) or EstimatorSettings()
     faster = {name: dataclasses.replace(one, interval_s=interval_s) for name, one in channels.items()}
-    thinner, rotation = Thinner(_ROTATION_HZ), list[Samples]()
-
-    def keep(output: Output) -> None:
-        rotation.append(output.gravity[thinner(output.attitude["stamp_ns"])])
-
-    samples = computed_samples(bag, estimator, InputSettings(), faster, recorded, keep)
-    rows = np.concatenate(rotation) if rotation else wire.GRAVITY.empty(0)
+    samples = computed_samples(bag, estimator, InputSettings(), faster, recorded)
+    rows = _rotation(bag)
     begin_ns = int(rows["stamp_ns"][0]) if len(rows) else bag.start_ns
     rows["stamp_ns"] = clock.stamps(rows["stamp_ns"], begin_ns)
     with BagWriter(path, custom={"memory": "dump"}) as out:
@@ -90,3 +83,25 @@ def dump(
             data = out.definitions.typestore.serialize_cdr(moved.to_message(out.definitions.make), LogSample.MESSAGE)
             out.write(log, bytes(data), stamp_ns)
     return len(samples)
+
+
+def _rotation(bag: Bag) -> Samples:
+    """
+    Return the speed of the tool, means over 0.1 s of the gyro along the axis; all other fields are NaN.
+
+    The speed of the estimator is filtered, and half a second late.
+    """
+    name = find_topics(bag, InputSettings()).imu
+    imu, _ = wire.decode_messages(wire.IMU, [data for _, _, _, data in bag.messages([name])])
+    if not len(imu):
+        return wire.GRAVITY.empty(0)
+    cells = imu["stamp_ns"] // _ROTATION_NS
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
+    counts = np.diff(np.append(starts, len(imu)))
+    rows = wire.GRAVITY.empty(len(starts))
+    for field in ("gravity", "sigma", "non_gravity"):
+        rows[field] = np.nan
+    since = imu["stamp_ns"] - imu["stamp_ns"][0]
+    rows["stamp_ns"] = imu["stamp_ns"][0] + np.round(np.add.reduceat(since, starts) / counts).astype(np.int64)
+    rows["rotary_speed"] = np.add.reduceat(imu["angular_velocity"][:, 0], starts) / counts
+    return rows
