@@ -10,6 +10,8 @@ from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.logs.depth_log import FIRST
 
+_SHOWN = 2000  # deepest steps of each channel that are shown
+
 
 class LogMonitor:
     """Merges the log samples of a well by the depths of its survey book."""
@@ -27,4 +29,4 @@ class LogMonitor:
         self._log.advance()
         if self._log.version != self._shown:
             self._shown = self._log.version
-            self._live.show(now, logs=self._log.curves(FIRST), newest_logs=self._log.newest())
+            self._live.show(now, logs=self._log.curves(FIRST, _SHOWN), newest_logs=self._log.newest())

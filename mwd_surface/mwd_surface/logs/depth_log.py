@@ -11,6 +11,7 @@ alone, so they change neither pass.
 
 from __future__ import annotations
 
+import array
 import bisect
 import dataclasses
 import math
@@ -30,8 +31,12 @@ STEP_M = 0.1  # m, default depth step
 _ON_BOTTOM_M = 0.03
 # Longest time between two depths of the bit across which the depth is interpolated, s; as `depth.bridge`.
 _BRIDGE_S = 30.0
-# Time for which a sample waits for the depth of its end, s of the rig's clock.
-_STEP_S = 1.0
+_STEP_S = 1.0  # s, length of the parts into which an interval is cut
+_DEPTHS_NS = NANOSECONDS  # ns between the depths that are kept
+_LONGEST_S = 3600.0  # s; no channel has a longer interval
+_MOST_SECTORS, _MOST_CHANNELS = 64, 64
+# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it.
+_LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,6 +156,8 @@ class DepthLog:
         Increases with every change.
     unplaced : dict of str to int
         Samples without a depth, by channel: no depth of the bit within half a minute of their time.
+    unusable : int
+        Samples that are left out because they contradict themselves or the limits of a log.
 
     Raises
     ------
@@ -164,9 +171,11 @@ class DepthLog:
         self.sensor_to_bit, self.step_m = sensor_to_bit, step_m
         self.version = 0
         # Depth of the bit over time, and the deepest depth so far.
-        self._stamps: list[int] = []
-        self._bits: list[float] = []
-        self._bottoms: list[float] = []
+        self._stamps = array.array("q")
+        self._bits = array.array("d")
+        self._bottoms = array.array("d")
+        self._bottom = -math.inf
+        self.unusable = 0
         self._waiting: deque[LogSample] = deque()
         self._placed: list[LogSample] = []
         self._begin_anew()
@@ -185,16 +194,26 @@ class DepthLog:
         return {name: found.newest for name, found in self._channels.items() if found.newest is not None}
 
     def add_depth(self, stamp_ns: int, bit_depth: float) -> None:
-        """Add a depth of the bit, m, in order of time; one that is older than the last, or unknown, is left out."""
-        if not math.isfinite(bit_depth) or (self._stamps and stamp_ns <= self._stamps[-1]):
+        """
+        Add a depth of the bit, m, in order of time.
+
+        One depth a second is kept. A depth that is unknown, or older than the last, is left out.
+        """
+        if not math.isfinite(bit_depth):
             return
-        self._stamps.append(stamp_ns)
-        self._bits.append(bit_depth)
-        self._bottoms.append(max(bit_depth, self._bottoms[-1] if self._bottoms else -math.inf))
+        self._bottom = max(self._bottom, bit_depth)
+        if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
+            self._stamps.append(stamp_ns)
+            self._bits.append(bit_depth)
+            self._bottoms.append(self._bottom)
 
     def add(self, samples: Iterable[LogSample]) -> None:
         """Add samples; those whose end is later than the last depth wait for the next one."""
-        self._waiting.extend(samples)
+        for sample in samples:
+            if _usable(sample) and (sample.channel in self._channels or len(self._channels) < _MOST_CHANNELS):
+                self._waiting.append(sample)
+            else:
+                self.unusable += 1
         self.advance()
 
     def advance(self) -> None:
@@ -214,10 +233,12 @@ class DepthLog:
         """Place samples in order of time; where one is older than a placed one of its channel, place all anew."""
         samples = sorted(samples, key=_order)
         late = any(
-            one.channel in self._channels and one.stamp_ns < self._channels[one.channel].newest_ns for one in samples
+            one.channel in self._channels and 0 < self._channels[one.channel].newest_ns - one.stamp_ns <= _LATE_NS
+            for one in samples
         )
         self._placed += samples
-        if late:
+        # A sample that is later still belongs to a clock that was set back: it is placed as it comes.
+        if late and len(self._placed) <= _MOST_KEPT:
             self._placed.sort(key=_order)
             self._begin_anew()
             samples = self._placed
@@ -273,11 +294,11 @@ class DepthLog:
         bit = self._bits[before] + (self._bits[after] - self._bits[before]) * part
         return bit, max(self._bottoms[before], bit)
 
-    def curve(self, channel: str, which: str = FIRST) -> Curve:
+    def curve(self, channel: str, which: str = FIRST, most: int | None = None) -> Curve:
         """
         Return a channel over depth.
 
-        which: one of `PASSES`.
+        which: one of `PASSES`. most: number of the deepest steps to return; None returns all.
 
         Raises
         ------
@@ -291,6 +312,7 @@ class DepthLog:
         found = self._channels[channel]
         cells = found.cells[which]
         rows = range(min(cells), max(cells) + 1) if cells else range(0)
+        rows = rows if most is None else rows[-most:]
         empty = _Cell(found.sectors)
         taken = [cells.get(index, empty) for index in rows]
         weight = np.array([cell.weight for cell in taken])
@@ -310,9 +332,9 @@ class DepthLog:
                 / spread,
             )
 
-    def curves(self, which: str = FIRST) -> tuple[Curve, ...]:
-        """Return all channels over depth."""
-        return tuple(self.curve(name, which) for name in self.channels)
+    def curves(self, which: str = FIRST, most: int | None = None) -> tuple[Curve, ...]:
+        """Return all channels over depth, as `curve`."""
+        return tuple(self.curve(name, which, most) for name in self.channels)
 
 
 def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array, ...]]:
@@ -382,6 +404,18 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
         bend = left - 2.0 * top + right
         part = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
     return float((best - most + part) * step), float(scores[best])
+
+
+def _usable(sample: LogSample) -> bool:
+    """Return whether a sample, which may come from anybody, keeps to the limits of a log."""
+    count = len(sample.sectors)
+    return (
+        0.0 <= sample.span <= _LONGEST_S
+        and 0.0 <= sample.duration <= _LONGEST_S
+        and count <= _MOST_SECTORS
+        and len(sample.sigma_sectors) == len(sample.sector_durations) == count
+        and all(seconds >= 0.0 for seconds in sample.sector_durations)
+    )
 
 
 def _end_ns(sample: LogSample) -> int:

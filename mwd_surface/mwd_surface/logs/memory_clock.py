@@ -22,6 +22,7 @@ from mwd_sensors.core.wire import NANOSECONDS
 _COARSE_S = 0.5  # s, grid of the first search
 _SMOOTH_S = 2.0  # s, length of the mean over both rotations before the refinement
 _SPAN_S = 40.0  # s around a change of the rotation in which the offset is refined
+_LEAST_S = 4.0  # s of data before and after a change
 _FINE_S, _REACH_S = 0.02, 2.0  # s, grid and reach of the refinement
 # Correlation that a match needs, and by how much it must exceed that of every other offset.
 _LEAST_CORRELATION, _LEAST_LEAD = 0.85, 0.02
@@ -157,12 +158,16 @@ def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: floa
     """Return run time and offset, s, at each start and stop of the rotation."""
     found: list[tuple[float, float]] = []
     of_run, of_memory = _smoothed(run_s, run), _smoothed(memory_s, memory)
+    room = _REACH_S + 0.5 * _SMOOTH_S
+    covered = (run_s + lag - room >= memory_s[0]) & (run_s + lag + room <= memory_s[-1])
+    covered &= (run_s >= run_s[0] + room) & (run_s <= run_s[-1] - room)
     turning = run > 0.5 * np.percentile(run, 90)
     edges = run_s[np.flatnonzero(np.diff(turning.astype(int))) + 1]
     for edge in edges[np.diff(np.concatenate([[-math.inf], edges])) > _SPAN_S]:
-        part = np.abs(run_s - edge) <= 0.5 * _SPAN_S
+        part = covered & (np.abs(run_s - edge) <= 0.5 * _SPAN_S)
         at, value = run_s[part], of_run(run_s[part])
-        if at[0] + lag - _REACH_S < memory_s[0] or at[-1] + lag + _REACH_S > memory_s[-1] or len(at) < 10:
+        # The change itself, with its time before and after, must be in both recordings.
+        if len(at) < 10 or min(edge - at[0], at[-1] - edge) < _LEAST_S:
             continue
         shifts = np.arange(-_REACH_S, _REACH_S + 0.5 * _FINE_S, _FINE_S)
         costs = [float(np.mean((value - of_memory(at + lag + shift)) ** 2)) for shift in shifts]

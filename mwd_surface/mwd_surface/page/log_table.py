@@ -11,12 +11,10 @@ import numpy as np
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.page.plain import number
 
-_MOST = 2000  # deepest steps of each channel that the page gets
-
 
 def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
     """
-    Return the deepest part of each channel.
+    Return the curves as tables.
 
     rows: depth, m, value, sigma and time of measurement, s; sectors: values of each row, from the high side clockwise;
     gaps: depths of top and bottom, m. Values are in the unit of the channel.
@@ -25,14 +23,13 @@ def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
 
 
 def _channel(curve: Curve) -> dict[str, Any]:
-    part = slice(-_MOST, None)
-    columns = (curve.depth[part], curve.value[part], curve.sigma[part], curve.seconds[part])
+    columns = (curve.depth, curve.value, curve.sigma, curve.seconds)
     return {
         "name": curve.channel,
         "unit": curve.unit,
         "step": number(float(np.diff(curve.depth[:2]).sum())),
         "rows": [[_short(value) for value in row] for row in zip(*columns, strict=True)],
-        "sectors": [[_short(value) for value in row] for row in curve.sectors[part]],
+        "sectors": [[_short(value) for value in row] for row in curve.sectors],
         "gaps": [list(gap) for gap in curve.gaps],
     }
 

@@ -207,3 +207,55 @@ def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
     assert float(sent[823]) == 120.0
     assert float(sent[821]) == pytest.approx(993.5)
     assert 823 not in dict(form.formation(rig_values(LiveState().at(1.0), (), now_ns=T0)))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"span": 1e12},
+        {"span": -1.0},
+        {"span": math.nan},
+        {"duration": math.inf},
+        {"sectors": (1.0, 2.0), "sigma_sectors": (1.0,), "sector_durations": (1.0, 1.0)},
+        {"sectors": (1.0,) * 65, "sigma_sectors": (1.0,) * 65, "sector_durations": (1.0,) * 65},
+        {"sectors": (1.0,), "sigma_sectors": (1.0,), "sector_durations": (-1.0,)},
+    ],
+)
+def test_a_sample_that_contradicts_itself_is_counted_and_left_out(more):
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([dataclasses.replace(sample(50.0), **more)])
+    assert log.unusable == 1
+    assert log.channels == ()
+
+
+def test_values_and_sectors_that_change_their_number_or_are_infinite_do_not_stop_the_log():
+    log = DepthLog()
+    for at in range(201):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    four = {"sectors": (1.0,) * 4, "sigma_sectors": (1.0,) * 4, "sector_durations": (2.5,) * 4}
+    log.add([sample(15.0, **four), sample(25.0), sample(35.0, math.inf), sample(45.0, sigma=math.nan)])
+    curve = log.curve("gamma")
+    assert curve.sectors.shape[1] == 4
+    assert np.isnan(curve.sigma[-1])
+    assert curve.value[0] == 80.0
+
+
+def test_a_clock_that_was_set_back_costs_no_more_than_any_other(monkeypatch):
+    log = DepthLog()
+    for at in range(5001):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([sample(4990.0)])
+    placed = []
+    monkeypatch.setattr(log, "_place", placed.append)
+    for at in range(100, 2000, 10):
+        log.add([sample(float(at))])
+    assert len(placed) == 190
+
+
+def test_the_deepest_part_alone_is_the_end_of_the_whole():
+    log = drilled(lambda at: 1000.0 + 0.01 * at, 1200)
+    whole, part = log.curve("gamma"), log.curve("gamma", most=20)
+    np.testing.assert_array_equal(part.value, whole.value[-20:])
+    np.testing.assert_array_equal(part.depth, whole.depth[-20:])

@@ -39,7 +39,10 @@ date: 2026-03-01T06:00:00
 precision: null
 well: {stations: [[0.0, 88.0, 40.0], [600.0, 88.0, 40.0]], bit_m: 100.0, sensor_to_bit_m: 3.0}
 gamma: {formation: [[0.0, 40.0], [101.0, 150.0]], by: md, sensor_to_bit_m: 2.0}
-schedule: [{kind: drill, seconds: 48.0, rpm: 90.0, rop_m_h: 360.0}]
+schedule:
+  - {kind: still, seconds: 11.0}
+  - {kind: drill, seconds: 40.0, rpm: 90.0, rop_m_h: 432.0}
+  - {kind: still, seconds: 11.0}
 """
 )
 
@@ -129,6 +132,22 @@ def test_the_bed_stands_at_its_depth_in_every_file(bags, tmp_path):
     assert rows[0].split(",")[:3] == ["md_m", "gamma_gAPI", "gamma_sigma_gAPI"]
     assert float(rows[1].split(",")[0]) == depth[0]
     assert np.nanmean(las["INCL"]) == pytest.approx(88.0, abs=1.0)
+
+
+def test_the_memory_of_a_run_is_merged_whatever_its_clock_says(bags, tmp_path):
+    """A clock that is 40 s and 30 ppm off; the run has only part of the samples."""
+    arguments = ["memory", "dump", str(bags[0]), "-o", str(tmp_path / "dump")]
+    done = CliRunner().invoke(app, [*arguments, "--clock-offset", "40", "--clock-drift", "30"])
+    assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(
+        app, ["memory", "merge", str(bags[1]), str(tmp_path / "dump"), "-o", str(tmp_path / "m.las")]
+    )
+    assert done.exit_code == 0, done.output
+    assert float(done.output.split("clock of the memory: ")[1].split()[0]) == pytest.approx(40.0, abs=0.1)
+    assert "filled from the memory" in done.output
+    depth, gamma = (lasio.read(io.StringIO((tmp_path / "m.las").read_text()))[name] for name in ("DEPT", "GR"))
+    assert np.nanmean(gamma[depth < 100.5]) == pytest.approx(40.0, abs=5.0)
+    assert np.nanmean(gamma[depth > 101.5]) == pytest.approx(150.0, abs=8.0)
 
 
 def test_a_recording_without_samples_or_with_a_wrong_option_says_what_to_do(bags, tmp_path):
