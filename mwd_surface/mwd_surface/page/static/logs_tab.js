@@ -47,7 +47,7 @@ export function showLogs(sections) {
   }
   const box = el("div", { class: "depth-box" });
   place.replaceChildren(el("p", { class: "quiet-text", id: "log-gaps" }, gapText(channels)), box);
-  const size = { width: Math.max(330, box.clientWidth / scale()), height: Math.max(240, box.clientHeight / scale()) };
+  const size = { width: Math.max(330, box.clientWidth / scale()), height: Math.max(240, box.clientHeight / scale() - 6) };
   box.append(tracks(channels, size));
 }
 
