@@ -385,7 +385,8 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     step = reference.depth[1] - reference.depth[0]
     if abs(other.depth[1] - other.depth[0] - step) > 1e-9:
         raise ValueError("other: both logs must have the same depth step")
-    (depth, (at, place)), most = on_grid((reference, other), step), round(most_m / step)
+    depth, (at, place) = on_grid((reference, other), step)
+    most = min(round(most_m / step), len(depth) - 1)
     one, two = np.full((2, len(depth)), np.nan)
     one[at], two[place] = reference.value, other.value
     scores = np.full(2 * most + 1, np.nan)
@@ -396,7 +397,8 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
             scores[k + most] = np.corrcoef(a[both], b[both])[0, 1]
     if np.isnan(scores).all():
         return math.nan, math.nan
-    best = int(np.nanargmax(scores))
+    # Of equal shifts, which a log that repeats itself has, the smallest.
+    best = int(np.nanargmax(scores - 1e-9 * np.abs(np.arange(-most, most + 1))))
     part = 0.0
     if 0 < best < 2 * most and np.isfinite(scores[best - 1 : best + 2]).all():
         # Vertex of the parabola through the three best scores.

@@ -186,6 +186,8 @@ def test_two_logs_are_shifted_by_their_correlation(shift):
 def test_constant_or_short_logs_have_no_shift():
     log = drilled(lambda at: 1000.0 + 0.01 * at, 600)
     assert math.isnan(shift_between(log.curve("gamma"), log.curve("gamma"))[0])
+    short = drilled(lambda at: 1000.0 + 0.01 * at, 300, lambda at: float(at % 70))
+    assert shift_between(short.curve("gamma"), short.curve("gamma")) == pytest.approx((0.0, 1.0), abs=0.02)
 
 
 def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
