@@ -61,7 +61,9 @@ def test_an_independent_serialiser_reads_and_writes_the_same_bytes(layout):
     np.testing.assert_array_equal(layout.decode(bytes(store.serialize_cdr(message, layout.type_name))), sample)
 
 
-@pytest.mark.parametrize("name", ["Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth", "DetectorCounts"])
+@pytest.mark.parametrize(
+    "name", ["Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth", "DetectorCounts"]
+)
 def test_layout_lists_the_fields_of_the_message_in_order(name):
     fields = []
     for line in (MESSAGES / f"{name}.msg").read_text().splitlines():
