@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
@@ -20,6 +21,7 @@ from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import Word
 
 GAMMA = "gamma"
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MOST_SECTORS = 16
 # Bits of the quality, as in mwd_msgs/LogSample.
 NO_TOOLFACE, INCOMPLETE, SATURATED, FROM_WORD, ONE_SIDED = 1, 2, 4, 8, 16
@@ -130,6 +132,11 @@ CHANNELS = {
 }
 
 
+def is_channel_name(name: str) -> bool:
+    """Return whether a channel may have this name: files and protocols use it for their columns."""
+    return _NAME.fullmatch(name) is not None
+
+
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
     """Return the usual channels, without their words where the table of words measures something else by that name."""
     found = {}
@@ -178,8 +185,12 @@ def check(channels: Mapping[str, LogChannel], words: Mapping[str, Word]) -> None
     Raises
     ------
     ValueError
-        A word is not in the table, is named twice, or has a unit of another quantity.
+        A channel has a name that no file can have; or a word is not in the table, is named twice, or has a unit of
+        another quantity.
     """
+    for name in channels:
+        if not is_channel_name(name):
+            raise ValueError(f"channels.{name}: a name has up to 32 letters, digits and underscores, a letter first")
     for word, item in carried(channels).items():
         if word not in words:
             raise ValueError(f"channels.{item.name}: no word {word} in the table of words; add it to `words`")

@@ -120,6 +120,7 @@ def test_a_log_channel_is_declared_in_the_configuration_alone():
         ({"g": {"sectors": 2}}, "sectors: must be 0, or 4"),
         ({"g": {"sectors": 4, "sector_words": ["Gama"]}}, "1 words for 4 sectors"),
         ({"g": {"source": "radon"}}, "channels.g.source"),
+        ({"a,b": {}}, "up to 32 letters"),
     ):
         with pytest.raises(ValueError, match=named):
             from_mapping({"channels": wrong})

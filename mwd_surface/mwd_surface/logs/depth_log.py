@@ -22,7 +22,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_sensors.telemetry.log_channels import LogSample, is_channel_name
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)
@@ -412,7 +412,8 @@ def _usable(sample: LogSample) -> bool:
     """Return whether a sample, which may come from anybody, keeps to the limits of a log."""
     count = len(sample.sectors)
     return (
-        0.0 <= sample.span <= _LONGEST_S
+        is_channel_name(sample.channel)
+        and 0.0 <= sample.span <= _LONGEST_S
         and 0.0 <= sample.duration <= _LONGEST_S
         and count <= _MOST_SECTORS
         and len(sample.sigma_sectors) == len(sample.sector_durations) == count

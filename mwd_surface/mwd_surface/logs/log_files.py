@@ -12,7 +12,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.logs.depth_log import Curve, DepthLog, on_grid
-from mwd_surface.signals.cells import fixed
+from mwd_surface.signals.cells import fixed, plain
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.well import Well
 
@@ -56,7 +56,7 @@ def _columns_of(curve: Curve, rows: Array, count: int) -> list[Column]:
     unit = scale.symbol if scale is not None else curve.unit
     factor = scale.of(1.0) - scale.of(0.0) if scale is not None else 1.0
     offset = scale.of(0.0) if scale is not None else 0.0
-    short = MNEMONICS.get(curve.channel, curve.channel.upper()[:6])
+    short = MNEMONICS.get(curve.channel, curve.channel.upper())
     key = curve.channel
     found = [
         Column(key, short, unit, curve.channel, spread(curve.value, factor) + offset),
@@ -106,7 +106,8 @@ def las(log: DepthLog, which: str, well: Well) -> bytes:
         ("FLD", well.field, "FIELD"),
         ("SRVC", well.service_company, "SERVICE COMPANY"),
     ):
-        file.well[mnemonic] = item(mnemonic, value=value, descr=descr)
+        # A colon before a space separates value and description in LAS.
+        file.well[mnemonic] = item(mnemonic, value=plain(value).replace(": ", ", "), descr=descr)
     file.well["NULL"].value = _NULL
     file.params.append(item("PASS", value=which, descr="PASS OF THE LOG, first, deepest or all"))
     for name, count in log.unplaced.items():

@@ -2,9 +2,11 @@
 """Merge by depth: counts are conserved, order and reaming do not matter, gaps are stated, sigmas are honest."""
 
 import dataclasses
+import io
 import itertools
 import math
 
+import lasio
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,10 +15,12 @@ from hypothesis import strategies as st
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
+from mwd_surface.logs.log_files import FORMATS
 from mwd_surface.rig.derived_values import log_values
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import rig_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
+from mwd_surface.surveys.well import Well
 
 S = 10**9
 T0 = 10**18
@@ -214,6 +218,7 @@ def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
 @pytest.mark.parametrize(
     "more",
     [
+        {"channel": "gamma,=1"},
         {"span": 1e12},
         {"span": -1.0},
         {"span": math.nan},
@@ -242,6 +247,18 @@ def test_values_and_sectors_that_change_their_number_or_are_infinite_do_not_stop
     assert curve.sectors.shape[1] == 4
     assert np.isnan(curve.sigma[-1])
     assert curve.value[0] == 80.0
+
+
+@pytest.mark.parametrize("which", PASSES)
+def test_files_of_a_log_without_a_pass_and_of_a_well_with_a_strange_name_are_read_back(which):
+    up = drilled(lambda at: 1000.0 - 0.01 * at, 300)
+    up.add([dataclasses.replace(sample(20.0), channel=name) for name in ("axial_vibration", "axial_vib2")])
+    for log in (up, DepthLog()):
+        las = lasio.read(io.StringIO(FORMATS[".las"](log, which, Well(name="A: b\nc")).decode()))
+        assert las.well.WELL.value == "A, b c"
+        assert len(set(las.keys())) == len(las.keys())
+        rows = FORMATS[".csv"](log, which, Well()).decode().splitlines()
+        assert len(rows) == 1 + len(las["DEPT"])
 
 
 def test_a_clock_that_was_set_back_costs_no_more_than_any_other(monkeypatch):
