@@ -56,6 +56,7 @@ RANKS = {
         "trajectory": 1,
         "uncertainty": 2,
         "surveys": 3,
+        "logs": 4,
         "clearance": 4,
     },
 }

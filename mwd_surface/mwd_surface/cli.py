@@ -12,7 +12,7 @@ import typer
 
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.linear_algebra import use_one_thread
-from mwd_surface.commands import downlink
+from mwd_surface.commands import downlink, memory
 from mwd_surface.commands.assembly import sag, spacing
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.batch import batch
@@ -29,6 +29,7 @@ from mwd_surface.commands.forecast import forecast
 from mwd_surface.commands.graph import call, param, topic
 from mwd_surface.commands.inspect import inspect
 from mwd_surface.commands.listen import listen
+from mwd_surface.commands.log import log
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.path import path
 from mwd_surface.commands.plot import plot
@@ -78,6 +79,8 @@ app.command(rich_help_panel=_LIVE)(emulate)
 app.add_typer(downlink.app, name="downlink", rich_help_panel=_LIVE)
 app.command(rich_help_panel=_RECORDINGS)(inspect)
 app.command(rich_help_panel=_RECORDINGS)(process)
+app.command(rich_help_panel=_RECORDINGS)(log)
+app.add_typer(memory.app, name="memory", rich_help_panel=_RECORDINGS)
 app.command(rich_help_panel=_RECORDINGS)(batch)
 app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)

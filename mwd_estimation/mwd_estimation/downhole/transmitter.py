@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from mwd_estimation.core import input_gate
@@ -31,6 +32,7 @@ from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings, on_air
 from mwd_sensors.telemetry.downlink import FLOW, ROTATION
+from mwd_sensors.telemetry.log_channels import LogSample, carried
 from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.switch import Switch
@@ -42,6 +44,7 @@ _STEP_NS = NANOSECONDS // 10
 _CONTINUOUS_S = 10.0
 # Attitude that waits longer than this for the flow of the same time is dropped, so that memory stays bounded.
 _KEPT_NS = 60 * NANOSECONDS
+_KEPT_LOGS = 60  # running means of the log channels, one a second
 Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
@@ -112,6 +115,11 @@ class Transmitter:
         self._fresh = False
         self._current: Readings = {}
         self._slow: Readings = {}
+        # Words that carry log channels and have no other meaning; readings by word, and when they are known.
+        self._logged_words = {
+            word: item for word, item in carried(tool.logged).items() if not meanings.meaning_of(word)
+        }
+        self._logs: deque[tuple[int, Readings]] = deque(maxlen=_KEPT_LOGS)
         self._on_air: Iterator[_Part] = iter(())
         self._next_ns = 0
         self._begins_anew = False
@@ -138,6 +146,25 @@ class Transmitter:
         """Add summaries of `wire.DYNAMICS`; only the last one is used."""
         if len(samples):
             self._slow |= readings.of_dynamics(samples[-1])
+
+    def take_logs(self, known_ns: int, samples: Mapping[str, LogSample]) -> None:
+        """Add the running means of the log channels, known at a time, ns; they come in order, before the attitude."""
+        found: Readings = {}
+        for word, (name, channel, sector) in self._logged_words.items():
+            sample = samples.get(name)
+            if sample is None or (sector is not None and sector >= len(sample.sectors)):
+                continue
+            value, sigma = (
+                (sample.value, sample.sigma)
+                if sector is None
+                else (sample.sectors[sector], sample.sigma_sectors[sector])
+            )
+            if math.isfinite(value):
+                # Readings are in SI, or in the unit of the word where SI has none.
+                unit = self.tool.table[word].unit
+                factor = meanings.factor(unit) / channel.factor(unit)
+                found[word] = Reading(value * factor, sigma * factor, sample.stamp_ns)
+        self._logs.append((known_ns, found))
 
     def advance(self, attitude: Samples, reference: Reference | None) -> list[Sent]:
         """
@@ -312,6 +339,9 @@ class Transmitter:
 
     def _reading(self, kind: Kind, name: str) -> Reading | None:
         quantity = meanings.meaning_of(name)
+        if name in self._logged_words:
+            row = _newest(self._logs, self._next_ns) if self._logs else None
+            return None if row is None else row[1].get(name)
         if quantity == meanings.DOWNLINK:
             return Reading(float(self._commands.echo), 0.0, self._next_ns)
         of_now = self._slow | self._current

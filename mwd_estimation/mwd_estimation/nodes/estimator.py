@@ -31,6 +31,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
+from mwd_estimation.nodes.log_publisher import LogPublisher, Running
 from mwd_estimation.nodes.messages import (
     MIN_SPACING_NS,
     innovation_message,
@@ -106,6 +107,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._gate = RecordingGate(self)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
+        self._logs = LogPublisher(self, self._transmission.channels)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(_INNOVATIONS_PERIOD, self._publish_innovations)
         self.add_timer(_INNOVATIONS_PERIOD, self._publish_used_samples)
@@ -137,6 +139,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def deactivate(self) -> None:
         """Publish a survey that waits for the gyro as it is; finish pending requests without success."""
         self._publish_pending_survey()
+        self._logs.finish()
         if self._revisions is not None:
             self._revisions.finish()
         self._respond(False, "no survey taken: the estimator stops", 0)
@@ -170,10 +173,12 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             if len(samples):
                 self._used.take(topic, samples)
                 push(samples)
+        self._logs.push_temperature(pipeline.gate.temperature(taken["imu/temperature"]))
         if len(imu) and "imu" not in pipeline.mount.unusable:
             self._used.take("imu/data_raw", imu)
             imu = pipeline.gate.imu(imu)
-            self._publish(imu, pipeline.push_imu(imu))
+            output = pipeline.push_imu(imu)
+            self._publish(imu, output, self._logs.take(output, self._frame))
 
     @property
     def _frame(self) -> str:
@@ -183,10 +188,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     # Publishers.
 
-    def _publish(self, samples: Samples, output: Output) -> None:
+    def _publish(self, samples: Samples, output: Output, running: Running) -> None:
         frame = self._frame
         self._publish_streams(samples, output, frame)
-        self._transmission.take(samples, output, self._pipeline, frame)
+        self._transmission.take(samples, output, self._pipeline, running, frame)
         for change in output.health:
             fault = describe(change)
             if change.cleared_ns:

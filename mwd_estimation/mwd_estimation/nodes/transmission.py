@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mwd_msgs.msg import Transmission as TransmissionMessage
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
+from mwd_estimation.nodes.log_publisher import Running
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.core import wire
@@ -20,7 +22,8 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.time_stamps import stamp
-from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry import log_channels, tool_configuration
+from mwd_sensors.telemetry.log_channels import LogChannel
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 
 # Flow so far behind the estimates has stopped, s.
@@ -52,8 +55,17 @@ class TransmissionPublisher:
     def _begin_anew(self) -> None:
         self._transmitters = [Transmitter(tool, self._settings) for tool in self._tools]
 
-    def take(self, imu: Samples, output: Output, pipeline: Pipeline, frame: str) -> None:
-        """Take IMU samples in axes of the unit and what the estimator gave for them; publish what went on air."""
+    @property
+    def channels(self) -> Mapping[str, LogChannel]:
+        """Log channels of the tool, by name."""
+        return self._tools[0].logged if self._tools else log_channels.CHANNELS
+
+    def take(self, imu: Samples, output: Output, pipeline: Pipeline, running: Running, frame: str) -> None:
+        """
+        Accept a block of samples and its results, and publish what went on air.
+
+        imu: in axes of the unit. running: running means of the log channels.
+        """
         if not self._transmitters:
             return
         if pipeline.counters.set_back > self._set_back:
@@ -67,6 +79,8 @@ class TransmissionPublisher:
             for survey in output.surveys:
                 transmitter.take_survey(survey)
             transmitter.take_dynamics(output.dynamics)
+            for known_ns, means in running:
+                transmitter.take_logs(known_ns, means)
             for sent in transmitter.advance(output.attitude, pipeline.reference):
                 self._publisher.publish(transmission_message(sent, frame))
                 self._sent += 1

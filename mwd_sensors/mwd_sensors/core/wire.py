@@ -316,13 +316,26 @@ TRUTH = Layout(
     ),
 )
 
+COUNTS = Layout(
+    "mwd_msgs/msg/DetectorCounts",
+    (
+        ("duration", "float64", 1),
+        ("counts", "uint32", 1),
+        ("dead_time", "float64", 1),
+        ("tool_factor", "float64", 1),
+        ("toolface_offset", "float64", 1),
+        ("sensor_to_bit", "float64", 1),
+    ),
+)
 TOOL_FLOW = Layout("mwd_msgs/msg/ToolFlow", (("flow", "float64", 1), ("sigma", "float64", 1)))
 
 #: A vector whose message does not say what it means; no topic of the graph uses it.
 VECTOR = Layout("geometry_msgs/msg/Vector3Stamped", (("vector", "float64", 3),))
 LAYOUTS = {
     layout.type_name: layout
-    for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH, TOOL_FLOW)
+    for layout in (
+        *(IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH, COUNTS, TOOL_FLOW),
+    )
 }
 # Topics of the sonde and the rig, relative to the well's namespace, with their layouts.
 SONDE_TOPICS = {
@@ -333,6 +346,8 @@ SONDE_TOPICS = {
     "truth": TRUTH,
     "rig/state": RIG_STATE,
 }
+#: Counts of the gamma detector, of a sonde that has one.
+GAMMA_TOPIC = "gamma/counts"
 # Frame names; a node puts its prefix in front of them in headers and transforms (`GraphNode.frame`).
 SONDE_FRAME = "sonde_link"  # x down the hole, z the scribe line
 BIT_FRAME = "bit"  # axes of the sonde, at the bit

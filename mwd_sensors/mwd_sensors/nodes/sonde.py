@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_msgs.msg import ImuBurst, RigState, Truth
+from mwd_msgs.msg import DetectorCounts, ImuBurst, RigState, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 
@@ -46,9 +46,10 @@ _TYPES = {
     "imu/temperature": Temperature,
     "truth": Truth,
     "rig/state": RigState,
+    wire.GAMMA_TOPIC: DetectorCounts,
 }
 # At equal stamps the AHRS comes last, so that the other samples that the estimator needs are already published.
-_ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
+_ORDER = ("rig/state", "imu/temperature", wire.GAMMA_TOPIC, "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
 
 _THINNED = ("imu/mag", "truth")
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
@@ -134,6 +135,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._topic_publishers = {
             topic: self.add_publisher(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
             for topic in _ORDER
+            if topic in wire.SONDE_TOPICS or self._scenario.gamma is not None
         }
         if self.settings.burst:
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
@@ -246,7 +248,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self._truth_file is not None:
             self._truth_file.take(block["truth"])
         for order, topic in enumerate(_ORDER):
-            samples = self._thinned(topic, block[topic])
+            samples = self._thinned(topic, block.get(topic, wire.COUNTS.empty(0)))
             if len(samples):
                 self._pending += self._messages(sonde, order, topic, samples)
         self._pending.sort(key=lambda item: item[:2])
@@ -272,7 +274,7 @@ class SondeNode(GraphNode[SondeSettings]):
         frame = self.frame(wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME)
         dues = (samples["stamp_ns"] - sonde.epoch_ns) * 1e-9
         if not self.settings.burst or topic not in _BURST_TOPIC:
-            rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
+            rows = sonde.topics[topic].encode(samples, frame)
             return [(float(due), order, topic, row.tobytes()) for due, row in zip(dues, rows, strict=True)]
         return [
             (float(dues[part][-1]), order, _BURST_TOPIC[topic], burst.encode(samples[part], frame))

@@ -17,6 +17,7 @@ import numpy as np
 from mwd_sensors.core import earth, frames, wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps, joined
 from mwd_sensors.simulator import faults, instrument, interference, motion, steering
+from mwd_sensors.simulator.gamma import GammaDetector
 from mwd_sensors.simulator.kinematics import Place, sensed
 from mwd_sensors.simulator.measuring_unit import MeasuringUnit
 from mwd_sensors.simulator.pump_commands import CommandedFlow
@@ -43,9 +44,10 @@ _STREAMS = (
     "faults",
     "link",
     "steering",
+    "gamma",
 )
 # Streams that are drawn anew when the same tool is started again: no two runs of a real sensor have the same noise.
-_NOISE = ("ahrs_run", "precision_run", "mag_run")
+_NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
 _TURNING = 0.5  # rad/s; a top drive slower than this counts as sliding
 
 
@@ -72,6 +74,10 @@ class Sonde:
         Exact motion of the sonde.
     string : String or None
         Top drive and string, if the scenario has steering.
+    gamma : GammaDetector or None
+        Detector of natural gamma, if the scenario has one.
+    topics : dict of str to Layout
+        Topics of the blocks: those of `wire.SONDE_TOPICS`, and the counts of the detector if there is one.
     link : TelemetryLink or None
         Telemetry link to the surface, if the scenario has one.
     """
@@ -129,6 +135,9 @@ class Sonde:
         self._margin = max(unit.margin for unit in self._units)
         self.magnetometer = instrument.magnetometer_triad(self.ahrs.grade.magnetometer, self._rng["mag_draw"])
         self._temperature_error = self.ahrs.grade.temperature_c * float(self._rng["temperature"].standard_normal())
+        item = scenario.gamma
+        self.gamma = None if item is None else GammaDetector(item, self.motion.path, self._rng["gamma"])
+        self.topics = dict(wire.SONDE_TOPICS) if item is None else {**wire.SONDE_TOPICS, wire.GAMMA_TOPIC: wire.COUNTS}
         self.faults = faults.start(scenario.faults, self._rng["faults"])
         names = sorted(topic for topic in wire.SONDE_TOPICS if topic not in ("truth", "rig/state"))
         self._links = {
@@ -138,7 +147,7 @@ class Sonde:
         self._inputs: TrueInputs | None = None
         self._step = 0
         self._given = 0.0
-        self._kept: dict[str, list[tuple[Samples, Array]]] = {topic: [] for topic in wire.SONDE_TOPICS}
+        self._kept: dict[str, list[tuple[Samples, Array]]] = {topic: [] for topic in self.topics}
 
     @property
     def time(self) -> float:
@@ -190,7 +199,7 @@ class Sonde:
         """
         Yield the samples of every topic in blocks of this length, s, to the end of the schedule.
 
-        Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it (possibly none). A second
+        Each block holds, for each topic of `topics`, the samples that arrive in it (possibly none). A second
         call continues where the last block ended.
 
         Raises
@@ -208,13 +217,13 @@ class Sonde:
             while self.time < self._given - 1e-9:
                 for topic, arrived in self._advance().items():
                     self._kept[topic].append(arrived)
-            yield {topic: self._take(topic, until) for topic in wire.SONDE_TOPICS}
+            yield {topic: self._take(topic, until) for topic in self.topics}
             count += 1
 
     def _take(self, topic: str, until: float) -> Samples:
         parts = self._kept[topic]
         if not parts:
-            return wire.SONDE_TOPICS[topic].empty(0)
+            return self.topics[topic].empty(0)
         samples, t = joined([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
         # Arrival times ascend, so a block is a slice.
         cut = int(np.searchsorted(t, until))
@@ -268,6 +277,10 @@ class Sonde:
             activity = np.where((activity == SLIDING) | (activity == ROTATING), turning, activity)
         truth["activity"] = activity
         out["truth"] = (truth, t)
+        if self.gamma is not None:
+            bit = md + self.scenario.well.sensor_to_bit_m
+            counts, picked = self.gamma.samples(index, stamps, truth["gravity_toolface"], bit, rate)
+            out[wire.GAMMA_TOPIC] = (counts, t[picked])
         gauge = index % (rate // scenario.rig_hz) == 0
         out["rig/state"] = (self._rig(index[gauge], t[gauge], drive[gauge]), t[gauge])
         return out

@@ -22,9 +22,18 @@ from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.units import LPM
-from mwd_sensors.telemetry import checksum, combinatorial, meanings, pulse_position, sequences, serial_frames
+from mwd_sensors.telemetry import (
+    checksum,
+    combinatorial,
+    log_channels,
+    meanings,
+    pulse_position,
+    sequences,
+    serial_frames,
+)
 from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
 from mwd_sensors.telemetry.downlink import Downlink
+from mwd_sensors.telemetry.log_channels import LogChannel
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.serial_frames import SerialLine
@@ -94,6 +103,11 @@ class ToolConfiguration:
     transmit_delay_s: float = setting(45.0, "Time from flow-on to the sync.", unit="s", low=0.0, high=3600.0)
     downlink: Downlink | None = setting(None, "Downlink for commands from the surface; none if the tool accepts none.")
     words: dict[str, Word] = setting({}, "Ranges of words by name; they replace the ranges that kits commonly use.")
+    channels: dict[str, LogChannel] = setting(
+        {},
+        "Log channels by name: what the tool measures against depth, and the words that carry it. Without any, the "
+        "usual ones: gamma, inclination, temperature and lateral vibration.",
+    )
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
     toolface_sequences: tuple[str, ...] = setting(
         (_TOOLFACE,), "Sent repeatedly after the survey. Leave it empty, {}, for a tool that sends surveys only."
@@ -107,13 +121,14 @@ class ToolConfiguration:
         ------
         ValueError
             A sequence cannot be read, there is no survey, or there are more sequences than the header can number; or
-            the unit of a word does not fit the quantity of its name.
+            the unit of a word does not fit the quantity of its name, or of the log channel that it carries.
         """
         for name, word in self.words.items():
             try:
                 meanings.check_unit(name, word.unit)
             except ValueError as error:
                 raise ValueError(f"words.{name}.{error}") from error
+        log_channels.check(self.channels, self.table)
         for name in ("survey_sequences", "toolface_sequences"):
             texts = getattr(self, name)
             if not texts and name == "survey_sequences":
@@ -155,6 +170,11 @@ class ToolConfiguration:
             if self.missing_code
             else words
         )
+
+    @functools.cached_property
+    def logged(self) -> Mapping[str, LogChannel]:
+        """Log channels in force, by name."""
+        return self.channels or log_channels.usual(self.table)
 
     @functools.cached_property
     def table_check(self) -> int:

@@ -13,7 +13,7 @@ from project import MESSAGES
 
 def _typestore():
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name in ("Gravity", "Attitude", "Interference", "Dynamics", "RigState", "ToolFlow", "Truth"):
+    for name in ("Gravity", "Attitude", "Interference", "Dynamics", "RigState", "ToolFlow", "Truth", "DetectorCounts"):
         store.register(get_types_from_msg((MESSAGES / f"{name}.msg").read_text(), f"mwd_msgs/msg/{name}"))
     return store
 
@@ -61,7 +61,9 @@ def test_an_independent_serialiser_reads_and_writes_the_same_bytes(layout):
     np.testing.assert_array_equal(layout.decode(bytes(store.serialize_cdr(message, layout.type_name))), sample)
 
 
-@pytest.mark.parametrize("name", ["Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth"])
+@pytest.mark.parametrize(
+    "name", ["Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth", "DetectorCounts"]
+)
 def test_layout_lists_the_fields_of_the_message_in_order(name):
     fields = []
     for line in (MESSAGES / f"{name}.msg").read_text().splitlines():

@@ -6,6 +6,7 @@ import itertools
 import pytest
 import yaml
 
+from mwd_sensors.telemetry import log_channels
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode, from_mapping, read, text
 
 PUBLIC = {
@@ -92,3 +93,40 @@ def test_a_tool_may_send_surveys_only_and_its_file_reads_back(given, code):
     assert from_mapping(yaml.safe_load(text(tool))) == tool
     with pytest.raises(ValueError, match="survey_sequences: at least one"):
         from_mapping({"survey_sequences": given})
+
+
+def test_a_log_channel_is_declared_in_the_configuration_alone():
+    """A channel of any source with its word; a wrong word, unit or number of sectors is refused by name."""
+    sectors = ("GU", "GR", "GD", "GL")
+    words = {name: {"bits": 8, "high": 510.0, "unit": "gAPI"} for name in sectors}
+    channels = {
+        "gamma": {"sectors": 4, "word": "Gama", "sector_words": list(sectors), "tool_factor": 1.5},
+        "shake": {"source": "stick_slip", "word": "SSI"},
+    }
+    words["SSI"] = {"bits": 6, "high": 2.0}
+    tool = from_mapping({"channels": channels, "words": words})
+    assert from_mapping(yaml.safe_load(text(tool))) == tool
+    assert [item[0::2] for item in log_channels.carried(tool.logged).values()] == [
+        ("gamma", None),
+        *(("gamma", k) for k in range(4)),
+        ("shake", None),
+    ]
+    assert tool.logged["gamma"].factor("cps") == 1.5
+    assert tool.logged["gamma"].factor("gAPI") == 1.0
+    for wrong, named in (
+        ({"g": {"word": "Nope"}}, "channels.g: no word Nope"),
+        ({"g": {"word": "RINC"}}, "channels.g: word RINC"),
+        ({"g": {"word": "Gama"}, "h": {"word": "Gama"}}, "channels.h: the word Gama"),
+        ({"g": {"sectors": 2}}, "sectors: must be 0, or 4"),
+        ({"g": {"sectors": 4, "sector_words": ["Gama"]}}, "1 words for 4 sectors"),
+        ({"g": {"source": "radon"}}, "channels.g.source"),
+        ({"a,b": {}}, "up to 32 letters"),
+    ):
+        with pytest.raises(ValueError, match=named):
+            from_mapping({"channels": wrong})
+
+
+def test_a_kit_that_names_another_quantity_like_a_usual_channel_keeps_its_word():
+    tool = from_mapping({"words": {"Gama": {"bits": 8, "high": 9.0, "unit": "V"}}})
+    assert tool.logged["gamma"].word == ""
+    assert tool.logged["inclination"].word == "RINC"

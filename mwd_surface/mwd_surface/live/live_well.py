@@ -29,6 +29,7 @@ from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.live.evaluation import not_evaluated
 from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.link_monitor import LinkMonitor
+from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.said import SaidByTheSurface
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
@@ -50,7 +51,7 @@ from mwd_surface.trajectory.slide_sheet import SlideRules, Stretch
 CELL_NS = 50_000_000
 _LINK_PERIOD = 2.0  # s between attitudes over a link at most
 # Topics of the tool, and the topics that replace them where the tool is heard through a telemetry link.
-OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
+OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey", "log": "link/log"}
 _FROM_TOOL = ("gravity", "dynamics", "interference", "imu/temperature", "imu/mag", "imu/data_raw", "survey/revised")
 
 Message = tuple[int, str, bytes]
@@ -153,6 +154,7 @@ class LiveWell:
         self.diagnostics = DiagnosticsMonitor(context, full_name)
         self._supervision = SupervisionMonitor(context)
         self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
+        self.logs = LogMonitor(context, book)
         self._clearance = ClearanceMonitor(context, plan)
         self._advice = AdviceMonitor(context)
         self._said = SaidByTheSurface(context, book, self.diagnostics.survey_ended, self._use_depth_by_hand, said)
@@ -174,6 +176,7 @@ class LiveWell:
         of_messages: dict[str, Callable[[Any], None]] = {
             "survey": self._on_survey,
             "survey/revised": self._on_revision,
+            "log": self.logs.on_sample,
             "/diagnostics": self.diagnostics.on_diagnostics,
             "heartbeat": self._supervision.on_heartbeat,
             "rig/quill": self.slides.on_quill,
@@ -304,6 +307,7 @@ class LiveWell:
         self._link.update()
         self.decoder.update(now)
         book.update_projection()
+        self.logs.update(now)
         self._clearance.update(book.surveys, book.bit_depth)
         self.slides.update(now, book.surveys)
         if not self._said.advises:

@@ -16,6 +16,7 @@ from mwd_surface.list_files.remark import RemarkKind, distinct
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.well_context import WellContext
+from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
@@ -63,11 +64,14 @@ class SurveyBook:
         The list in force.
     depth : DepthTrack
         Bit depth over time.
+    logs : DepthLog
+        Log channels over depth.
     """
 
     def __init__(self, context: WellContext, plan: PlanMonitor, surveys: SurveyList, depth: DepthRules) -> None:
         self.depth = DepthTrack(depth)
         self.surveys = surveys
+        self.logs = DepthLog(surveys.well.sensor_offset)
         self._clock, self._live, self._alarm_log, self._outlet = (
             context.clock,
             context.live,
@@ -97,6 +101,8 @@ class SurveyBook:
         for sample in samples:
             known = bool(sample["valid"] & RIG_VALID["bit_depth"])
             accepted = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
+            if accepted and self.depth.latest is not None:
+                self.logs.add_depth(*self.depth.latest)
         return self.bit_depth if accepted else None
 
     def on_sonde(self, samples: Samples) -> None:

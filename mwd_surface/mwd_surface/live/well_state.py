@@ -29,6 +29,7 @@ from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, Strea
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
+from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
@@ -317,6 +318,10 @@ class WellState:
         Whether a telemetry link stands between tool and surface; None: not known.
     history, trend, depth_log : Chart
         Charts over the last minutes, over the last hours (in larger steps), and over the depth of the sensor.
+    logs : tuple of Curve
+        Log channels over depth, first pass.
+    newest_logs : mapping of str to Newest
+        Newest value of each log channel.
     changes : mapping of str to Change
         By the name of the part (a field of this class); a part that was never set is missing.
     """
@@ -354,6 +359,8 @@ class WellState:
     history: Chart = dataclasses.field(default_factory=Chart)
     trend: Chart = dataclasses.field(default_factory=Chart)
     depth_log: Chart = dataclasses.field(default_factory=Chart)
+    logs: tuple[Curve, ...] = ()
+    newest_logs: Mapping[str, Newest] = dataclasses.field(default_factory=dict)
     changes: Mapping[str, Change] = dataclasses.field(default_factory=dict)
 
     @property

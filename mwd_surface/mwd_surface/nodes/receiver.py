@@ -38,6 +38,7 @@ from mwd_surface.nodes.receiver_warm_up import warm_up
 from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput, Quality
 from mwd_surface.receiver.link.link_feed import LinkFeed
+from mwd_surface.receiver.link.link_log import log_samples
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
@@ -107,6 +108,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._quality = self.add_publisher(msg.LinkQuality, "link/quality", qos.buffered(qos.STATE))
         self._attitude = self.add_publisher(msg.Attitude, "link/attitude", qos.STATE)
         self._survey = self.add_publisher(msg.Survey, "link/survey", qos.EVENT)
+        self._log = self.add_publisher(msg.LogSample, "link/log", qos.EVENT)
         self.add_timer(_PERIOD_S, self._on_timer)
 
     def _serial_line(self) -> SerialBytes | None:
@@ -248,6 +250,9 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             message = link_messages.word_message(word, link.tool, link.name, feed.stamp_of)
             message.header.frame_id = rig_frame
             self._word.publish(message)
+        travel_s = link.attitude.travel_s
+        for sample in log_samples(out.words, link.tool, lambda at: feed.stamp_of(at - travel_s)):
+            self._log.publish(dataclasses.replace(sample, frame_id=self.frame(wire.SONDE_FRAME)).to_message(make))
         for frame in out.frames:
             words = [word for word in out.words if word.frame == frame.frame and word.revision]
             report = link_messages.frame_message(frame, words, link.name, feed.stamp_of)

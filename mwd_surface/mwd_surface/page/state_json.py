@@ -22,6 +22,7 @@ from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import Chart, WellState
+from mwd_surface.page.log_table import log_table
 from mwd_surface.page.plain import number, numbers, plain
 from mwd_surface.page.survey_panel import COLUMNS, path_table, quality_lights, survey_row
 from mwd_surface.trajectory.plan import Plan
@@ -127,6 +128,7 @@ class StateJson:
             "plan": _View(("plan",), section, lambda: _plan(state.plan, section, most)),
             "clearance": _View(("clearance",), None, lambda: _clearance(state)),
             "recorder": _View(("recorder",), None, lambda: _sent(state.recorder)),
+            "logs": _View(("logs",), None, lambda: log_table(state.logs)),
             "steering": _View(("stretches",), None, lambda: _steering(state, most)),
             **{name: _View((name,), None, functools.partial(_part, getattr(state, name))) for name in _PARTS},
         }

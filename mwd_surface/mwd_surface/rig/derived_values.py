@@ -14,9 +14,12 @@ from mwd_surface.live.inputs import HAND, SONDE, InputState, InputTable, Role
 from mwd_surface.live.latest_values import Freshness
 from mwd_surface.live.well_state import WellState
 from mwd_surface.rig.value import Condition, RigValue
-from mwd_surface.signals.table import FROM_ADVICE, FROM_CONTROL, FROM_PLAN
+from mwd_surface.signals.table import FROM_ADVICE, FROM_CONTROL, FROM_LOG, FROM_PLAN
 from mwd_surface.trajectory.advice import AdviceMode
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, TIE_ON
+
+# Over mud pulses a value of gamma may take a minute, and as long again where a word is lost.
+_LOG_STALE_S = 120.0
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
@@ -103,6 +106,21 @@ def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
         if row is not None and math.isfinite(row.clock_offset + row.offset_age):
             age = row.offset_age + since
             values[name] = RigValue(row.clock_offset, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
+    return values
+
+
+def log_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    """Return the newest natural gamma and the depth of its detector, with the age of the measurement."""
+    newest = state.newest_logs.get("gamma")
+    if newest is None:
+        return {signal.name: RigValue(reason="no natural gamma with a depth yet") for signal in FROM_LOG}
+    age = max(0.0, (now_ns - newest.stamp_ns) / NANOSECONDS)
+    live = age <= _LOG_STALE_S
+    values = {}
+    for signal in FROM_LOG:
+        sigma = newest.sigma if signal.sigma and math.isfinite(newest.sigma) else None
+        condition, reason = (Condition.GOOD, "") if live else (Condition.STALE, f"measured {age:.0f} s ago")
+        values[signal.name] = RigValue(getattr(newest, signal.field), condition, newest.stamp_ns, age, sigma, reason)
     return values
 
 

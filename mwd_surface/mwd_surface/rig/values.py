@@ -22,7 +22,7 @@ from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
-from mwd_surface.rig.derived_values import advice_values, control_values, input_values, projection
+from mwd_surface.rig.derived_values import advice_values, control_values, input_values, log_values, projection
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.value import Condition, RigValue
 from mwd_surface.signals.signal import Signal
@@ -117,6 +117,7 @@ def rig_values(
     values.update(control_values(state.control, now_ns))
     values.update(advice_values(state, now_ns))
     values.update(input_values(state, now_ns))
+    values.update(log_values(state, now_ns))
     values.update(survey_values(surveys[-1] if surveys else None, now_ns))
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}

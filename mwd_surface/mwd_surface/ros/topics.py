@@ -25,6 +25,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/burst": (msg.ImuBurst, STREAM),
     "gyro/burst": (msg.ImuBurst, STREAM),
     "imu/temperature": (Temperature, STREAM),
+    "gamma/counts": (msg.DetectorCounts, STREAM),
     "truth": (msg.Truth, STREAM),
     "rig/state": (msg.RigState, EVENT),
     "control/command": (msg.SealedCommand, STATE),
@@ -44,11 +45,13 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "link/quality": (msg.LinkQuality, STATE),
     "link/attitude": (msg.Attitude, STATE),
     "link/survey": (msg.Survey, EVENT),
+    "link/log": (msg.LogSample, EVENT),
     "downlink/state": (msg.DownlinkState, EVENT),
     "gravity": (msg.Gravity, DEADLINE_STREAM),
     "attitude": (msg.Attitude, DEADLINE_STREAM),
     "imu/data": (Imu, STREAM),
     "dynamics": (msg.Dynamics, STATE),
+    "log": (msg.LogSample, EVENT),
     "interference": (msg.Interference, STATE),
     "innovations": (msg.InnovationList, STATE),
     "used_samples": (msg.UsedSamples, STATE),
@@ -84,6 +87,7 @@ OF_SURFACE = frozenset(
 # Topics of the tool; a surface that receives the tool over a telemetry link does not subscribe to them.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
+    *("gamma/counts", "log"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
     *("survey/revised", "used_samples", "/tf"),
 )

@@ -62,7 +62,7 @@ def record(
     with BagWriter(path, custom={"scenario": scenario.name, "seed": str(scenario.seed)}) as bag:
         channels = {
             name: bag.topic(prefix + name, layout.type_name, [_EVENT if name == "rig/state" else _STREAM])
-            for name, layout in wire.SONDE_TOPICS.items()
+            for name, layout in sonde.topics.items()
         }
         if source:
             bag.attach("scenario.yaml", "application/yaml", source, sonde.epoch_ns)
@@ -71,7 +71,7 @@ def record(
         for block in sonde.blocks(_BLOCK_S):
             for name, samples in block.items():
                 frame = prefix[1:] + (wire.RIG_FRAME if name == "rig/state" else wire.SONDE_FRAME)
-                rows = wire.SONDE_TOPICS[name].encode(samples, frame)
+                rows = sonde.topics[name].encode(samples, frame)
                 bag.write_rows(channels[name], rows, samples["stamp_ns"])
             done += _BLOCK_S
             if link is not None:

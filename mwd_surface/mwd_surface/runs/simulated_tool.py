@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from mwd_estimation.downhole.log_sampler import LogSampler
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -15,6 +16,7 @@ from mwd_sensors.core.settings import from_mapping
 from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
+from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 from mwd_surface.runs.launch_plan import estimator_parameters
 
@@ -37,6 +39,8 @@ class SimulatedTool:
         All words that were transmitted.
     surveys : list
         Surveys from the estimator.
+    logs : list of LogSample
+        Samples of the log channels.
 
     Raises
     ------
@@ -51,9 +55,11 @@ class SimulatedTool:
         self._pipeline = Pipeline(estimator_settings(sonde))
         transmit = self._pipeline.settings.transmit
         self._transmitters = [Transmitter(tool, transmit) for tool in sonde.scenario.telemetry.tools]
+        self._logs = LogSampler(sonde.scenario.telemetry.tools[0].logged)
         self._done = 0.0
         self.sent: list[Sent] = []
         self.surveys: list[object] = []
+        self.logs: list[LogSample] = []
 
     @property
     def link(self) -> TelemetryLink:
@@ -80,6 +86,8 @@ class SimulatedTool:
         pipeline.push_mag(block["imu/mag"])
         pipeline.push_precision(block["gyro/data_raw"])
         pipeline.push_temperature(block["imu/temperature"])
+        self._logs.push("temperature", pipeline.gate.temperature(block["imu/temperature"]))
+        self._logs.push("counts", block.get(wire.GAMMA_TOPIC, wire.COUNTS.empty(0)))
         self._take_output(pipeline.push_imu(imu))
         self._done = until_s
         return flow, self._link.advance(until_s - _LAG_S)
@@ -90,13 +98,18 @@ class SimulatedTool:
 
     def _take_output(self, output: Output) -> None:
         self.surveys += output.surveys
+        self._logs.push("dynamics", output.dynamics)
+        self.logs += self._logs.advance(output.attitude)
         for transmitter in self._transmitters:
             for survey in output.surveys:
                 transmitter.take_survey(survey)
             transmitter.take_dynamics(output.dynamics)
+            for running in self._logs.running:
+                transmitter.take_logs(*running)
             for sent in transmitter.advance(output.attitude, self._pipeline.reference):
                 self.sent.append(sent)
                 self._link.send(self._on_air(sent))
+        self._logs.running.clear()
 
     def _on_air(self, sent: Sent) -> OnAir:
         tool = sent.tool

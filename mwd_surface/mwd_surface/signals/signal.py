@@ -9,7 +9,7 @@ from typing import NamedTuple
 from mwd_surface.signals.units import DEG_PER_H, UNITS, Scale
 
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
-CONTROL, ADVICE, INPUT, SURFACE = "control", "advice", "input", "surface"
+CONTROL, ADVICE, INPUT, SURFACE, LOG = "control", "advice", "input", "surface", "log"
 TYPES = ("Double", "UInt32", "Int64", "Boolean", "String")
 _ON_PAPER = 2  # decimals in printed reports
 
@@ -49,6 +49,7 @@ SOURCES: dict[str, Source] = {
     PLAN: Source("the path against the plan", "each depth and survey", "there are a survey and a plan"),
     CONTROL: Source("the control authority", "each change", "an owner asks for it"),
     ADVICE: Source("steering/advice", "each change", "there is advice"),
+    LOG: Source("log, link/log", "each sample of the channel", "the sample has a depth; stale after two minutes"),
     INPUT: Source("clocks and depths of the inputs", "1 Hz", "there is such an input"),
     SURFACE: Source("the surface itself", "each change", "the node is active"),
 }

@@ -18,6 +18,7 @@ from pathlib import Path
 from mwd_surface.signals.signal import (
     ADVICE,
     CONTROL,
+    LOG,
     PLAN,
     SOURCES,
     SURFACE,
@@ -102,6 +103,7 @@ OF_SURVEY = tuple(signal for signal in TO_RIG if signal.source == SURVEY)
 FROM_TOOL = tuple(signal for signal in TO_RIG if SOURCES[signal.source].tool)
 FROM_PLAN = tuple(signal for signal in TO_RIG if signal.source == PLAN)
 FROM_CONTROL = tuple(signal for signal in TO_RIG if signal.source == CONTROL)
+FROM_LOG = tuple(signal for signal in TO_RIG if signal.source == LOG)
 FROM_ADVICE = tuple(signal for signal in TO_RIG if signal.source == ADVICE)
 # Columns of every table of surveys, those printed in each export of the definitive survey, and the columns of a
 # recording and of attitude files, in order.

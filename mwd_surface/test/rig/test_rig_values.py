@@ -14,7 +14,7 @@ from mwd_surface.live.toolface import GRAVITY, MAGNETIC
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import nothing_yet, rig_values, silenced
-from mwd_surface.signals.signal import PLAN
+from mwd_surface.signals.signal import LOG, PLAN
 from mwd_surface.signals.table import OF_SURVEY, TO_RIG
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
@@ -27,8 +27,8 @@ def test_every_quantity_is_there_and_good_when_everything_came():
     names = {signal.name for signal in TO_RIG}
     assert set(table.values) == names
     good = {name: v for name, v in table.values.items() if v.condition == Condition.GOOD}
-    # There is no plan in the example, and its set-point is no turn.
-    assert names - set(good) == {signal.name for signal in TO_RIG if signal.source == PLAN} | {"set_turn"}
+    # There are no plan and no logs in the example, and its set-point is no turn.
+    assert names - set(good) == {signal.name for signal in TO_RIG if signal.source in (PLAN, LOG)} | {"set_turn"}
     assert all(v.age is not None and v.age >= 0.0 and v.stamp_ns > 0 for v in good.values())
     assert table.values["inclination"].value == pytest.approx(math.radians(40.12))
     assert table.values["gravity_toolface"].value == pytest.approx(math.radians(123.456))

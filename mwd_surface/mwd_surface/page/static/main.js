@@ -11,6 +11,7 @@ import { showDownlink } from "./downlink_panel.js";
 import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
+import { showLogs } from "./logs_tab.js";
 import { showPath } from "./path_tab.js";
 import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
@@ -79,6 +80,7 @@ const SHOW = {
   control: showControlAndAdvice,
   advice: showControlAndAdvice,
   depth_log: showCharts,
+  logs: showLogs,
   path: (sections) => { showSurveys(); showWellPath(); showOffPlan(sections); },
   plan: (sections) => { showWellPath(); showOffPlan(sections); },
   alarms: showAlarmsAndEvents,
@@ -213,6 +215,7 @@ chooseLanguage(byId("language"));
 startTabs(() => {
   showLink(connection.sections.link, connection.sections.well?.over_link);
   showWellPath();
+  showLogs(connection.sections);
   charts.show();
   tick();
 });

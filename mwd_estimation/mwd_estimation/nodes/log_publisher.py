@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Log channels in the graph: counts of the detector in, `log` out, at the pace of the estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from mwd_msgs.msg import DetectorCounts
+from mwd_msgs.msg import LogSample as LogMessage
+
+from mwd_estimation.downhole.log_sampler import LogSampler
+from mwd_estimation.pipeline.output import Output
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.ros import qos
+from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import make
+from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
+
+Running = list[tuple[int, dict[str, LogSample]]]
+
+
+class LogPublisher:
+    """Runs the sampler of the log channels beside the estimator."""
+
+    def __init__(self, node: GraphNode[Any], channels: Mapping[str, LogChannel]) -> None:
+        self._sampler = LogSampler(channels)
+        self._frame = ""
+        self._counts = node.add_buffered_subscription(DetectorCounts, wire.GAMMA_TOPIC, qos.buffered(qos.STREAM))
+        self._publisher = node.add_publisher(LogMessage, "log", qos.EVENT)
+
+    def push_temperature(self, samples: Samples) -> None:
+        """Add samples of `wire.TEMPERATURE` that have passed the gate."""
+        self._sampler.push("temperature", samples)
+
+    def take(self, output: Output, frame: str) -> Running:
+        """Publish the samples that the results of a block complete, and return the running means for words."""
+        self._frame = frame
+        counts, _ = wire.decode_messages(wire.COUNTS, [message.data for message in self._counts.take()])
+        self._sampler.push("counts", counts)
+        self._sampler.push("dynamics", output.dynamics)
+        self._publish(self._sampler.advance(output.attitude))
+        running, self._sampler.running = self._sampler.running, []
+        return running
+
+    def finish(self) -> None:
+        """Publish the last, incomplete interval of each channel."""
+        self._publish(self._sampler.finish())
+
+    def _publish(self, samples: Iterable[LogSample]) -> None:
+        for sample in samples:
+            message = sample.to_message(make)
+            message.header.frame_id = self._frame
+            self._publisher.publish(message)

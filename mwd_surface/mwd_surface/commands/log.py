@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mwd log`: log channels of a recording over depth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
+
+
+@reads_recording
+def log(
+    recording: Recording,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .las, .csv or .parquet.")],
+    which: Annotated[
+        str,
+        typer.Option(
+            "--pass",
+            help="first: while the sensor was deeper than ever before; deepest: while the bit was on bottom; all: all "
+            "data, also of reaming.",
+        ),
+    ] = "first",
+    step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
+    well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the recording has several.")] = "",
+    compute: Annotated[
+        bool, typer.Option("--compute", help="Compute the samples from counts and IMU, also if they are recorded.")
+    ] = False,
+    tool: Annotated[
+        Path | None, typer.Option("--tool", help="Tool configuration with the log channels, for --compute.")
+    ] = None,
+    *,
+    reading: Reading,
+) -> None:
+    """
+    Write gamma and other log channels over depth: LAS 2.0, CSV or Parquet.
+
+    Each depth step has the mean, its 1 sigma, the time of measurement and the counts; gamma also has its sectors, the
+    first centred on the high side. Depth steps without data stay empty and are named.
+
+    \b
+    Examples:
+      mwd log runs/gamma_landing -o gamma.las
+      mwd log runs/gamma_landing -o gamma.csv --pass all --step 0.5
+      mwd log recording -o gamma.parquet --compute --tool tool.yaml
+    """
+    from mwd_estimation.settings.estimator import EstimatorSettings
+    from mwd_sensors.core.output_files import write_whole
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.logs.depth_log import PASSES
+    from mwd_surface.logs.log_files import FORMATS, gap_lines
+    from mwd_surface.logs.recorded_log import merged, recorded_samples
+    from mwd_surface.processing.log_estimate import channels_of, computed_samples
+    from mwd_surface.surveys.recorded_settings import recorded_settings
+    from mwd_surface.surveys.well import Well
+
+    if output.suffix.lower() not in FORMATS:
+        raise ValueError(f"--output {output}: a log must be {', '.join(FORMATS)}")
+    if which not in PASSES:
+        raise ValueError(f"--pass {which}: must be one of {', '.join(PASSES)}")
+    with Bag(recording) as bag:
+        recorded = recorded_settings(bag)
+        described = recorded.well(Well())
+        if compute:
+            given = input_settings(reading)
+            settings = recorded.estimator or EstimatorSettings()
+            samples = computed_samples(bag, settings, given, channels_of(tool), recorded)
+        else:
+            samples = recorded_samples(bag, well)
+        found = merged(bag, samples, described.sensor_offset, well=well, step_m=step)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(output, FORMATS[output.suffix.lower()](found, which, described))
+    for line in gap_lines(found, which):
+        terminal.warn(line)
+    for name, count in found.unplaced.items():
+        terminal.warn(f"{name}: {count} samples have no depth, because the rig gave none near their time")
+    names = ", ".join(found.channels) or "no channel"
+    terminal.output().print(f"{output}: {names}, {which} pass, steps of {step:g} m", markup=False)

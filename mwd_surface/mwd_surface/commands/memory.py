@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mwd memory`: a tool's own recording, and its merge into the log of a run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="The tool's own recording: fill the gaps of the real-time log.", no_args_is_help=True)
+
+
+@app.command()
+def dump(
+    recording: Annotated[Path, typer.Argument(help="Recording of the sensors, as `mwd simulate` writes it.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the dump to write.")],
+    tool: Annotated[Path | None, typer.Option("--tool", help="Tool configuration with the log channels.")] = None,
+    interval: Annotated[int, typer.Option("--interval", help="Interval of the samples, s.", min=1, max=60)] = 2,
+    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Error of its clock at the begin, s.")] = 0.0,
+    clock_drift: Annotated[float, typer.Option("--clock-drift", help="Drift of its clock, ppm.")] = 0.0,
+) -> None:
+    """
+    Write what the memory of a tool would hold: all log channels at a higher rate, and the rotation, by its own clock.
+
+    \b
+    Examples:
+      mwd memory dump runs/sensors -o dump --clock-offset 40 --clock-drift 30
+      mwd memory dump runs/sensors -o dump --tool tool.yaml --interval 1
+    """
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.processing import memory_dump
+    from mwd_surface.processing.log_estimate import channels_of
+    from mwd_surface.surveys.recorded_settings import recorded_settings
+
+    clock = memory_dump.DumpClock(clock_offset, clock_drift * 1e-6)
+    with Bag(recording) as bag:
+        recorded = recorded_settings(bag)
+        count = memory_dump.dump(bag, output, channels_of(tool), clock, interval_s=interval, recorded=recorded)
+    terminal.output().print(f"{output}: {count} log samples, each {interval} s", markup=False)
+
+
+@app.command()
+def merge(
+    run: Annotated[Path, typer.Argument(help="Recording of the run, with rig data and real-time log.")],
+    memory: Annotated[Path, typer.Argument(help="Dump of the tool's memory.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Log to write: .las, .csv or .parquet.")],
+    which: Annotated[str, typer.Option("--pass", help="first, deepest or all, as for `mwd log`.")] = "first",
+    step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
+    well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the run has several.")] = "",
+) -> None:
+    """
+    Find the clock of a memory, fill the gaps of the real-time log with it, and say what was improved.
+
+    Offset and drift of the clock come from the rotation that rig and tool have both recorded. Where the memory has a
+    channel, its samples replace those of the run, which rest on the same pulses.
+
+    \b
+    Examples:
+      mwd memory merge runs/gamma dump -o gamma.las
+      mwd memory merge runs/gamma dump -o gamma.csv --step 0.2
+    """
+    from mwd_sensors.core.output_files import write_whole
+    from mwd_surface.bags.bag_reader import Bag, BagError
+    from mwd_surface.commands import terminal
+    from mwd_surface.logs import memory_merge
+    from mwd_surface.logs.depth_log import PASSES
+    from mwd_surface.logs.log_files import FORMATS, gap_lines
+    from mwd_surface.logs.memory_clock import memory_clock
+    from mwd_surface.logs.recorded_log import merged, recorded_samples
+    from mwd_surface.surveys.recorded_settings import recorded_settings
+    from mwd_surface.surveys.well import Well
+
+    if output.suffix.lower() not in FORMATS:
+        raise ValueError(f"--output {output}: a log must be {', '.join(FORMATS)}")
+    if which not in PASSES:
+        raise ValueError(f"--pass {which}: must be one of {', '.join(PASSES)}")
+    with Bag(run) as bag, Bag(memory) as dumped:
+        described = recorded_settings(bag).well(Well())
+        turned = memory_merge.rotation_of_memory(dumped)
+        clock = memory_clock(memory_merge.rotation_of_rig(bag, well), turned)
+        of_memory = memory_merge.in_run_time(recorded_samples(dumped), clock)
+        try:
+            of_run = recorded_samples(bag, well)
+        except BagError:
+            of_run = []
+        begin, end = clock.run_ns(int(turned.stamp_ns[0])), clock.run_ns(int(turned.stamp_ns[-1]))
+        together = memory_merge.combined(of_run, of_memory, begin, end)
+        logs = [
+            merged(bag, part, described.sensor_offset, well=well, step_m=step) for part in (of_run, together, of_memory)
+        ]
+    output.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
+    say = terminal.output()
+    drift = "" if math.isnan(clock.sigma_drift) else f" ± {clock.sigma_drift * 1e6:.0f}"
+    say.print(
+        f"clock of the memory: {clock.offset_s:+.3f} ± {clock.sigma_offset_s:.3f} s, drift {clock.drift * 1e6:+.0f}"
+        f"{drift} ppm, from {clock.changes} starts and stops of the rotation (correlation {clock.correlation:.3f})",
+        markup=False,
+    )
+    for one in memory_merge.improvements(logs[0], logs[1], logs[2]):
+        shift = "" if math.isnan(one.depth_shift) else f"; depth shift {one.depth_shift:+.2f} m"
+        sigma = ""
+        if not math.isnan(one.sigma_before):
+            sigma = f"; median sigma {one.sigma_before:.3g}, now {one.sigma_after:.3g}"
+        say.print(
+            f"{one.channel}: {one.before} steps from the run, {one.filled} filled from the memory{sigma}{shift}",
+            markup=False,
+        )
+    for line in gap_lines(logs[1], which):
+        terminal.warn(line)
+    say.print(f"{output}: {', '.join(logs[1].channels)}, {which} pass, steps of {step:g} m", markup=False)

@@ -1,0 +1,429 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Merge of log samples by depth: curves at a fixed depth step, each value with its sigma and its counts.
+
+The depth of a sample is that of its sensor: the depth of the bit at the time of measurement, less the distance from
+sensor to bit. A sample whose sensor moved is shared among the depth steps that it passed, in proportion to the time in
+each. Two passes are kept besides the sum of all data: the first pass, of the time in which the sensor was deeper than
+ever before, and the deepest pass, of the time in which the bit was on bottom. Reaming and connections add to the sum
+alone, so they change neither pass.
+"""
+
+from __future__ import annotations
+
+import array
+import bisect
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.telemetry.log_channels import LogSample, is_channel_name
+
+FIRST, DEEPEST, ALL = "first", "deepest", "all"
+PASSES = (FIRST, DEEPEST, ALL)
+STEP_M = 0.1  # m, default depth step
+# Distance from the deepest depth within which a sensor counts as deepest, m: below the pick-up at a connection.
+_ON_BOTTOM_M = 0.03
+# Longest time between two depths of the bit across which the depth is interpolated, s; as `depth.bridge`.
+_BRIDGE_S = 30.0
+_STEP_S = 1.0  # s, length of the parts into which an interval is cut
+_DEPTHS_NS = NANOSECONDS  # ns between the depths that are kept
+_LONGEST_S = 3600.0  # s; no channel has a longer interval
+_MOST_SECTORS, _MOST_CHANNELS = 64, 64
+# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it.
+_LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """
+    One channel over depth, one row for each step from the shallowest to the deepest.
+
+    Attributes
+    ----------
+    channel, unit : str
+    depth : ndarray, shape (n,)
+        Middle of each step, m.
+    value, sigma : ndarray, shape (n,)
+        Mean and its 1 sigma; NaN in a gap.
+    counts : ndarray, shape (n,)
+        Pulses of a detector; NaN if not known.
+    seconds : ndarray, shape (n,)
+        Time of measurement, s; 0 in a gap.
+    samples : ndarray, shape (n,)
+        Number of samples that contribute.
+    sectors, sigma_sectors : ndarray, shape (n, k)
+        Means by direction, the first centred on the high side, clockwise looking down-hole; k = 0 without sectors.
+    """
+
+    channel: str
+    unit: str
+    depth: Array
+    value: Array
+    sigma: Array
+    counts: Array
+    seconds: Array
+    samples: Array
+    sectors: Array
+    sigma_sectors: Array
+
+    @property
+    def gaps(self) -> tuple[tuple[float, float], ...]:
+        """Intervals of depth without a value, top and bottom, m."""
+        if len(self.depth) < 2:
+            return ()
+        half = 0.5 * (self.depth[1] - self.depth[0])
+        missing = np.concatenate([[False], np.isnan(self.value), [False]]).astype(int)
+        tops, bottoms = np.flatnonzero(np.diff(missing) == 1), np.flatnonzero(np.diff(missing) == -1)
+        pairs = zip(tops, bottoms, strict=True)
+        return tuple((float(self.depth[a] - half), float(self.depth[b - 1] + half)) for a, b in pairs)
+
+
+@dataclasses.dataclass(frozen=True)
+class Newest:
+    """Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m."""
+
+    value: float
+    sigma: float
+    stamp_ns: int
+    depth: float
+
+
+class _Cell:
+    """Sums over one depth step."""
+
+    def __init__(self, sectors: int) -> None:
+        self.weight = self.total = self.variance = self.counts = 0.0
+        self.samples = 0
+        self.sector_weight = np.zeros(sectors)
+        self.sector_total = np.zeros(sectors)
+        self.sector_variance = np.zeros(sectors)
+
+    def add(self, sample: LogSample, share: float) -> None:
+        """Add the share of a sample that belongs to this step, all at once: its parts have the same error."""
+        # A value of one moment, from a word, has the weight of a second.
+        weight = share * (sample.duration or 1.0)
+        if math.isfinite(sample.value):
+            self.weight += weight
+            self.total += weight * sample.value
+            self.variance += (weight * sample.sigma) ** 2
+            self.counts += share * sample.counts
+            self.samples += 1
+        if len(self.sector_weight) and len(sample.sectors) == len(self.sector_weight):
+            seen = np.array(sample.sector_durations) * share
+            known = seen > 0.0
+            self.sector_weight[known] += seen[known]
+            self.sector_total[known] += seen[known] * np.array(sample.sectors)[known]
+            self.sector_variance[known] += (seen[known] * np.array(sample.sigma_sectors)[known]) ** 2
+
+
+class _Channel:
+    """One channel: its cells by pass, and the deepest depth of its sensor."""
+
+    def __init__(self, sample: LogSample) -> None:
+        self.unit, self.sectors = sample.unit, len(sample.sectors)
+        self.deepest = -math.inf
+        self.newest: Newest | None = None
+        self.newest_ns = -(2**63)
+        self.cells: dict[str, dict[int, _Cell]] = {name: {} for name in PASSES}
+
+    def add(self, which: str, index: int, sample: LogSample, share: float) -> None:
+        cells = self.cells[which]
+        if index not in cells:
+            cells[index] = _Cell(self.sectors)
+        cells[index].add(sample, share)
+
+
+class DepthLog:
+    """
+    Merge of the log samples of one well.
+
+    Parameters
+    ----------
+    sensor_to_bit : float
+        Distance from the sonde to the bit, m, for channels that do not say where their sensor is.
+    step_m : float
+        Depth step, m.
+
+    Attributes
+    ----------
+    version : int
+        Increases with every change.
+    unplaced : dict of str to int
+        Samples without a depth, by channel: no depth of the bit within half a minute of their time.
+    unusable : int
+        Samples that are left out because they contradict themselves or the limits of a log.
+
+    Raises
+    ------
+    ValueError
+        The step is not positive.
+    """
+
+    def __init__(self, sensor_to_bit: float = 0.0, step_m: float = STEP_M) -> None:
+        if not step_m > 0.0:
+            raise ValueError(f"step_m: must be above 0 m, got {step_m!r}")
+        self.sensor_to_bit, self.step_m = sensor_to_bit, step_m
+        self.version = 0
+        # Depth of the bit over time, and the deepest depth so far.
+        self._stamps = array.array("q")
+        self._bits = array.array("d")
+        self._bottoms = array.array("d")
+        self._bottom = -math.inf
+        self.unusable = 0
+        self._waiting: deque[LogSample] = deque()
+        self._placed: list[LogSample] = []
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self.unplaced: dict[str, int] = {}
+        self._channels: dict[str, _Channel] = {}
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels, sorted."""
+        return tuple(sorted(self._channels))
+
+    def newest(self) -> dict[str, Newest]:
+        """Return the newest value of each channel that has a depth."""
+        return {name: found.newest for name, found in self._channels.items() if found.newest is not None}
+
+    def add_depth(self, stamp_ns: int, bit_depth: float) -> None:
+        """
+        Add a depth of the bit, m, in order of time.
+
+        One depth a second is kept. A depth that is unknown, or older than the last, is left out.
+        """
+        if not math.isfinite(bit_depth):
+            return
+        self._bottom = max(self._bottom, bit_depth)
+        if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
+            self._stamps.append(stamp_ns)
+            self._bits.append(bit_depth)
+            self._bottoms.append(self._bottom)
+
+    def add(self, samples: Iterable[LogSample]) -> None:
+        """Add samples; those whose end is later than the last depth wait for the next one."""
+        for sample in samples:
+            if _usable(sample) and (sample.channel in self._channels or len(self._channels) < _MOST_CHANNELS):
+                self._waiting.append(sample)
+            else:
+                self.unusable += 1
+        self.advance()
+
+    def advance(self) -> None:
+        """Place the samples whose depth is known now."""
+        reached = self._stamps[-1] if self._stamps else -(2**63)
+        ready = [one for one in self._waiting if _end_ns(one) <= reached]
+        if ready:
+            self._waiting = deque(one for one in self._waiting if _end_ns(one) > reached)
+            self._place_in_order(ready)
+
+    def finish(self) -> None:
+        """Place the samples that still wait, because no depth follows."""
+        ready, self._waiting = list(self._waiting), deque()
+        self._place_in_order(ready)
+
+    def _place_in_order(self, samples: Sequence[LogSample]) -> None:
+        """Place samples in order of time; where one is older than a placed one of its channel, place all anew."""
+        samples = sorted(samples, key=_order)
+        late = any(
+            one.channel in self._channels and 0 < self._channels[one.channel].newest_ns - one.stamp_ns <= _LATE_NS
+            for one in samples
+        )
+        self._placed += samples
+        # A sample that is later still belongs to a clock that was set back: it is placed as it comes.
+        if late and len(self._placed) <= _MOST_KEPT:
+            self._placed.sort(key=_order)
+            self._begin_anew()
+            samples = self._placed
+        for sample in samples:
+            self._place(sample)
+        self.version += bool(samples)
+
+    def _place(self, sample: LogSample) -> None:
+        if not any(map(math.isfinite, (sample.value, *sample.sectors))):
+            return
+        channel = self._channels.setdefault(sample.channel, _Channel(sample))
+        channel.newest_ns = max(channel.newest_ns, sample.stamp_ns)
+        offset = self.sensor_to_bit if math.isnan(sample.sensor_to_bit) else sample.sensor_to_bit
+        count = max(1, round(sample.span / _STEP_S))
+        begin_ns, step_ns = _end_ns(sample) - round(sample.span * NANOSECONDS), sample.span * NANOSECONDS / count
+        shares: dict[tuple[str, int], int] = {}
+        for k in range(count):
+            at = self._bit(begin_ns + round((k + 0.5) * step_ns))
+            if at is None:
+                continue
+            bit, bottom = at
+            depth = bit - offset
+            passes = [ALL]
+            if depth >= channel.deepest - _ON_BOTTOM_M:
+                passes.append(FIRST)
+            if bit >= bottom - _ON_BOTTOM_M:
+                passes.append(DEEPEST)
+            channel.deepest = max(channel.deepest, depth)
+            index = math.floor(depth / self.step_m + 1e-9)
+            for which in passes:
+                shares[which, index] = shares.get((which, index), 0) + 1
+        middle = self._bit(sample.stamp_ns)
+        if middle is not None and math.isfinite(sample.value):
+            channel.newest = Newest(sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset)
+        for (which, index), steps in shares.items():
+            channel.add(which, index, sample, steps / count)
+        if not shares:
+            self.unplaced[sample.channel] = self.unplaced.get(sample.channel, 0) + 1
+
+    def _bit(self, stamp_ns: int) -> tuple[float, float] | None:
+        """Return the depth of the bit and the deepest so far, m; None where no depth is near in time."""
+        after = bisect.bisect_left(self._stamps, stamp_ns)
+        if after == 0 or after == len(self._stamps):
+            near = 0 if after == 0 else after - 1
+            if not self._stamps or abs(self._stamps[near] - stamp_ns) > _BRIDGE_S * NANOSECONDS:
+                return None
+            return self._bits[near], self._bottoms[near]
+        before = after - 1
+        apart = self._stamps[after] - self._stamps[before]
+        if apart > _BRIDGE_S * NANOSECONDS:
+            return None
+        part = (stamp_ns - self._stamps[before]) / apart
+        bit = self._bits[before] + (self._bits[after] - self._bits[before]) * part
+        return bit, max(self._bottoms[before], bit)
+
+    def curve(self, channel: str, which: str = FIRST, most: int | None = None) -> Curve:
+        """
+        Return a channel over depth.
+
+        which: one of `PASSES`. most: number of the deepest steps to return; None returns all.
+
+        Raises
+        ------
+        ValueError
+            There is no sample of this channel, or no such pass.
+        """
+        if channel not in self._channels:
+            raise ValueError(f"channel: no sample of {channel!r}; there are {', '.join(self._channels) or 'none'}")
+        if which not in PASSES:
+            raise ValueError(f"which: must be one of {', '.join(PASSES)}, got {which!r}")
+        found = self._channels[channel]
+        cells = found.cells[which]
+        rows = range(min(cells), max(cells) + 1) if cells else range(0)
+        rows = rows if most is None else rows[-most:]
+        empty = _Cell(found.sectors)
+        taken = [cells.get(index, empty) for index in rows]
+        weight = np.array([cell.weight for cell in taken])
+        spread = np.array([cell.sector_weight for cell in taken]).reshape(len(taken), found.sectors)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return Curve(
+                channel=channel,
+                unit=found.unit,
+                depth=(np.array(rows, dtype=float) + 0.5) * self.step_m,
+                value=np.array([cell.total for cell in taken]) / weight,
+                sigma=np.sqrt([cell.variance for cell in taken]) / weight,
+                counts=np.array([cell.counts if cell.samples else math.nan for cell in taken]),
+                seconds=weight,
+                samples=np.array([cell.samples for cell in taken], dtype=float),
+                sectors=np.array([cell.sector_total for cell in taken]).reshape(spread.shape) / spread,
+                sigma_sectors=np.sqrt(np.array([cell.sector_variance for cell in taken]).reshape(spread.shape))
+                / spread,
+            )
+
+    def curves(self, which: str = FIRST, most: int | None = None) -> tuple[Curve, ...]:
+        """Return all channels over depth, as `curve`."""
+        return tuple(self.curve(name, which, most) for name in self.channels)
+
+
+def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array, ...]]:
+    """
+    Return a common depth for curves of one step.
+
+    Returns
+    -------
+    depth : ndarray, shape (n,)
+        Middle of each step, m, from the shallowest to the deepest of all.
+    rows : tuple of ndarray of int64, shape (m,)
+        Row of each value of each curve on it.
+    """
+    curves = [one for one in curves if len(one.depth)]
+    if not curves:
+        return np.empty(0), ()
+    first = [round(one.depth[0] / step_m - 0.5) for one in curves]
+    low = min(first)
+    high = max(begin + len(one.depth) for begin, one in zip(first, curves, strict=True))
+    rows = tuple(begin - low + np.arange(len(one.depth)) for begin, one in zip(first, curves, strict=True))
+    return (np.arange(low, high) + 0.5) * step_m, rows
+
+
+def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[float, float]:
+    """
+    Return the depth shift of a log against another, by cross-correlation.
+
+    Parameters
+    ----------
+    reference, other : Curve
+        Of one depth step.
+    most_m : float
+        Largest shift that is tried, m.
+
+    Returns
+    -------
+    shift, correlation : float
+        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN where fewer
+        than ten steps are common to both.
+
+    Raises
+    ------
+    ValueError
+        The depth steps differ.
+    """
+    if len(reference.depth) < 2 or len(other.depth) < 2:
+        return math.nan, math.nan
+    step = reference.depth[1] - reference.depth[0]
+    if abs(other.depth[1] - other.depth[0] - step) > 1e-9:
+        raise ValueError("other: both logs must have the same depth step")
+    depth, (at, place) = on_grid((reference, other), step)
+    most = min(round(most_m / step), len(depth) - 1)
+    one, two = np.full((2, len(depth)), np.nan)
+    one[at], two[place] = reference.value, other.value
+    scores = np.full(2 * most + 1, np.nan)
+    for k in range(-most, most + 1):
+        a, b = (one[k:], two[: len(two) - k]) if k >= 0 else (one[:k], two[-k:])
+        both = np.isfinite(a) & np.isfinite(b)
+        if both.sum() >= 10 and np.std(a[both]) > 0.0 and np.std(b[both]) > 0.0:
+            scores[k + most] = np.corrcoef(a[both], b[both])[0, 1]
+    if np.isnan(scores).all():
+        return math.nan, math.nan
+    # Of equal shifts, which a log that repeats itself has, the smallest.
+    best = int(np.nanargmax(scores - 1e-9 * np.abs(np.arange(-most, most + 1))))
+    part = 0.0
+    if 0 < best < 2 * most and np.isfinite(scores[best - 1 : best + 2]).all():
+        # Vertex of the parabola through the three best scores.
+        left, top, right = scores[best - 1 : best + 2]
+        bend = left - 2.0 * top + right
+        part = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
+    return float((best - most + part) * step), float(scores[best])
+
+
+def _usable(sample: LogSample) -> bool:
+    """Return whether a sample, which may come from anybody, keeps to the limits of a log."""
+    count = len(sample.sectors)
+    return (
+        is_channel_name(sample.channel)
+        and 0.0 <= sample.span <= _LONGEST_S
+        and 0.0 <= sample.duration <= _LONGEST_S
+        and count <= _MOST_SECTORS
+        and len(sample.sigma_sectors) == len(sample.sector_durations) == count
+        and all(seconds >= 0.0 for seconds in sample.sector_durations)
+    )
+
+
+def _end_ns(sample: LogSample) -> int:
+    return sample.stamp_ns + round(0.5 * sample.span * NANOSECONDS)
+
+
+def _order(sample: LogSample) -> tuple[int, str]:
+    return sample.stamp_ns, sample.channel

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logs over depth as files: LAS 2.0, CSV and Parquet, with the same numbers in each."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.logs.depth_log import Curve, DepthLog, on_grid
+from mwd_surface.signals.cells import fixed, plain
+from mwd_surface.signals.units import UNITS
+from mwd_surface.surveys.well import Well
+
+_NULL = -999.25
+#: Mnemonics of curves in LAS that readers know; of another channel, its name in capitals.
+MNEMONICS = {"gamma": "GR", "inclination": "INCL", "temperature": "TEMP", "lateral_vibration": "VIBL"}
+_DECIMALS = 3
+
+
+class Column(NamedTuple):
+    """Column of a log file: name in tables, mnemonic in LAS, unit for people, description, and values, shape (n,)."""
+
+    key: str
+    mnemonic: str
+    unit: str
+    description: str
+    values: Array
+
+
+def columns(log: DepthLog, which: str) -> list[Column]:
+    """
+    Return the columns of a log: depth, and of each channel value, sigma, counts, time and sectors.
+
+    which: the pass, one of `depth_log.PASSES`.
+    """
+    curves = [curve for curve in log.curves(which) if len(curve.depth)]
+    depth, rows = on_grid(curves, log.step_m)
+    found = [Column("md_m", "DEPT", "m", "measured depth of the middle of the step", depth)]
+    for curve, row in zip(curves, rows, strict=True):
+        found += _columns_of(curve, row, len(depth))
+    return found
+
+
+def _columns_of(curve: Curve, rows: Array, count: int) -> list[Column]:
+    def spread(values: Array, factor: float = 1.0) -> Array:
+        out = np.full(count, np.nan)
+        out[rows] = values * factor
+        return out
+
+    scale = UNITS[curve.unit].people if curve.unit in UNITS else None
+    unit = scale.symbol if scale is not None else curve.unit
+    factor = scale.of(1.0) - scale.of(0.0) if scale is not None else 1.0
+    offset = scale.of(0.0) if scale is not None else 0.0
+    short = MNEMONICS.get(curve.channel, curve.channel.upper())
+    key = curve.channel
+    found = [
+        Column(key, short, unit, curve.channel, spread(curve.value, factor) + offset),
+        Column(f"{key}_sigma", f"{short}S", unit, f"1 sigma of {curve.channel}", spread(curve.sigma, factor)),
+        Column(f"{key}_seconds", f"{short}T", "s", f"time of measurement of {curve.channel}", spread(curve.seconds)),
+    ]
+    if np.isfinite(curve.counts).any():
+        found.append(Column(f"{key}_counts", f"{short}N", "", f"counts of {curve.channel}", spread(curve.counts)))
+    for k in range(curve.sectors.shape[1]):
+        where = f"{curve.channel}, sector {k + 1} of {curve.sectors.shape[1]} from the high side, clockwise"
+        found.append(Column(f"{key}_{k + 1}", f"{short}{k + 1:02d}", unit, where, spread(curve.sectors[:, k], factor)))
+    return found
+
+
+def csv(log: DepthLog, which: str, well: Well) -> bytes:
+    """Return a table with one row for each depth step; unknown values are empty."""
+    del well
+    found = columns(log, which)
+    lines = [",".join(f"{one.key}{f'_{one.unit}' if one.unit and k else ''}" for k, one in enumerate(found))]
+    lines += [",".join(fixed(float(one.values[k]), _DECIMALS) for one in found) for k in range(len(found[0].values))]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def parquet(log: DepthLog, which: str, well: Well) -> bytes:
+    """Return the numbers of the CSV as a Parquet table."""
+    import pyarrow as arrow
+    from pyarrow import parquet as files
+
+    del well
+    found = columns(log, which)
+    table = arrow.table({one.key: arrow.array(_printed(one.values), arrow.float64()) for one in found})
+    out = io.BytesIO()
+    files.write_table(table, out)
+    return out.getvalue()
+
+
+def las(log: DepthLog, which: str, well: Well) -> bytes:
+    """Return a LAS 2.0 file; null -999.25."""
+    import lasio
+
+    found = columns(log, which)
+    file = lasio.LASFile()
+    item = lasio.HeaderItem
+    for mnemonic, value, descr in (
+        ("WELL", well.name, "WELL"),
+        ("COMP", well.company, "COMPANY"),
+        ("FLD", well.field, "FIELD"),
+        ("SRVC", well.service_company, "SERVICE COMPANY"),
+    ):
+        # A colon before a space separates value and description in LAS.
+        file.well[mnemonic] = item(mnemonic, value=plain(value).replace(": ", ", "), descr=descr)
+    file.well["NULL"].value = _NULL
+    file.params.append(item("PASS", value=which, descr="PASS OF THE LOG, first, deepest or all"))
+    for name, count in log.unplaced.items():
+        file.params.append(item(f"X{len(file.params):02d}", value=count, descr=f"SAMPLES OF {name} WITHOUT DEPTH"))
+    file.other = "\n".join(gap_lines(log, which))
+    for one in found:
+        values = np.array([math.nan if v is None else v for v in _printed(one.values)])
+        file.append_curve(one.mnemonic, values, unit=one.unit.replace(" ", "").upper(), descr=one.description)
+    text = io.StringIO()
+    depth = found[0].values
+    ends = {"STRT": depth[0], "STOP": depth[-1]} if len(depth) else {}
+    file.write(text, version=2.0, fmt=f"%.{_DECIMALS}f", STEP=log.step_m, header_width=40, **ends)
+    return text.getvalue().encode()
+
+
+def gap_lines(log: DepthLog, which: str) -> list[str]:
+    """Return a sentence for each gap of a log."""
+    return [
+        f"{curve.channel}: no data from {top:.2f} to {bottom:.2f} m"
+        for curve in log.curves(which)
+        for top, bottom in curve.gaps
+    ]
+
+
+def _printed(values: Sequence[float] | Array) -> list[float | None]:
+    cells = (fixed(float(value), _DECIMALS) for value in values)
+    return [float(cell) if cell else None for cell in cells]
+
+
+FORMATS: dict[str, Callable[[DepthLog, str, Well], bytes]] = {".las": las, ".csv": csv, ".parquet": parquet}

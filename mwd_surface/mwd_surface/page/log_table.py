@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Table of the log channels over depth, for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mwd_surface.logs.depth_log import Curve
+from mwd_surface.page.plain import number
+
+
+def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
+    """
+    Return the curves as tables.
+
+    rows: depth, m, value, sigma and time of measurement, s; sectors: values of each row, from the high side clockwise;
+    gaps: depths of top and bottom, m. Values are in the unit of the channel.
+    """
+    return {"channels": [_channel(curve) for curve in curves if len(curve.depth)]}
+
+
+def _channel(curve: Curve) -> dict[str, Any]:
+    columns = (curve.depth, curve.value, curve.sigma, curve.seconds)
+    return {
+        "name": curve.channel,
+        "unit": curve.unit,
+        "step": number(float(np.diff(curve.depth[:2]).sum())),
+        "rows": [[_short(value) for value in row] for row in zip(*columns, strict=True)],
+        "sectors": [[_short(value) for value in row] for row in curve.sectors],
+        "gaps": [list(gap) for gap in curve.gaps],
+    }
+
+
+def _short(value: float) -> float | None:
+    return number(float(f"{value:.7g}"))

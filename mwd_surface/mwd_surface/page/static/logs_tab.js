@@ -1,0 +1,135 @@
+// Log channels over depth, first pass: a track for each channel, the gamma with its sigma, and the image of its sectors.
+
+import { byId, el, scale, svg } from "./dom.js";
+import * as units from "./units.js";
+
+// Kind of the numbers by the unit of a channel; another unit is shown as it comes.
+const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
+const TITLE = { gamma: "Gamma", inclination: "Inclination", temperature: "Temperature", lateral_vibration: "Vibration" };
+const EDGE = { left: 66, top: 44, bottom: 8, gap: 14 };
+const MOST_SHOWN = 300; // m of hole at most
+const LEAST_ROW = 2; // px of one row of the image
+
+const title = (name) => TITLE[name] || name.replaceAll("_", " ");
+const plain = (unit, v) => (KIND[unit] ? units.plain(KIND[unit], v) : v);
+const symbol = (unit) => (KIND[unit] ? units.unit(KIND[unit]) : unit.replace("gAPI", "API"));
+
+function nice(span, wanted) {
+  const raw = Math.max(span, 1e-6) / wanted;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= raw);
+}
+
+function range(values) {
+  if (!values.length) return [0, 1];
+  const [low, high] = [Math.min(...values), Math.max(...values)];
+  const room = Math.max((high - low) * 0.05, Math.abs(high) * 0.01, 0.05);
+  return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
+}
+
+// Lines broken where a step has no value.
+function lines(points) {
+  const parts = [[]];
+  for (const point of points) {
+    if (point === null) parts.push([]);
+    else parts[parts.length - 1].push(`${point[0].toFixed(1)},${point[1].toFixed(1)}`);
+  }
+  return parts.filter((part) => part.length);
+}
+
+export function showLogs(sections) {
+  const place = byId("tab-logs");
+  const channels = sections.logs?.channels || [];
+  if (place.hidden) return;
+  if (!channels.length) {
+    place.replaceChildren(el("p", { class: "empty" }, "No logs yet: they grow with the samples of the tool while the rig sends its depth."));
+    return;
+  }
+  const box = el("div", { class: "depth-box" });
+  place.replaceChildren(el("p", { class: "quiet-text", id: "log-gaps" }, gapText(channels)), box);
+  const size = { width: Math.max(330, box.clientWidth / scale()), height: Math.max(240, box.clientHeight / scale() - 6) };
+  box.append(tracks(channels, size));
+}
+
+function gapText(channels) {
+  const found = channels.filter((c) => c.gaps.length);
+  if (!found.length) return "First pass, without gaps";
+  const one = (gap) => `${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
+  return `First pass; no data: ${found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}${c.gaps.length > 3 ? ` and ${c.gaps.length - 3} more` : ""}`).join("; ")} ${units.unit("depth")}`;
+}
+
+function tracks(channels, { width, height }) {
+  const depths = channels.flatMap((c) => [c.rows[0][0], c.rows[c.rows.length - 1][0]]);
+  const bottom = Math.max(...depths);
+  const top = Math.max(Math.min(...depths), bottom - MOST_SHOWN);
+  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": `Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
+  const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
+  const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
+  const step = nice(deep - shallow, Math.max(2, height / 60));
+  for (let v = Math.ceil(shallow / step) * step; v <= deep; v += step) {
+    const at = y(top + ((v - shallow) / Math.max(deep - shallow, 1e-9)) * (bottom - top));
+    plot.append(
+      svg("line", { class: "grid", x1: EDGE.left, x2: width, y1: at, y2: at }),
+      svg("text", { class: "tick", x: EDGE.left - 6, y: at + 4, "text-anchor": "end" }, v.toFixed(0)),
+    );
+  }
+  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, `MD, ${units.unit("depth")}`));
+  const wanted = channels.flatMap((c) => [[curve, c], ...(c.sectors.some((row) => row.some((v) => v !== null)) ? [[image, c]] : [])]);
+  const shown = wanted.slice(0, Math.max(1, Math.floor((width - EDGE.left) / 100)));
+  const wide = (width - EDGE.left) / shown.length - EDGE.gap;
+  shown.forEach(([draw, channel], k) => draw(plot, channel, { left: EDGE.left + EDGE.gap + k * (wide + EDGE.gap), wide: wide - EDGE.gap, height, y, top }));
+  return plot;
+}
+
+function frame(plot, text, { left, wide, height }) {
+  plot.append(
+    svg("rect", { class: "grid", x: left, y: EDGE.top, width: wide, height: height - EDGE.top - EDGE.bottom }),
+    svg("text", { class: "axis", x: left + wide / 2, y: 14, "text-anchor": "middle" }, text),
+  );
+}
+
+function curve(plot, channel, room) {
+  const rows = channel.rows.filter((row) => row[0] >= room.top);
+  const known = rows.filter((row) => row[1] !== null);
+  const sigma = (row) => (row[2] === null ? 0 : row[2]);
+  const [low, high] = range(known.flatMap((row) => [plain(channel.unit, row[1] - sigma(row)), plain(channel.unit, row[1] + sigma(row))]));
+  const x = (v) => room.left + ((plain(channel.unit, v) - low) / (high - low)) * room.wide;
+  frame(plot, `${title(channel.name)}${symbol(channel.unit) ? `, ${symbol(channel.unit)}` : ""}`, room);
+  const digits = high - low < 10 ? 1 : 0;
+  plot.append(
+    svg("text", { class: "tick", x: room.left, y: EDGE.top - 8 }, low.toFixed(digits)),
+    svg("text", { class: "tick", x: room.left + room.wide, y: EDGE.top - 8, "text-anchor": "end" }, high.toFixed(digits)),
+  );
+  for (const row of known) {
+    if (sigma(row)) plot.append(svg("line", { class: "log-sigma", x1: x(row[1] - row[2]), x2: x(row[1] + row[2]), y1: room.y(row[0]), y2: room.y(row[0]) }));
+  }
+  // A value with no neighbour is a point: a word of the link fills a single step.
+  const apart = 12 * channel.step;
+  const points = known.flatMap((row, k) => [...(k && row[0] - known[k - 1][0] > apart ? [null] : []), [x(row[1]), room.y(row[0])]]);
+  for (const part of lines(points)) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
+  for (const row of known) plot.append(svg("circle", { class: "log-point", cx: x(row[1]), cy: room.y(row[0]), r: 1.5 }));
+}
+
+// Sectors side by side from up over right, down and left; the darker, the more gamma.
+function image(plot, channel, room) {
+  const count = channel.sectors[0].length;
+  const values = channel.sectors.flat().filter((v) => v !== null);
+  const [low, high] = [Math.min(...values), Math.max(...values)];
+  frame(plot, `${title(channel.name)}, ${low.toFixed(0)}–${high.toFixed(0)}`, room);
+  const cell = room.wide / count;
+  ["U", "R", "D", "L"].forEach((letter, k) => plot.append(
+    svg("text", { class: "tick", x: room.left + (k * count / 4 + 0.5) * cell, y: EDGE.top - 8, "text-anchor": "middle" }, letter),
+  ));
+  const last = new Array(count).fill(null);
+  const thick = Math.max(LEAST_ROW, room.y(room.top + channel.step) - room.y(room.top));
+  channel.rows.forEach(([depth], row) => {
+    if (depth < room.top) return;
+    channel.sectors[row].forEach((value, k) => {
+      // Over a link a sector comes less often than the depth steps: it stands until the next one of its direction.
+      if (value !== null) last[k] = [value, depth];
+      if (last[k] === null || depth - last[k][1] > 40 * channel.step) return;
+      const part = (last[k][0] - low) / Math.max(high - low, 1e-9);
+      plot.append(svg("rect", { x: room.left + k * cell, y: room.y(depth) - thick / 2, width: cell + 0.5, height: thick + 0.5, fill: `hsl(${(48 - 24 * part).toFixed(0)} 75% ${(82 - 62 * part).toFixed(0)}%)` }));
+    });
+  });
+}

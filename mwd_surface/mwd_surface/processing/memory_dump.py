@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Memory of a tool, made from the raw data of a simulated run: all log channels at a higher rate, and rotation."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.logs.memory_merge import GRAVITY
+from mwd_surface.processing.bag_input import InputSettings, find_topics
+from mwd_surface.processing.log_estimate import computed_samples
+from mwd_surface.surveys.recorded_settings import Recorded
+
+_ROTATION_NS = 100_000_000  # ns of one value of the rotary speed
+
+
+@dataclasses.dataclass(frozen=True)
+class DumpClock:
+    """Error of the clock of a memory: offset at the begin, s, and drift, s/s, beyond that of the recorded stamps."""
+
+    offset_s: float = 0.0
+    drift: float = 0.0
+
+    def stamps(self, stamp_ns: np.ndarray, begin_ns: int) -> np.ndarray:
+        """Return stamps of the memory, ns."""
+        since = (stamp_ns - begin_ns).astype(float)
+        return np.asarray(stamp_ns + np.round(self.offset_s * 1e9 + self.drift * since).astype(np.int64))
+
+
+def dump(
+    bag: Bag,
+    path: Path,
+    channels: dict[str, LogChannel],
+    clock: DumpClock,
+    *,
+    interval_s: int = 2,
+    recorded: Recorded | None = None,
+) -> int:
+    """
+    Write the memory of a tool from a recording of its sensors, and return the number of log samples.
+
+    Parameters
+    ----------
+    bag : Bag
+        Recording of the sensors.
+    path : Path
+        Folder of the dump.
+    channels : dict of str to LogChannel
+    clock : DumpClock
+    interval_s : int
+        Interval of all channels, s.
+    recorded : Recorded, optional
+        Settings in the recording.
+
+    Raises
+    ------
+    BagError, ValueError
+        See `process.process`.
+    FileExistsError
+        `path` exists.
+    """
+    estimator = (recorded.estimator if recorded is not None else None) or EstimatorSettings()
+    faster = {name: dataclasses.replace(one, interval_s=interval_s) for name, one in channels.items()}
+    samples = computed_samples(bag, estimator, InputSettings(), faster, recorded)
+    rows = _rotation(bag)
+    begin_ns = int(rows["stamp_ns"][0]) if len(rows) else bag.start_ns
+    rows["stamp_ns"] = clock.stamps(rows["stamp_ns"], begin_ns)
+    with BagWriter(path, custom={"memory": "dump"}) as out:
+        speed = out.topic("/" + GRAVITY, wire.GRAVITY.type_name)
+        log = out.topic("/log", LogSample.MESSAGE)
+        out.write_rows(speed, wire.GRAVITY.encode(rows, wire.SONDE_FRAME), rows["stamp_ns"])
+        stamps = clock.stamps(np.array([one.stamp_ns for one in samples], dtype=np.int64), begin_ns)
+        for stamp_ns, sample in zip(stamps.tolist(), samples, strict=True):
+            moved = dataclasses.replace(sample, stamp_ns=stamp_ns, frame_id=wire.SONDE_FRAME)
+            data = out.definitions.typestore.serialize_cdr(moved.to_message(out.definitions.make), LogSample.MESSAGE)
+            out.write(log, bytes(data), stamp_ns)
+    return len(samples)
+
+
+def _rotation(bag: Bag) -> Samples:
+    """
+    Return the speed of the tool, means over 0.1 s of the gyro along the axis; all other fields are NaN.
+
+    The speed of the estimator is filtered, and half a second late.
+    """
+    name = find_topics(bag, InputSettings()).imu
+    imu, _ = wire.decode_messages(wire.IMU, [data for _, _, _, data in bag.messages([name])])
+    if not len(imu):
+        return wire.GRAVITY.empty(0)
+    cells = imu["stamp_ns"] // _ROTATION_NS
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
+    counts = np.diff(np.append(starts, len(imu)))
+    rows = wire.GRAVITY.empty(len(starts))
+    for field in ("gravity", "sigma", "non_gravity"):
+        rows[field] = np.nan
+    since = imu["stamp_ns"] - imu["stamp_ns"][0]
+    rows["stamp_ns"] = imu["stamp_ns"][0] + np.round(np.add.reduceat(since, starts) / counts).astype(np.int64)
+    rows["rotary_speed"] = np.add.reduceat(imu["angular_velocity"][:, 0], starts) / counts
+    return rows

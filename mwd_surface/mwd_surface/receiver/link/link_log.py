@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples of the log channels from the words that carry them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.telemetry import meanings
+from mwd_sensors.telemetry.log_channels import FROM_WORD, GAMMA, SETTLE_S, Carried, LogSample, carried
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.words import ReceivedWord
+
+# The tool's mean ends at a whole second of its clock, SETTLE_S to SETTLE_S + 1 s before the word begins.
+_ENDED_S = SETTLE_S + 0.5
+
+
+def log_samples(
+    words: Iterable[ReceivedWord], tool: ToolConfiguration, stamp_of: Callable[[float], int]
+) -> Iterator[LogSample]:
+    """
+    Yield the samples that believed, final words carry.
+
+    Parameters
+    ----------
+    words : iterable of ReceivedWord
+    tool : ToolConfiguration
+    stamp_of : callable
+        Returns the stamp, ns, at which the tool sent what the surface received at a time, s.
+    """
+    by_word = carried(tool.logged)
+    for word in words:
+        item = by_word.get(word.name)
+        if item is None or not word.revision or not word.usable or not math.isfinite(word.value):
+            continue
+        # A word with a meaning of its own carries a value of the moment; of a survey, that moment is not known here.
+        running = not meanings.meaning_of(word.name)
+        if running or word.kind == "toolface":
+            yield _sample(word, item, stamp_of(word.start_s), running=running)
+
+
+def _sample(word: ReceivedWord, item: Carried, sent_ns: int, *, running: bool) -> LogSample:
+    channel, factor = item.channel, item.channel.factor(word.unit)
+    span = float(channel.interval_s) if running else 0.0
+    stamp_ns = sent_ns - round((_ENDED_S + 0.5 * span) * NANOSECONDS) if running else sent_ns
+    value, sigma = word.value * factor, word.sigma * factor
+    if running and channel.source == GAMMA:
+        # The tool does not send the error of its counts; it follows from their number.
+        seconds = span if item.sector is None else span / channel.sectors
+        counts = max(value, 0.0) / channel.tool_factor * seconds
+        sigma = math.hypot(sigma, channel.tool_factor * math.sqrt(counts + 0.5) / seconds)
+    seen = [k == item.sector for k in range(channel.sectors)]
+    whole = item.sector is None
+    return LogSample(
+        stamp_ns,
+        item.name,
+        channel.unit,
+        span,
+        span,
+        value if whole else math.nan,
+        sigma if whole else math.nan,
+        sensor_to_bit=channel.sensor_to_bit,
+        quality=FROM_WORD,
+        sectors=tuple(value if one else math.nan for one in seen),
+        sigma_sectors=tuple(sigma if one else math.nan for one in seen),
+        sector_durations=tuple(span / channel.sectors if one else 0.0 for one in seen),
+    )

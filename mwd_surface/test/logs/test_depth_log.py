@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Merge by depth: counts are conserved, order and reaming do not matter, gaps are stated, sigmas are honest."""
+
+import dataclasses
+import io
+import itertools
+import math
+
+import lasio
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
+from mwd_surface.logs.log_files import FORMATS
+from mwd_surface.rig.derived_values import log_values
+from mwd_surface.rig.value import Condition
+from mwd_surface.rig.values import rig_values
+from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
+from mwd_surface.surveys.well import Well
+
+S = 10**9
+T0 = 10**18
+OFFSET = 12.0
+
+
+def sample(at_s, value=80.0, span=10.0, counts=533.0, **more):
+    given_ = {"sigma": 80.0 / math.sqrt(533.0), "counts": counts, "sensor_to_bit": OFFSET, "duration": span}
+    return LogSample(T0 + round(at_s * S), "gamma", "gAPI", span=span, value=value, **{**given_, **more})
+
+
+def drilled(depth_of, seconds, values=None, step=0.1):
+    """A log of samples each 10 s, and the depth of the bit each second as a function of time."""
+    log = DepthLog(step_m=step)
+    for at in range(seconds + 1):
+        log.add_depth(T0 + at * S, depth_of(at))
+    log.add(sample(at, 80.0 if values is None else values(at)) for at in range(5, seconds, 10))
+    return log
+
+
+def ream(at):
+    """Drill 36 m/h, ream 3 m up and down after ten minutes, and drill on."""
+    up = 600.0
+    if at <= up:
+        return 1000.0 + 0.01 * at
+    if at <= up + 60.0:
+        return 1006.0 - 3.0 * math.sin(math.pi * (at - up) / 60.0)
+    return 1006.0 + 0.01 * (at - up - 60.0)
+
+
+@given(
+    st.lists(st.floats(-0.4, 0.4), min_size=5, max_size=60),
+    st.sampled_from([0.05, 0.1, 0.5]),
+    st.floats(0.0, 30.0),
+)
+def test_the_counts_of_all_steps_are_the_counts_of_the_samples(speeds, step, offset):
+    log = DepthLog(step_m=step)
+    depth, total = 1000.0, 0.0
+    log.add_depth(T0, depth)
+    for k, speed in enumerate(speeds):
+        depth += 10.0 * speed
+        log.add_depth(T0 + (k + 1) * 10 * S, depth)
+        log.add([sample(10.0 * k + 5.0, counts=17.0 * k, sensor_to_bit=offset)])
+        total += 17.0 * k
+    log.finish()
+    curve = log.curve("gamma", ALL)
+    assert np.nansum(curve.counts) == pytest.approx(total, abs=1e-6)
+    assert curve.seconds.sum() == pytest.approx(10.0 * len(speeds))
+    for which in (FIRST, DEEPEST):
+        assert np.nansum(log.curve("gamma", which).counts) <= total + 1e-6
+    assert not log.unplaced
+
+
+@given(st.randoms(use_true_random=False), st.lists(st.integers(0, 60), max_size=4))
+def test_the_order_and_the_portions_in_which_samples_come_do_not_matter(random, cuts):
+    samples = [sample(at, 50.0 + at / 20.0) for at in range(5, 600, 10)]
+    whole = drilled(ream, 600)
+    whole = DepthLog()
+    other = DepthLog()
+    for log in (whole, other):
+        for at in range(0, 601, 2):
+            log.add_depth(T0 + at * S, ream(at))
+    whole.add(samples)
+    shuffled = list(samples)
+    random.shuffle(shuffled)
+    edges = [0, *sorted(cuts), len(shuffled)]
+    for low, high in itertools.pairwise(edges):
+        other.add(shuffled[low:high])
+    for which in PASSES:
+        one, two = whole.curve("gamma", which), other.curve("gamma", which)
+        for field in dataclasses.fields(one):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(two, field.name))
+
+
+def test_reaming_changes_neither_pass_but_adds_to_the_sum():
+    """The same hole without reaming: time 600 to 660 s is left out."""
+    reamed = drilled(ream, 1260, lambda at: 80.0 if not 600 < at < 660 else 300.0)
+    plain = drilled(lambda at: ream(at if at <= 600 else at + 60), 1200)
+    for which in (FIRST, DEEPEST):
+        one, two = reamed.curve("gamma", which), plain.curve("gamma", which)
+        assert np.nanmax(one.value) < 90.0
+        np.testing.assert_allclose(one.depth, two.depth)
+        np.testing.assert_allclose(one.value, two.value, atol=8.0)
+    assert np.nanmax(reamed.curve("gamma", ALL).value) > 90.0
+
+
+def test_a_gap_is_stated_and_nothing_is_put_into_it():
+    log = DepthLog()
+    for at in range(1201):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    log.add(sample(at) for at in range(5, 1200, 10) if not 300 < at < 500)
+    curve = log.curve("gamma")
+    ((top, bottom),) = curve.gaps
+    assert (top, bottom) == pytest.approx((991.0, 993.0), abs=0.11)
+    inside = (curve.depth > top) & (curve.depth < bottom)
+    assert np.isnan(curve.value[inside]).all()
+    assert (curve.seconds[inside] == 0.0).all()
+
+
+def test_a_sample_without_a_depth_is_counted_and_left_out():
+    log = DepthLog()
+    log.add_depth(T0, 1000.0)
+    log.add_depth(T0 + 500 * S, 1005.0)
+    log.add([sample(200.0)])
+    assert log.unplaced == {"gamma": 1}
+    assert log.channels == ("gamma",)
+    assert len(log.curve("gamma").depth) == 0
+
+
+def test_a_sample_waits_for_the_depth_of_its_end():
+    log = DepthLog()
+    for at in range(8):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add([sample(5.0)])
+    assert log.channels == ()
+    for at in range(8, 11):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.advance()
+    assert log.curve("gamma").depth[[0, -1]] == pytest.approx([988.05, 988.95])
+
+
+def test_each_channel_has_the_depth_of_its_own_sensor():
+    log = DepthLog(sensor_to_bit=20.0)
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([sample(50.0), dataclasses.replace(sample(50.0, sensor_to_bit=math.nan), channel="temperature")])
+    assert log.curve("gamma", ALL).depth == pytest.approx([988.05])
+    assert log.curve("temperature", ALL).depth == pytest.approx([980.05])
+
+
+def test_the_sigma_of_a_step_is_the_scatter_of_many_logs():
+    rng = np.random.default_rng(3)
+    rate, errors = 20.0, []
+    for _ in range(60):
+        log = DepthLog(step_m=0.2)
+        for at in range(601):
+            log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+        counts = rng.poisson(rate * 10.0, 60)
+        log.add(
+            sample(10 * k + 5, n / 10.0, counts=float(n), sigma=math.sqrt(n + 0.5) / 10.0) for k, n in enumerate(counts)
+        )
+        curve = log.curve("gamma")
+        errors.append((curve.value - rate) / curve.sigma)
+    errors = np.concatenate(errors)
+    assert abs(errors.mean()) < 4.0 / math.sqrt(len(errors))
+    assert abs(errors.std() - 1.0) < 4.0 / math.sqrt(2.0 * len(errors)) + 0.01
+
+
+@pytest.mark.parametrize("shift", [-1.3, 0.0, 0.45, 2.0])
+def test_two_logs_are_shifted_by_their_correlation(shift):
+    def rock(depth):
+        return 80.0 + 30.0 * math.sin(depth / 0.7) + 20.0 * math.sin(depth / 1.9)
+
+    def log_of(moved):
+        log = DepthLog()
+        for at in range(3001):
+            log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+        log.add(sample(at, rock(988.0 + 0.01 * at + moved)) for at in range(5, 3000, 10))
+        return log.curve("gamma")
+
+    found, correlation = shift_between(log_of(0.0), log_of(shift))
+    # What the second log shows at a depth lies deeper by the shift.
+    assert found == pytest.approx(shift, abs=0.03)
+    assert correlation > 0.99
+
+
+def test_constant_or_short_logs_have_no_shift():
+    log = drilled(lambda at: 1000.0 + 0.01 * at, 600)
+    assert math.isnan(shift_between(log.curve("gamma"), log.curve("gamma"))[0])
+    short = drilled(lambda at: 1000.0 + 0.01 * at, 300, lambda at: float(at % 70))
+    assert shift_between(short.curve("gamma"), short.curve("gamma")) == pytest.approx((0.0, 1.0), abs=0.02)
+
+
+def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add([sample(55.0, 120.0), sample(25.0, 60.0)])
+    live = LiveState()
+    live.show(1.0, logs=log.curves(), newest_logs=log.newest())
+    state = live.at(1.0)
+    values = log_values(state, T0 + 100 * S)
+    assert values["gamma"].value == 120.0
+    assert values["gamma"].condition == Condition.GOOD
+    assert values["gamma"].age == pytest.approx(45.0)
+    assert values["gamma_depth"].value == pytest.approx(1000.0 + 5.5 - OFFSET)
+    assert log_values(state, T0 + 300 * S)["gamma"].condition == Condition.STALE
+    form = RecordWriter(Wits0Format())
+    sent = dict(form.formation(rig_values(state, (), now_ns=T0 + 100 * S)))
+    assert float(sent[823]) == 120.0
+    assert float(sent[821]) == pytest.approx(993.5)
+    assert 823 not in dict(form.formation(rig_values(LiveState().at(1.0), (), now_ns=T0)))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"channel": "gamma,=1"},
+        {"span": 1e12},
+        {"span": -1.0},
+        {"span": math.nan},
+        {"duration": math.inf},
+        {"sectors": (1.0, 2.0), "sigma_sectors": (1.0,), "sector_durations": (1.0, 1.0)},
+        {"sectors": (1.0,) * 65, "sigma_sectors": (1.0,) * 65, "sector_durations": (1.0,) * 65},
+        {"sectors": (1.0,), "sigma_sectors": (1.0,), "sector_durations": (-1.0,)},
+    ],
+)
+def test_a_sample_that_contradicts_itself_is_counted_and_left_out(more):
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([dataclasses.replace(sample(50.0), **more)])
+    assert log.unusable == 1
+    assert log.channels == ()
+
+
+def test_values_and_sectors_that_change_their_number_or_are_infinite_do_not_stop_the_log():
+    log = DepthLog()
+    for at in range(201):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    four = {"sectors": (1.0,) * 4, "sigma_sectors": (1.0,) * 4, "sector_durations": (2.5,) * 4}
+    log.add([sample(15.0, **four), sample(25.0), sample(35.0, math.inf), sample(45.0, sigma=math.nan)])
+    curve = log.curve("gamma")
+    assert curve.sectors.shape[1] == 4
+    assert np.isnan(curve.sigma[-1])
+    assert curve.value[0] == 80.0
+
+
+@pytest.mark.parametrize("which", PASSES)
+def test_files_of_a_log_without_a_pass_and_of_a_well_with_a_strange_name_are_read_back(which):
+    up = drilled(lambda at: 1000.0 - 0.01 * at, 300)
+    up.add([dataclasses.replace(sample(20.0), channel=name) for name in ("axial_vibration", "axial_vib2")])
+    for log in (up, DepthLog()):
+        las = lasio.read(io.StringIO(FORMATS[".las"](log, which, Well(name="A: b\nc")).decode()))
+        assert las.well.WELL.value == "A, b c"
+        assert len(set(las.keys())) == len(las.keys())
+        rows = FORMATS[".csv"](log, which, Well()).decode().splitlines()
+        assert len(rows) == 1 + len(las["DEPT"])
+
+
+def test_a_clock_that_was_set_back_costs_no_more_than_any_other(monkeypatch):
+    log = DepthLog()
+    for at in range(5001):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([sample(4990.0)])
+    placed = []
+    monkeypatch.setattr(log, "_place", placed.append)
+    for at in range(100, 2000, 10):
+        log.add([sample(float(at))])
+    assert len(placed) == 190
+
+
+def test_the_deepest_part_alone_is_the_end_of_the_whole():
+    log = drilled(lambda at: 1000.0 + 0.01 * at, 1200)
+    whole, part = log.curve("gamma"), log.curve("gamma", most=20)
+    np.testing.assert_array_equal(part.value, whole.value[-20:])
+    np.testing.assert_array_equal(part.depth, whole.depth[-20:])
