@@ -84,7 +84,8 @@ class Resampler:
         self._made = 0
         self._spacing = 0.0
         self._bin = 0.0
-        self._early: list[tuple[float, float]] = []
+        # Times and values until the spacing is known; an array, because the first block may be a whole file.
+        self._early = np.zeros((2, 0))
         self._bin_sum = np.zeros(4)
         self._raw = np.zeros((2, 0))
         self._scale = np.zeros(1)
@@ -119,7 +120,7 @@ class Resampler:
 
     def finish(self) -> tuple[Array, Array]:
         """Return the rest of the grid, up to the last sample; as `push`."""
-        if self._spacing == 0.0 and len(self._early) > 2:
+        if self._spacing == 0.0 and self._early.shape[1] > 2:
             self._begin()
         self._add(*self._raw[:, self._ready :])
         if len(self._time) < 3:
@@ -144,22 +145,19 @@ class Resampler:
         # Drop values beyond any gauge: their squares would cost the neighbours' digits.
         good = (np.abs(value) < LARGEST) & np.isfinite(time)
         if self._spacing == 0.0:
-            self._early += zip(time[good].tolist(), value[good].tolist(), strict=True)
-            if len(self._early) >= 64:
+            self._early = np.concatenate([self._early, np.stack([time[good], value[good]])], axis=1)
+            if self._early.shape[1] >= 64:
                 self._begin()
             return
         self._binned(time[good], value[good])
 
     def _begin(self) -> None:
-        time = np.array([t for t, _ in self._early[:64]])
-        value = np.array([v for _, v in self._early])
-        steps = np.diff(time)
+        (time, value), self._early = self._early, np.zeros((2, 0))
+        steps = np.diff(time[:64])
         self._spacing = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else self._step
         self._bin = self._step / 4.0 if self._spacing * _MOST_OVERSAMPLED < self._step else 0.0
         self.origin = float(time[0])
-        whole = np.array([t for t, _ in self._early])
-        self._early = []
-        self._binned(whole, value)
+        self._binned(time, value)
 
     def _binned(self, time: Array, value: Array) -> None:
         last = self._raw[0, -1] if self._raw.shape[1] else -math.inf
