@@ -8,6 +8,7 @@ The columns of the definitive survey have their names in every table (`signals/t
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,8 @@ def path_csv(table: SurveyTable) -> str:
 
     Sigmas and the horizontal ellipse (half axes; azimuth of the major one) are at 1 sigma, empty if unknown.
     """
-    path, lines = table.path, []
+    path = table.path
+    lines: list[dict[str, Any]] = []
     for k in table.rows:
         record = table.records[k]
         numbers = {one.key: cells.fixed(one.values[k], _DECIMALS, one.signal.wrap) for one in table.columns}
