@@ -20,6 +20,9 @@ from mwd_sensors.telemetry.tool_configuration import Sync, ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.words import Reception
 
+# Pulses of words may resemble the sync of another width and score more than the true sync: widths of each sync that are
+# returned, and their least logarithmic distance.
+_PEAKS, _APART = 4, 0.05
 _BEFORE_S = 60.0  # pressure before a sync, for its noise model
 USUAL_SYNCS = (Sync(), Sync((0, 5, 15, 20, 30), 40), Sync((0, 4, 8, 12, 16), 24), Sync((0, 6, 12, 18, 24), 32))
 # Shortest and longest width that is tried, s, and the ratio of neighbours: an error of half of it moves the last pulse
@@ -72,11 +75,18 @@ def guesses(
     found = []
     for sync in syncs:
         coarse = [_best(tool, sync, width, time_s, pressure_pa) for width in widths]
-        top = max(coarse, key=lambda one: one.score)
-        if not math.isfinite(top.score):
-            continue
-        found.append(_refined(top, time_s, pressure_pa))
+        found += [_refined(one, time_s, pressure_pa) for one in _peaks(coarse)]
     return sorted(found, key=lambda one: -one.score)
+
+
+def _peaks(guesses_of_sync: Sequence[Guess]) -> list[Guess]:
+    """Return the guesses with the highest scores whose widths differ, the best first."""
+    peaks: list[Guess] = []
+    for one in sorted(guesses_of_sync, key=lambda guess: -guess.score):
+        others = (abs(math.log(one.tool.pulse_width_s / peak.tool.pulse_width_s)) for peak in peaks)
+        if math.isfinite(one.score) and len(peaks) < _PEAKS and min(others, default=math.inf) > _APART:
+            peaks.append(one)
+    return peaks
 
 
 def _refined(top: Guess, time_s: Array, pressure_pa: Array) -> Guess:
