@@ -21,6 +21,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     gyro_unit,
     initial,
 )
+from mwd_estimation.gravity.bounded.bias_step import BIAS_STEP
 
 PARAMS = at_latitude(Params(units=(gyro_unit(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5), gyro_unit(0.05, 5.0, 0.3))), 60.0)
 
@@ -216,3 +217,21 @@ def test_a_biased_mean_innovation_opens_the_biases_as_far_as_the_gyro_s_grade_al
         if step == 299:
             assert abs(s.innovation_mean) < 1.5
     assert (abs(off[-1]) < 3.0) == follows
+
+
+def test_a_step_that_gravity_shows_opens_biases_and_azimuth_together():
+    s = state_of()
+    gyro_azimuth_filter.begin(PARAMS, s)
+    before = s.P.copy()
+    sums = sums_of(time=0.5, across=(0.4, -0.3), gyro_step=1.5)
+    gyro_azimuth_filter.open_bias(s, sums)
+    grown, bias = s.P - before, Error.BIAS
+    # An azimuth that a bias has turned for 1.5 s at 0.8 and -0.6 rad per rad.
+    moved = np.zeros((2, len(s.x)))
+    for i, slope in enumerate((-1.2, 0.9)):
+        moved[i, bias + i], moved[i, :2] = 1.0, slope
+    assert grown == pytest.approx(BIAS_STEP**2 * moved.T @ moved, abs=1e-15)
+    sums.gyro_step = 0.0
+    before = s.P.copy()
+    gyro_azimuth_filter.open_bias(s, sums)
+    assert (before == s.P).all()

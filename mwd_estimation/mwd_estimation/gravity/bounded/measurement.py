@@ -103,9 +103,10 @@ def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
 @compiled
 def log_measured(s: Record, axis: int, measured: Array, gain: Array) -> None:
     """Write the last measurement's row of H along a tool axis, and its gain, each of shape (STEADY,)."""
+    inverse = 1.0 / s.spread
     for j in range(STEADY):
         measured[j] = 0.0
-        gain[j] = s.work[j] / s.spread
+        gain[j] = s.work[j] * inverse
     measured[TILT], measured[TILT + 1] = tilt_sensitivity(s, axis)
     for j in range(3):
         measured[POS + j] = s.C[j, axis]
