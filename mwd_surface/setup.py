@@ -58,6 +58,7 @@ setup(
         "serial": ["pyserial"],
         "cluster": ["distributed"],
         "foxglove": ["foxglove-sdk"],
+        "chinese": ["pylopdf-fonts-zh-cn"],
     },
     zip_safe=False,
     maintainer="MWD telemetry maintainers",

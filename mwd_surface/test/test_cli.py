@@ -359,8 +359,8 @@ def test_a_warning_that_several_surveys_share_is_given_once_with_their_numbers(t
     place = ("--lat", 38, "--lon", 109, "--depths", depths)
     done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", *place)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("gap 100 m is over 60") == 1
-    assert "survey 2-4: gap 100 m is over 60" in done.stderr
+    assert done.stderr.count("gap 100 m is over 60 m") == 1
+    assert "survey 2-4: gap 100 m is over 60 m" in done.stderr
 
 
 @pytest.mark.slow

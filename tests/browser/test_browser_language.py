@@ -12,7 +12,7 @@ from mwd_surface.language.language import language
 pytestmark = pytest.mark.slow(0.3)
 
 CHINESE = language("zh_CN")
-TABS = ("surveys", "path", "charts", "steering", "link", "alarms", "system", "controls")
+TABS = ("surveys", "path", "charts", "logs", "steering", "link", "alarms", "system", "controls")
 # Units, names of wells, zones and models, abbreviations that drillers use in Chinese as well, and names of settings.
 KEPT = {"CSV", "LAS", "PDF", "HTML", "WITSML", "MWD", "UTC", "RKB", "Nordlys", "NORDLYS", "WMM", "pygeomag", "min"} | {
     *("Esc", "English", "Shanghai", "WebSocket", "bags", "control", "enabled")

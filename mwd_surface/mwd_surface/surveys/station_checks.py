@@ -122,12 +122,12 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
         flags.append("no azimuth: that of the station above is used")
     severity = math.degrees(path.dogleg_severity[k]) * 30.0
     if severity > whole.rules.dogleg_limit_deg:
-        flags.append(f"dogleg {severity:.1f} deg/30 m is over {whole.rules.dogleg_limit_deg:g}")
+        flags.append(f"dogleg {severity:.1f} deg/30 m is over {whole.rules.dogleg_limit_deg:g} deg/30 m")
     gap = float(path.md[k] - path.md[k - 1])
     # A vertical hole below a known tie-on needs no stations; the gap below an assumed hole is flagged elsewhere.
     vertical = path.kind[k - 1] == TIE_ON and max(path.inclination[k - 1 : k + 1]) <= _vertical_limit(whole.rules)
     if path.kind[k - 1] != ASSUMED and not vertical and gap > whole.rules.gap_limit:
-        flags.append(f"gap {gap:.0f} m is over {whole.rules.gap_limit:g}")
+        flags.append(f"gap {gap:.0f} m is over {whole.rules.gap_limit:g} m")
     if record.judgement == Judgement.ACCEPTED and record.survey.verdict != Verdict.ACCEPT:
         verdict = Verdict(record.survey.verdict).name.lower()
         flags.append(f"accepted by {record.operator_name} against the automatic verdict {verdict}")

@@ -26,8 +26,7 @@ class Well:
     logo: str = setting("", "picture for the head of reports, a PNG or JPEG file")
     units: str = setting(
         METRIC,
-        "units of the report and of LAS files: metric (m, deg/30 m, degC) or field (ft, deg/100 ft, degF); tables for "
-        "programs stay metric",
+        "units of the report: metric (m, deg/30 m, degC) or field (ft, deg/100 ft, degF); other files stay metric",
         choices=(METRIC, FIELD),
     )
     language: str = setting("en", "language of the report: en, zh_CN, or that of another catalogue")

@@ -234,8 +234,8 @@ def test_a_survey_without_depth_is_kept_and_takes_the_depth_a_person_gives():
 @pytest.mark.fault_case(39)
 def test_gap_and_dogleg_are_pointed_out():
     whole = filled(*CURVE).add(shot(5, 12.0), 690.0, 0.0).add(shot(6, 50.0), 720.0, 0.0)
-    assert flags(whole, 5) == ("gap 500 m is over 60",)
-    assert flags(whole, 6) == ("dogleg 38.0 deg/30 m is over 10",)
+    assert flags(whole, 5) == ("gap 500 m is over 60 m",)
+    assert flags(whole, 6) == ("dogleg 38.0 deg/30 m is over 10 deg/30 m",)
     assert whole.find(6).in_use
 
 

@@ -2,15 +2,16 @@
 
 import { byId, el, scale, svg } from "./dom.js";
 import * as units from "./units.js";
+import { say, t } from "./words.js";
 
 // Kind of the numbers by the unit of a channel; another unit is shown as it comes.
 const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
-const TITLE = { gamma: "Gamma", inclination: "Inclination", temperature: "Temperature", lateral_vibration: "Vibration" };
+const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration") };
 const EDGE = { left: 66, top: 44, bottom: 8, gap: 14 };
 const MOST_SHOWN = 300; // m of hole at most
 const LEAST_ROW = 2; // px of one row of the image
 
-const title = (name) => TITLE[name] || name.replaceAll("_", " ");
+const title = (name) => TITLE[name] || say(name.replaceAll("_", " "));
 const plain = (unit, v) => (KIND[unit] ? units.plain(KIND[unit], v) : v);
 const symbol = (unit) => (KIND[unit] ? units.unit(KIND[unit]) : unit.replace("gAPI", "API"));
 
@@ -42,7 +43,7 @@ export function showLogs(sections) {
   const channels = sections.logs?.channels || [];
   if (place.hidden) return;
   if (!channels.length) {
-    place.replaceChildren(el("p", { class: "empty" }, "No logs yet: they grow with the samples of the tool while the rig sends its depth."));
+    place.replaceChildren(el("p", { class: "empty" }, t("No logs yet: they grow with the samples of the tool while the rig sends its depth.")));
     return;
   }
   const box = el("div", { class: "depth-box" });
@@ -53,16 +54,17 @@ export function showLogs(sections) {
 
 function gapText(channels) {
   const found = channels.filter((c) => c.gaps.length);
-  if (!found.length) return "First pass, without gaps";
-  const one = (gap) => `${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
-  return `First pass; no data: ${found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}${c.gaps.length > 3 ? ` and ${c.gaps.length - 3} more` : ""}`).join("; ")} ${units.unit("depth")}`;
+  if (!found.length) return t("First pass, without gaps");
+  const one = (gap) => t`${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
+  const gaps = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}` + (c.gaps.length > 3 ? t` and ${c.gaps.length - 3} more` : ""));
+  return t`First pass; no data: ${gaps.join("; ")} ${units.unit("depth")}`;
 }
 
 function tracks(channels, { width, height }) {
   const depths = channels.flatMap((c) => [c.rows[0][0], c.rows[c.rows.length - 1][0]]);
   const bottom = Math.max(...depths);
   const top = Math.max(Math.min(...depths), bottom - MOST_SHOWN);
-  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": `Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
+  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": t`Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
   const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
   const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
   const step = nice(deep - shallow, Math.max(2, height / 60));
@@ -73,7 +75,7 @@ function tracks(channels, { width, height }) {
       svg("text", { class: "tick", x: EDGE.left - 6, y: at + 4, "text-anchor": "end" }, v.toFixed(0)),
     );
   }
-  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, `MD, ${units.unit("depth")}`));
+  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, t`MD, ${units.unit("depth")}`));
   const wanted = channels.flatMap((c) => [[curve, c], ...(c.sectors.some((row) => row.some((v) => v !== null)) ? [[image, c]] : [])]);
   const shown = wanted.slice(0, Math.max(1, Math.floor((width - EDGE.left) / 100)));
   const wide = (width - EDGE.left) / shown.length - EDGE.gap;
@@ -97,8 +99,8 @@ function curve(plot, channel, room) {
   frame(plot, `${title(channel.name)}${symbol(channel.unit) ? `, ${symbol(channel.unit)}` : ""}`, room);
   const digits = high - low < 10 ? 1 : 0;
   plot.append(
-    svg("text", { class: "tick", x: room.left, y: EDGE.top - 8 }, low.toFixed(digits)),
-    svg("text", { class: "tick", x: room.left + room.wide, y: EDGE.top - 8, "text-anchor": "end" }, high.toFixed(digits)),
+    svg("text", { class: "tick", x: room.left, y: EDGE.top - 8 }, units.decimal(low.toFixed(digits))),
+    svg("text", { class: "tick", x: room.left + room.wide, y: EDGE.top - 8, "text-anchor": "end" }, units.decimal(high.toFixed(digits))),
   );
   for (const row of known) {
     if (sigma(row)) plot.append(svg("line", { class: "log-sigma", x1: x(row[1] - row[2]), x2: x(row[1] + row[2]), y1: room.y(row[0]), y2: room.y(row[0]) }));
@@ -117,7 +119,7 @@ function image(plot, channel, room) {
   const [low, high] = [Math.min(...values), Math.max(...values)];
   frame(plot, `${title(channel.name)}, ${low.toFixed(0)}–${high.toFixed(0)}`, room);
   const cell = room.wide / count;
-  ["U", "R", "D", "L"].forEach((letter, k) => plot.append(
+  [t("U"), t("R"), t("D"), t("L")].forEach((letter, k) => plot.append(
     svg("text", { class: "tick", x: room.left + (k * count / 4 + 0.5) * cell, y: EDGE.top - 8, "text-anchor": "middle" }, letter),
   ));
   const last = new Array(count).fill(null);
