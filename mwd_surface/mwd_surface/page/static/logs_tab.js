@@ -2,10 +2,11 @@
 
 import { byId, el, scale, svg } from "./dom.js";
 import * as units from "./units.js";
+import { t } from "./words.js";
 
 // Kind of the numbers by the unit of a channel; another unit is shown as it comes.
 const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
-const TITLE = { gamma: "Gamma", inclination: "Inclination", temperature: "Temperature", lateral_vibration: "Vibration" };
+const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration") };
 const EDGE = { left: 66, top: 44, bottom: 8, gap: 14 };
 const MOST_SHOWN = 300; // m of hole at most
 const LEAST_ROW = 2; // px of one row of the image
@@ -42,7 +43,7 @@ export function showLogs(sections) {
   const channels = sections.logs?.channels || [];
   if (place.hidden) return;
   if (!channels.length) {
-    place.replaceChildren(el("p", { class: "empty" }, "No logs yet: they grow with the samples of the tool while the rig sends its depth."));
+    place.replaceChildren(el("p", { class: "empty" }, t("No logs yet: they grow with the samples of the tool while the rig sends its depth.")));
     return;
   }
   const box = el("div", { class: "depth-box" });
@@ -53,16 +54,18 @@ export function showLogs(sections) {
 
 function gapText(channels) {
   const found = channels.filter((c) => c.gaps.length);
-  if (!found.length) return "First pass, without gaps";
-  const one = (gap) => `${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
-  return `First pass; no data: ${found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}${c.gaps.length > 3 ? ` and ${c.gaps.length - 3} more` : ""}`).join("; ")} ${units.unit("depth")}`;
+  if (!found.length) return t("First pass, without gaps");
+  const one = (gap) => `${units.number("depth", gap[0])}–${units.number("depth", gap[1])}`;
+  const more = (count) => (count > 0 ? t` and ${count} more` : "");
+  const listed = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}${more(c.gaps.length - 3)}`).join("; ");
+  return t`First pass; no data: ${listed} ${units.unit("depth")}`;
 }
 
 function tracks(channels, { width, height }) {
   const depths = channels.flatMap((c) => [c.rows[0][0], c.rows[c.rows.length - 1][0]]);
   const bottom = Math.max(...depths);
   const top = Math.max(Math.min(...depths), bottom - MOST_SHOWN);
-  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": `Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
+  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": t`Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
   const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
   const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
   const step = nice(deep - shallow, Math.max(2, height / 60));
