@@ -209,6 +209,7 @@ byId("view").addEventListener("click", () => {
 });
 
 new ResizeObserver(showWellPath).observe(byId("tab-path"));
+new ResizeObserver(() => showLogs(connection.sections)).observe(byId("tab-logs"));
 
 showSwitches();
 chooseLanguage(byId("language"));
