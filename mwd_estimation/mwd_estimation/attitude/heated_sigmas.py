@@ -65,7 +65,7 @@ class HeatedSigmas:
         _widen(gravity, "sigma", tilt)
         with np.errstate(divide="ignore", invalid="ignore"):
             _widen(attitude, "sigma_gravity_toolface", tilt / np.abs(np.sin(attitude["inclination"])))
-        if reference is not None:
+        if reference is not None and reference.total is not None and reference.dip is not None:
             # A tilted tool measures part of the vertical field as horizontal.
             field = self._calibrated.magnetometer_t_per_c * beyond / (reference.total * math.cos(reference.dip))
             azimuth = np.hypot(field, tilt * math.tan(reference.dip))

@@ -47,7 +47,7 @@ def forecast_csv(found: Forecast) -> str:
                 fixed(gravity / (1e-3 * STANDARD_GRAVITY), 3),
                 fixed(field * 1e9, 1),
                 fixed(dip * _DEG, 3),
-                fixed(float(found.accepted[k]), 3),
+                fixed(float(found.accepted[k]), 2),
                 "yes" if found.no_go[k] else "no",
             ]
         )

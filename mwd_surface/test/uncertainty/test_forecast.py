@@ -103,7 +103,7 @@ def test_the_share_accepted_is_that_of_the_product_s_own_verdict(axial_nt):
     rng = np.random.default_rng(3)
     for k in (20, 40, -1):
         accepted = 0
-        for _ in range(60):
+        for _ in range(100):
             mat = mat_nt(float(found.inclination[k]), float(found.true_azimuth[k]), rng.uniform(0.0, math.tau))
             total = REFERENCE.total + coded.sigma_total * rng.standard_normal()
             dip = REFERENCE.dip + coded.sigma_dip * rng.standard_normal()
@@ -115,12 +115,13 @@ def test_the_share_accepted_is_that_of_the_product_s_own_verdict(axial_nt):
                 f_t + draw[:3], b_t + draw[3:] + [axial_nt * 1e-9, 0.0, 0.0], coded, StationSettings(errors=errors)
             )
             accepted += decided.verdict == "accept"
-        assert float(found.accepted[k]) == pytest.approx(accepted / 60, abs=0.4)
+        # Three sigma of the difference of a share of 100 draws and one of 32 that are spread evenly.
+        assert float(found.accepted[k]) == pytest.approx(accepted / 100, abs=0.25)
 
 
 @pytest.mark.slow
 def test_fewer_stations_are_accepted_near_horizontal_towards_east_than_towards_north():
     """A single station near horizontal towards east does not show the field of the string."""
     east, north = along(90.0, code="MWD+SRGM"), along(0.0, code="MWD+SRGM")
-    assert east.accepted[-1] < north.accepted[-1] == 1.0
-    assert east.accepted[0] == north.accepted[0] == 1.0
+    assert east.accepted[-1] < 0.5 < 0.9 < north.accepted[-1]
+    assert east.accepted[0] == north.accepted[0] > 0.9
