@@ -23,6 +23,10 @@ TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _hints: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
 
 
+class UnknownNumberError(ValueError):
+    """A message has a number that its enumeration does not have, as one of another version may."""
+
+
 class MessageRecord:
     """
     Base of dataclasses whose fields are those of a message.
@@ -49,7 +53,14 @@ class MessageRecord:
 
     @classmethod
     def from_message(cls, message: Any) -> typing.Self:
-        """Return the record of a message."""
+        """
+        Return the record of a message.
+
+        Raises
+        ------
+        UnknownNumberError
+            A field has a number that is not in its enumeration.
+        """
         values: dict[str, Any] = {}
         for name, (in_header, theirs, kind) in _sent(cls).items():
             value = getattr(message.header if in_header else message, theirs)
@@ -58,7 +69,10 @@ class MessageRecord:
             elif kind is None:
                 values[name] = _plain(value)
             elif issubclass(kind, enum.IntEnum):
-                values[name] = kind(value)
+                try:
+                    values[name] = kind(value)
+                except ValueError as error:
+                    raise UnknownNumberError(f"{cls.MESSAGE}: {theirs} {value} is unknown") from error
             elif issubclass(type(value), (list, tuple)):
                 values[name] = tuple(map(kind.from_message, value))
             else:

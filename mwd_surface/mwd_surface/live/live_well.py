@@ -21,6 +21,7 @@ from typing import Any, Protocol
 
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.message_record import UnknownNumberError
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.advice_monitor import AdviceMonitor
 from mwd_surface.live.alarms import Alarm
@@ -261,7 +262,11 @@ class LiveWell:
         self._supervision.message_received(topic)
         handler = self._handlers.get(topic)
         if handler is not None:
-            handler(data)
+            try:
+                handler(data)
+            except UnknownNumberError:
+                # One message of another version does not take those that wait behind it along.
+                self.decoder.unreadable += 1
 
     def _on_attitude(self, samples: Samples) -> None:
         self.slides.on_attitude(samples)

@@ -151,3 +151,19 @@ def test_the_state_of_a_well_holds_as_much_after_hours_of_stream_as_after_minute
     run(well, waiting, range(1200, 2600))
     # The depths are forgotten in blocks of a quarter of their history.
     assert abs(elements(well) - early) <= 3 * settings.depth.history
+
+
+@pytest.mark.parametrize(
+    ("topic", "field"), [("link/word", "status"), ("link/word", "kind"), ("link/quality", "state")]
+)
+def test_a_message_with_a_number_of_another_version_is_counted_and_those_behind_it_are_taken(topic, field):
+    well, waiting = well_of(dataclasses.replace(SMALL, link=LinkSettings("mud")))
+    sound, strange = (dict(link_messages(second)) for second in (1, 2))
+    setattr(strange[topic], field, 99)
+    for key, message in ((b"strange", strange[topic]), (b"sound", sound["link/quality"])):
+        waiting[key] = message
+        well.put(topic if key == b"strange" else "link/quality", key, BEGIN)
+    well.advance(BEGIN + S)
+    assert well.decoder.unreadable == 1
+    assert not waiting
+    assert well.state().link.words_expected == 9
