@@ -215,7 +215,7 @@ def _quality(code: str, inc: Array, true: Array, reference: Reference, axial: fl
 
 
 def _apart(inc: Array, true: Array) -> list[int]:
-    """Return the first and the last station, and those whose direction differs by `_APART` from the one chosen before."""
+    """Return the first and the last station, and each whose direction is `_APART` from the one chosen before."""
     axes = np.column_stack([np.sin(inc) * np.cos(true), np.sin(inc) * np.sin(true), np.cos(inc)])
     chosen = [0]
     for k in range(1, inc.size):
