@@ -2,11 +2,7 @@
 
 import { byId, el, scale, svg } from "./dom.js";
 import * as units from "./units.js";
-<<<<<<< HEAD
 import { say, t } from "./words.js";
-=======
-import { t } from "./words.js";
->>>>>>> w/logs
 
 // Kind of the numbers by the unit of a channel; another unit is shown as it comes.
 const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
@@ -59,16 +55,9 @@ export function showLogs(sections) {
 function gapText(channels) {
   const found = channels.filter((c) => c.gaps.length);
   if (!found.length) return t("First pass, without gaps");
-<<<<<<< HEAD
   const one = (gap) => t`${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
   const gaps = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}` + (c.gaps.length > 3 ? t` and ${c.gaps.length - 3} more` : ""));
   return t`First pass; no data: ${gaps.join("; ")} ${units.unit("depth")}`;
-=======
-  const one = (gap) => `${units.number("depth", gap[0])}–${units.number("depth", gap[1])}`;
-  const more = (count) => (count > 0 ? t` and ${count} more` : "");
-  const listed = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}${more(c.gaps.length - 3)}`).join("; ");
-  return t`First pass; no data: ${listed} ${units.unit("depth")}`;
->>>>>>> w/logs
 }
 
 function tracks(channels, { width, height }) {
