@@ -15,14 +15,16 @@ import array
 import bisect
 import dataclasses
 import math
+import re
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import LogSample, is_channel_name
+from mwd_surface.surveys.list_rules import DEEPEST as DEEPEST_M
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)
@@ -35,6 +37,9 @@ _STEP_S = 1.0  # s, length of the parts into which an interval is cut
 _DEPTHS_NS = NANOSECONDS  # ns between the depths that are kept
 _LONGEST_S = 3600.0  # s; no channel has a longer interval
 _MOST_SECTORS, _MOST_CHANNELS = 64, 64
+_FARTHEST_M = 100.0  # m from the bit; no sensor of a bottom-hole assembly is farther
+_LARGEST = 1e12  # far above every value in its unit; its square and the sums over a well stay finite
+_UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
 # Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
 
@@ -156,8 +161,8 @@ class DepthLog:
         Increases with every change.
     unplaced : dict of str to int
         Samples without a depth, by channel: no depth of the bit within half a minute of their time.
-    unusable : int
-        Samples that are left out because they contradict themselves or the limits of a log.
+    unusable : dict of str to int
+        Samples and depths that are left out because they contradict themselves or the limits of a log, by reason.
 
     Raises
     ------
@@ -175,7 +180,8 @@ class DepthLog:
         self._bits = array.array("d")
         self._bottoms = array.array("d")
         self._bottom = -math.inf
-        self.unusable = 0
+        self.unusable: dict[str, int] = {}
+        self._units: dict[str, str] = {}
         self._waiting: deque[LogSample] = deque()
         self._placed: list[LogSample] = []
         self._begin_anew()
@@ -197,9 +203,13 @@ class DepthLog:
         """
         Add a depth of the bit, m, in order of time.
 
-        One depth a second is kept. A depth that is unknown, or older than the last, is left out.
+        One depth a second is kept. A depth that is unknown, or older than the last, is left out. A depth that no bit
+        can have is left out and counted.
         """
-        if not math.isfinite(bit_depth):
+        if math.isnan(bit_depth):
+            return
+        if not -_FARTHEST_M <= bit_depth <= DEEPEST_M:
+            self._refuse(f"bit depth outside {-_FARTHEST_M:.0f} to {DEEPEST_M:.0f} m")
             return
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
@@ -210,11 +220,28 @@ class DepthLog:
     def add(self, samples: Iterable[LogSample]) -> None:
         """Add samples; those whose end is later than the last depth wait for the next one."""
         for sample in samples:
-            if _usable(sample) and (sample.channel in self._channels or len(self._channels) < _MOST_CHANNELS):
-                self._waiting.append(sample)
+            reason = self._fault(sample)
+            if reason:
+                self._refuse(reason)
             else:
-                self.unusable += 1
+                self._units.setdefault(sample.channel, sample.unit)
+                self._waiting.append(sample)
         self.advance()
+
+    def _refuse(self, reason: str) -> None:
+        self.unusable[reason] = self.unusable.get(reason, 0) + 1
+
+    def _fault(self, sample: LogSample) -> str:
+        """Return why a sample, which may come from anybody, does not keep to the limits of a log; empty if it does."""
+        if not is_channel_name(sample.channel):
+            return "name of the channel is not letters, digits and underscores"
+        if sample.channel not in self._units and len(self._units) >= _MOST_CHANNELS:
+            return f"more than {_MOST_CHANNELS} channels"
+        if _UNIT.fullmatch(sample.unit) is None:
+            return "unit is not a symbol of at most 16 characters"
+        if self._units.get(sample.channel, sample.unit) != sample.unit:
+            return "unit differs from that of the first sample of the channel"
+        return next((reason for reason, kept in _LIMITS.items() if not kept(sample)), "")
 
     def advance(self) -> None:
         """Place the samples whose depth is known now."""
@@ -408,17 +435,36 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     return float((best - most + part) * step), float(scores[best])
 
 
-def _usable(sample: LogSample) -> bool:
-    """Return whether a sample, which may come from anybody, keeps to the limits of a log."""
-    count = len(sample.sectors)
-    return (
-        is_channel_name(sample.channel)
-        and 0.0 <= sample.span <= _LONGEST_S
-        and 0.0 <= sample.duration <= _LONGEST_S
-        and count <= _MOST_SECTORS
-        and len(sample.sigma_sectors) == len(sample.sector_durations) == count
-        and all(seconds >= 0.0 for seconds in sample.sector_durations)
-    )
+def _within(value: float, low: float, high: float) -> bool:
+    """Return whether a number is unknown or between two limits."""
+    return math.isnan(value) or low <= value <= high
+
+
+def _small(value: float) -> bool:
+    """Return whether a value is unknown, out of the range of its sensor (infinite), or of a plausible size."""
+    return math.isinf(value) or _within(value, -_LARGEST, _LARGEST)
+
+
+def _even(sample: LogSample) -> bool:
+    return len(sample.sectors) == len(sample.sigma_sectors) == len(sample.sector_durations) <= _MOST_SECTORS
+
+
+# Limits of a sample by the reason for which one that exceeds them is refused.
+_LIMITS: dict[str, Callable[[LogSample], bool]] = {
+    f"distance of the sensor from the bit outside 0 to {_FARTHEST_M:.0f} m": lambda one: _within(
+        one.sensor_to_bit, 0.0, _FARTHEST_M
+    ),
+    f"interval or time of measurement outside 0 to {_LONGEST_S:.0f} s": lambda one: (
+        0.0 <= one.span <= _LONGEST_S
+        and 0.0 <= one.duration <= _LONGEST_S
+        and all(0.0 <= seconds <= _LONGEST_S for seconds in one.sector_durations)
+    ),
+    f"numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
+    "value beyond every measurement": lambda one: all(map(_small, (one.value, *one.sectors))),
+    "sigma or counts negative or beyond every measurement": lambda one: all(
+        _within(number, 0.0, _LARGEST) for number in (one.sigma, one.counts, *one.sigma_sectors)
+    ),
+}
 
 
 def _end_ns(sample: LogSample) -> int:

@@ -226,6 +226,17 @@ def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
         {"sectors": (1.0, 2.0), "sigma_sectors": (1.0,), "sector_durations": (1.0, 1.0)},
         {"sectors": (1.0,) * 65, "sigma_sectors": (1.0,) * 65, "sector_durations": (1.0,) * 65},
         {"sectors": (1.0,), "sigma_sectors": (1.0,), "sector_durations": (-1.0,)},
+        {"sectors": (1.0,), "sigma_sectors": (1.0,), "sector_durations": (math.inf,)},
+        {"sectors": (1e200,), "sigma_sectors": (1e200,), "sector_durations": (1.0,)},
+        {"sensor_to_bit": math.inf},
+        {"sensor_to_bit": -1e9},
+        {"sensor_to_bit": -0.1},
+        {"value": 1e300},
+        {"sigma": 1e300},
+        {"sigma": -1.0},
+        {"counts": math.inf},
+        {"counts": -5.0},
+        {"unit": "gAPI,\n=1"},
     ],
 )
 def test_a_sample_that_contradicts_itself_is_counted_and_left_out(more):
@@ -233,8 +244,40 @@ def test_a_sample_that_contradicts_itself_is_counted_and_left_out(more):
     for at in range(101):
         log.add_depth(T0 + at * S, 1000.0)
     log.add([dataclasses.replace(sample(50.0), **more)])
-    assert log.unusable == 1
+    assert list(log.unusable.values()) == [1]
+    assert all(len(reason) > 10 for reason in log.unusable)
     assert log.channels == ()
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(st.tuples(numbers, numbers, numbers, numbers, numbers, numbers, numbers), max_size=8))
+def test_no_number_stops_the_log_or_makes_it_longer_than_a_well(rows):
+    """A good sample among samples and depths with any numbers has its place, and the log stays in the hole."""
+    log = DepthLog(step_m=1.0)
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+        if at < len(rows):
+            log.add_depth(T0 + at * S + S // 2, rows[at][0])
+    names = ("value", "sigma", "counts", "span", "duration", "sensor_to_bit")
+    for bit, *fields in rows:
+        log.add_depth(T0 + 101 * S, bit)
+        log.add([sample(50.0, **dict(zip(names, fields, strict=True)))])
+    log.add([sample(90.0)])
+    log.finish()
+    curve = log.curve("gamma", ALL)
+    assert 0 < len(curve.depth) < 15_400
+    assert np.isfinite(curve.value).any()
+
+
+def test_a_channel_keeps_the_unit_of_its_first_sample():
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([sample(15.0, 80.0), dataclasses.replace(sample(25.0, 5.0), unit="degC")])
+    assert sum(log.unusable.values()) == 1
+    assert log.curve("gamma", ALL).value == pytest.approx([80.0])
 
 
 def test_values_and_sectors_that_change_their_number_or_are_infinite_do_not_stop_the_log():
