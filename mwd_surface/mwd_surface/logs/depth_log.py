@@ -64,6 +64,8 @@ class Curve:
         Number of samples that contribute.
     sectors, sigma_sectors : ndarray, shape (n, k)
         Means by direction, the first centred on the high side, clockwise looking down-hole; k = 0 without sectors.
+    quality : ndarray, shape (n,)
+        Bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap.
     """
 
     channel: str
@@ -76,6 +78,7 @@ class Curve:
     samples: Array
     sectors: Array
     sigma_sectors: Array
+    quality: Array
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:
@@ -91,12 +94,18 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True)
 class Newest:
-    """Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m."""
+    """
+    Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m.
+
+    quality: bits of mwd_msgs/LogSample.
+    """
 
     value: float
     sigma: float
     stamp_ns: int
     depth: float
+    unit: str
+    quality: int
 
 
 class _Cell:
@@ -104,7 +113,7 @@ class _Cell:
 
     def __init__(self, sectors: int) -> None:
         self.weight = self.total = self.variance = self.counts = 0.0
-        self.samples = 0
+        self.samples = self.quality = 0
         self.sector_weight = np.zeros(sectors)
         self.sector_total = np.zeros(sectors)
         self.sector_variance = np.zeros(sectors)
@@ -119,6 +128,7 @@ class _Cell:
             self.variance += (weight * sample.sigma) ** 2
             self.counts += share * sample.counts
             self.samples += 1
+            self.quality |= sample.quality
         if len(self.sector_weight) and len(sample.sectors) == len(self.sector_weight):
             seen = np.array(sample.sector_durations) * share
             known = seen > 0.0
@@ -299,7 +309,9 @@ class DepthLog:
                 shares[which, index] = shares.get((which, index), 0) + 1
         middle = self._bit(sample.stamp_ns)
         if middle is not None and math.isfinite(sample.value):
-            channel.newest = Newest(sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset)
+            channel.newest = Newest(
+                sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset, sample.unit, sample.quality
+            )
         for (which, index), steps in shares.items():
             channel.add(which, index, sample, steps / count)
         if not shares:
@@ -357,6 +369,7 @@ class DepthLog:
                 sectors=np.array([cell.sector_total for cell in taken]).reshape(spread.shape) / spread,
                 sigma_sectors=np.sqrt(np.array([cell.sector_variance for cell in taken]).reshape(spread.shape))
                 / spread,
+                quality=np.array([cell.quality if cell.samples else math.nan for cell in taken]),
             )
 
     def curves(self, which: str = FIRST, most: int | None = None) -> tuple[Curve, ...]:

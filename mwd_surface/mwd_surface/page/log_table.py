@@ -16,14 +16,14 @@ def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
     """
     Return the curves as tables.
 
-    rows: depth, m, value, sigma and time of measurement, s; sectors: values of each row, from the high side clockwise;
-    gaps: depths of top and bottom, m. Values are in the unit of the channel.
+    rows: depth, m, value, sigma, time of measurement, s, and quality, bits of LogSample; sectors: values of each row,
+    from the high side clockwise; gaps: depths of top and bottom, m. Values are in the unit of the channel.
     """
     return {"channels": [_channel(curve) for curve in curves if len(curve.depth)]}
 
 
 def _channel(curve: Curve) -> dict[str, Any]:
-    columns = (curve.depth, curve.value, curve.sigma, curve.seconds)
+    columns = (curve.depth, curve.value, curve.sigma, curve.seconds, curve.quality)
     return {
         "name": curve.channel,
         "unit": curve.unit,

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_sensors.telemetry.log_channels import FROM_WORD, ONE_SIDED, SATURATED, LogSample
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
 from mwd_surface.logs.log_files import FORMATS
+from mwd_surface.page.log_table import log_table
 from mwd_surface.rig.derived_values import log_values
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import rig_values
@@ -213,6 +214,46 @@ def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
     assert float(sent[823]) == 120.0
     assert float(sent[821]) == pytest.approx(993.5)
     assert 823 not in dict(form.formation(rig_values(LiveState().at(1.0), (), now_ns=T0)))
+
+
+def newest_values(*samples):
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add(samples)
+    live = LiveState()
+    live.show(1.0, logs=log.curves(), newest_logs=log.newest())
+    return log_values(live.at(1.0), T0 + 100 * S)
+
+
+@pytest.mark.parametrize("quality", [SATURATED, ONE_SIDED, SATURATED | ONE_SIDED | FROM_WORD, FROM_WORD, 0])
+def test_a_value_that_is_not_the_mean_around_the_hole_is_marked_everywhere(quality):
+    """The step, each file, the page and the rig say so; only the steps of that sample are marked."""
+    doubted = bool(quality & (SATURATED | ONE_SIDED))
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add([sample(15.0), sample(55.0, quality=quality), sample(85.0)])
+    curve = log.curve("gamma")
+    bits = np.nan_to_num(curve.quality).astype(int)
+    inside = (curve.depth > 1005.0 - OFFSET) & (curve.depth < 1006.0 - OFFSET)
+    np.testing.assert_array_equal(bits, np.where(inside, quality, 0))
+    np.testing.assert_array_equal(np.isnan(curve.quality), np.isnan(curve.value))
+    las = lasio.read(io.StringIO(FORMATS[".las"](log, FIRST, Well()).decode()))
+    np.testing.assert_array_equal(las["GRQ"], curve.quality)
+    assert [row[4] or 0 for row in log_table([curve])["channels"][0]["rows"]] == bits.tolist()
+    values = newest_values(sample(55.0, quality=quality))
+    assert values["gamma"].condition == (Condition.DOUBTFUL if doubted else Condition.GOOD)
+    assert bool(values["gamma"].reason) == doubted
+    assert values["gamma_depth"].condition == Condition.GOOD
+
+
+def test_the_rig_gets_gamma_by_its_source_and_not_by_its_name():
+    other = dataclasses.replace(sample(55.0, 20.0), unit="degC")
+    named = dataclasses.replace(sample(45.0, 99.0), channel="upper_gr")
+    assert newest_values(other)["gamma"].condition == Condition.WAITING
+    assert newest_values(other, named)["gamma"].value == 99.0
+    assert newest_values(named, sample(25.0, 70.0))["gamma"].value == 70.0
 
 
 @pytest.mark.parametrize(

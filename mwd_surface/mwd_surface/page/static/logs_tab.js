@@ -9,6 +9,7 @@ const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s":
 const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration") };
 const EDGE = { left: 66, top: 44, bottom: 8, gap: 14 };
 const MOST_SHOWN = 300; // m of hole at most
+const [SATURATED, ONE_SIDED] = [4, 16]; // qualities, as in mwd_msgs/LogSample
 const LEAST_ROW = 2; // px of one row of the image
 
 const title = (name) => TITLE[name] || say(name.replaceAll("_", " "));
@@ -90,6 +91,12 @@ function frame(plot, text, { left, wide, height }) {
   );
 }
 
+// Why a value is not the mean around the hole; empty if it is.
+function doubtOf(row) {
+  const quality = row[4] || 0;
+  return [quality & SATURATED ? t("Detector saturated: a lower bound") : "", quality & ONE_SIDED ? t("Measured on one side of the hole") : ""].filter(Boolean).join("; ");
+}
+
 function curve(plot, channel, room) {
   const rows = channel.rows.filter((row) => row[0] >= room.top);
   const known = rows.filter((row) => row[1] !== null);
@@ -109,7 +116,12 @@ function curve(plot, channel, room) {
   const apart = 12 * channel.step;
   const points = known.flatMap((row, k) => [...(k && row[0] - known[k - 1][0] > apart ? [null] : []), [x(row[1]), room.y(row[0])]]);
   for (const part of lines(points)) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
-  for (const row of known) plot.append(svg("circle", { class: "log-point", cx: x(row[1]), cy: room.y(row[0]), r: 1.5 }));
+  for (const row of known) {
+    const doubt = doubtOf(row);
+    const point = svg("circle", { class: doubt ? "log-doubt" : "log-point", cx: x(row[1]), cy: room.y(row[0]), r: doubt ? 3 : 1.5 });
+    if (doubt) point.append(svg("title", {}, doubt));
+    plot.append(point);
+  }
 }
 
 // Sectors side by side from up over right, down and left; the darker, the more gamma.
