@@ -109,23 +109,34 @@ class Newest:
 
 
 class _Cell:
-    """Sums over one depth step."""
+    """
+    Sums over one depth step.
+
+    The errors of counts are independent from sample to sample, so their variances add up. All other errors (bias,
+    rounding, shared pulses of two words) may be the same in each sample, so their sigmas add up: the mean of many
+    samples is not better than one.
+    """
 
     def __init__(self, sectors: int) -> None:
-        self.weight = self.total = self.variance = self.counts = 0.0
+        self.weight = self.total = self.variance = self.common = self.counts = 0.0
         self.samples = self.quality = 0
         self.sector_weight = np.zeros(sectors)
         self.sector_total = np.zeros(sectors)
         self.sector_variance = np.zeros(sectors)
+        self.sector_common = np.zeros(sectors)
 
     def add(self, sample: LogSample, share: float) -> None:
         """Add the share of a sample that belongs to this step, all at once: its parts have the same error."""
         # A value of one moment, from a word, has the weight of a second.
         weight = share * (sample.duration or 1.0)
+        counted = math.isfinite(sample.counts)
         if math.isfinite(sample.value):
             self.weight += weight
             self.total += weight * sample.value
-            self.variance += (weight * sample.sigma) ** 2
+            if counted:
+                self.variance += (weight * sample.sigma) ** 2
+            else:
+                self.common += weight * sample.sigma
             self.counts += share * sample.counts
             self.samples += 1
             self.quality |= sample.quality
@@ -134,7 +145,11 @@ class _Cell:
             known = seen > 0.0
             self.sector_weight[known] += seen[known]
             self.sector_total[known] += seen[known] * np.array(sample.sectors)[known]
-            self.sector_variance[known] += (seen[known] * np.array(sample.sigma_sectors)[known]) ** 2
+            errors = seen[known] * np.array(sample.sigma_sectors)[known]
+            if counted:
+                self.sector_variance[known] += errors**2
+            else:
+                self.sector_common[known] += errors
 
 
 class _Channel:
@@ -362,12 +377,14 @@ class DepthLog:
                 unit=found.unit,
                 depth=(np.array(rows, dtype=float) + 0.5) * self.step_m,
                 value=np.array([cell.total for cell in taken]) / weight,
-                sigma=np.sqrt([cell.variance for cell in taken]) / weight,
+                sigma=np.sqrt([cell.variance + cell.common**2 for cell in taken]) / weight,
                 counts=np.array([cell.counts if cell.samples else math.nan for cell in taken]),
                 seconds=weight,
                 samples=np.array([cell.samples for cell in taken], dtype=float),
                 sectors=np.array([cell.sector_total for cell in taken]).reshape(spread.shape) / spread,
-                sigma_sectors=np.sqrt(np.array([cell.sector_variance for cell in taken]).reshape(spread.shape))
+                sigma_sectors=np.sqrt(
+                    np.array([cell.sector_variance + cell.sector_common**2 for cell in taken]).reshape(spread.shape)
+                )
                 / spread,
                 quality=np.array([cell.quality if cell.samples else math.nan for cell in taken]),
             )

@@ -170,6 +170,46 @@ def test_the_sigma_of_a_step_is_the_scatter_of_many_logs():
     assert abs(errors.std() - 1.0) < 4.0 / math.sqrt(2.0 * len(errors)) + 0.01
 
 
+@given(st.integers(1, 40), st.floats(0.0, 1.0), st.floats(-3.0, 3.0))
+def test_a_bias_that_all_samples_share_is_not_averaged_away(number, sigma, bias):
+    """Errors in one step that are all the same: the sigma of the step covers them as that of one sample does."""
+    log = DepthLog()
+    for at in range(10 * number + 1):
+        log.add_depth(T0 + at * S, 1000.0)
+    error = bias * sigma
+    log.add(sample(10.0 * k + 5.0, 20.0 + error, sigma=sigma, counts=math.nan) for k in range(number))
+    curve = log.curve("gamma", ALL)
+    assert curve.sigma == pytest.approx([sigma])
+    assert abs(curve.value[0] - 20.0) == pytest.approx(abs(bias) * curve.sigma[0])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_the_sigma_of_a_step_is_the_scatter_whatever_part_of_the_samples_was_counted(share):
+    """Nine samples in a step: independent errors of the counted ones, one common error of all others."""
+    rng, counted, errors = np.random.default_rng(5), round(share * 9), []
+    for _ in range(400):
+        log = DepthLog()
+        for at in range(91):
+            log.add_depth(T0 + at * S, 1000.0)
+        common = rng.standard_normal()
+        for k in range(9):
+            error, counts = (2.0 * rng.standard_normal(), 100.0) if k < counted else (common, math.nan)
+            log.add([sample(10.0 * k + 5.0, 80.0 + error, sigma=2.0 if k < counted else 1.0, counts=counts)])
+        curve = log.curve("gamma", ALL)
+        errors.append((curve.value[0] - 80.0) / curve.sigma[0])
+    assert np.std(errors) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("counts", "sigma"), [(math.nan, 4.0), (100.0, 2.0)])
+def test_sectors_share_the_errors_of_their_values(counts, sigma):
+    log = DepthLog()
+    for at in range(41):
+        log.add_depth(T0 + at * S, 1000.0)
+    four = {"sectors": (1.0,) * 4, "sigma_sectors": (4.0,) * 4, "sector_durations": (2.5,) * 4}
+    log.add(sample(10.0 * k + 5.0, counts=counts, **four) for k in range(4))
+    np.testing.assert_allclose(log.curve("gamma", ALL).sigma_sectors, sigma)
+
+
 @pytest.mark.parametrize("shift", [-1.3, 0.0, 0.45, 2.0])
 def test_two_logs_are_shifted_by_their_correlation(shift):
     def rock(depth):
