@@ -14,9 +14,10 @@ from __future__ import annotations
 import array
 import bisect
 import dataclasses
+import heapq
+import itertools
 import math
 import re
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -40,8 +41,10 @@ _MOST_SECTORS, _MOST_CHANNELS = 64, 64
 _FARTHEST_M = 100.0  # m from the bit; no sensor of a bottom-hole assembly is farther
 _LARGEST = 1e12  # far above every value in its unit; its square and the sums over a well stay finite
 _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
-# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it.
+# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it:
+# with four channels each 10 s, those of three days.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
+_MOST_WAITING = 20_000  # samples that wait for a depth; with four channels each 10 s, half a day
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,6 +191,8 @@ class DepthLog:
         Samples without a depth, by channel: no depth of the bit within half a minute of their time.
     unusable : dict of str to int
         Samples and depths that are left out because they contradict themselves or the limits of a log, by reason.
+    disordered : int
+        Samples that were placed after later ones of their channel: the passes may be off by their share.
 
     Raises
     ------
@@ -207,8 +212,11 @@ class DepthLog:
         self._bottom = -math.inf
         self.unusable: dict[str, int] = {}
         self._units: dict[str, str] = {}
-        self._waiting: deque[LogSample] = deque()
-        self._placed: list[LogSample] = []
+        self.disordered = 0
+        self._waiting: list[tuple[int, int, LogSample]] = []  # heap by end and arrival
+        self._arrivals = itertools.count()
+        # All samples in place, as long as they are few enough to be placed anew.
+        self._placed: list[LogSample] | None = []
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -250,8 +258,11 @@ class DepthLog:
                 self._refuse(reason)
             else:
                 self._units.setdefault(sample.channel, sample.unit)
-                self._waiting.append(sample)
+                heapq.heappush(self._waiting, (_end_ns(sample), next(self._arrivals), sample))
         self.advance()
+        while len(self._waiting) > _MOST_WAITING:
+            heapq.heappop(self._waiting)
+            self._refuse(f"no depth of the bit came while {_MOST_WAITING} samples waited for it")
 
     def _refuse(self, reason: str) -> None:
         self.unusable[reason] = self.unusable.get(reason, 0) + 1
@@ -271,29 +282,33 @@ class DepthLog:
     def advance(self) -> None:
         """Place the samples whose depth is known now."""
         reached = self._stamps[-1] if self._stamps else -(2**63)
-        ready = [one for one in self._waiting if _end_ns(one) <= reached]
+        ready = []
+        while self._waiting and self._waiting[0][0] <= reached:
+            ready.append(heapq.heappop(self._waiting)[-1])
         if ready:
-            self._waiting = deque(one for one in self._waiting if _end_ns(one) > reached)
             self._place_in_order(ready)
 
     def finish(self) -> None:
         """Place the samples that still wait, because no depth follows."""
-        ready, self._waiting = list(self._waiting), deque()
+        ready, self._waiting = [one for *_, one in sorted(self._waiting)], []
         self._place_in_order(ready)
 
     def _place_in_order(self, samples: Sequence[LogSample]) -> None:
         """Place samples in order of time; where one is older than a placed one of its channel, place all anew."""
         samples = sorted(samples, key=_order)
-        late = any(
-            one.channel in self._channels and 0 < self._channels[one.channel].newest_ns - one.stamp_ns <= _LATE_NS
-            for one in samples
-        )
-        self._placed += samples
+        known = [(self._channels[one.channel], one) for one in samples if one.channel in self._channels]
+        behind = [channel.newest_ns - one.stamp_ns for channel, one in known]
+        if self._placed is not None:
+            self._placed += samples
+            if len(self._placed) > _MOST_KEPT:
+                self._placed = None
         # A sample that is later still belongs to a clock that was set back: it is placed as it comes.
-        if late and len(self._placed) <= _MOST_KEPT:
+        if self._placed is not None and any(0 < late <= _LATE_NS for late in behind):
             self._placed.sort(key=_order)
             self._begin_anew()
             samples = self._placed
+        else:
+            self.disordered += sum(late > 0 for late in behind)
         for sample in samples:
             self._place(sample)
         self.version += bool(samples)

@@ -5,6 +5,7 @@ import dataclasses
 import io
 import itertools
 import math
+import weakref
 
 import lasio
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 from mwd_sensors.telemetry.log_channels import FROM_WORD, ONE_SIDED, SATURATED, LogSample
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.logs import depth_log
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
 from mwd_surface.logs.log_files import FORMATS
 from mwd_surface.page.log_table import log_table
@@ -395,6 +397,39 @@ def test_a_clock_that_was_set_back_costs_no_more_than_any_other(monkeypatch):
     for at in range(100, 2000, 10):
         log.add([sample(float(at))])
     assert len(placed) == 190
+
+
+def test_a_log_without_depths_keeps_the_newest_samples_and_counts_the_others(monkeypatch):
+    monkeypatch.setattr(depth_log, "_MOST_WAITING", 50)
+    log = DepthLog()
+    for k in range(200):
+        log.add([sample(10.0 * k + 5.0)])
+    assert sum(log.unusable.values()) == 150
+    for at in range(0, 2001, 10):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    log.advance()
+    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(50 * 533.0)
+    assert log.curve("gamma", ALL).depth[0] == pytest.approx(1015.0 - OFFSET, abs=0.1)
+
+
+@pytest.mark.parametrize("most", [100, 1000])
+def test_a_long_log_drops_the_samples_it_has_placed_and_counts_those_it_cannot_put_in_order(monkeypatch, most):
+    """No sample is lost; one that comes late is put in order only while all samples are kept."""
+    monkeypatch.setattr(depth_log, "_MOST_KEPT", most)
+    log = DepthLog()
+    for at in range(5001):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    order = list(range(500))
+    order[300], order[301] = order[301], order[300]
+    held = []
+    for k in order:
+        one = sample(10.0 * k + 5.0)
+        log.add([one])
+        held.append(weakref.ref(one))
+    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(500 * 533.0)
+    assert log.disordered == (1 if most == 100 else 0)
+    del one
+    assert sum(reference() is not None for reference in held) <= (0 if most == 100 else 500)
 
 
 def test_the_deepest_part_alone_is_the_end_of_the_whole():
