@@ -92,12 +92,7 @@ def merge(
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
     say = terminal.output()
-    drift = "" if math.isnan(clock.sigma_drift) else f" ± {clock.sigma_drift * 1e6:.0f}"
-    say.print(
-        f"clock of the memory: {clock.offset_s:+.3f} ± {clock.sigma_offset_s:.3f} s, drift {clock.drift * 1e6:+.0f}"
-        f"{drift} ppm, from {clock.changes} starts and stops of the rotation (correlation {clock.correlation:.3f})",
-        markup=False,
-    )
+    say.print(f"clock of the memory: {clock}", markup=False)
     for one in memory_merge.improvements(logs[0], logs[1], logs[2]):
         shift = "" if math.isnan(one.depth_shift) else f"; depth shift {one.depth_shift:+.2f} m"
         sigma = ""

@@ -75,6 +75,22 @@ def test_a_memory_that_lacks_the_begin_and_the_end_is_placed():
     assert offset_error(clock, -300.0, 0.0) == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.parametrize("changes", [1, 2, 3, 6])
+def test_a_drift_is_known_from_three_changes_on(changes):
+    """With fewer, the clock says so and its offset still holds."""
+    edges = np.cumsum([300.0, 410.0, 290.0, 520.0, 350.0, 610.0])[:changes]
+    corners = np.concatenate([[0.0], *[[edge, edge + 5.0] for edge in edges], [edges[-1] + 400.0]])
+    speeds = np.array([0.0, *(10.0 * ((k + 1) // 2 % 2) for k in range(2 * changes)), 10.0 * (changes % 2)])
+    run_s, memory_s = np.arange(0.0, corners[-1], 0.2), np.arange(0.0, corners[-1], 0.1)
+    run = Rotation(T0 + np.round(run_s * S).astype(np.int64), np.interp(run_s, corners, speeds))
+    stamps = T0 + np.round((memory_s + 40.0) * S).astype(np.int64)
+    clock = memory_clock(run, Rotation(stamps, np.interp(memory_s, corners, speeds)))
+    assert clock.changes == changes
+    assert math.isnan(clock.drift) == math.isnan(clock.sigma_drift) == (changes < 3)
+    assert ("not known" in str(clock)) == ("ppm" not in str(clock)) == (changes < 3)
+    assert abs(clock.run_ns(T0 + 340 * S) - (T0 + 300 * S)) < 0.1 * S
+
+
 @pytest.mark.parametrize(
     ("other", "words"),
     [
