@@ -44,6 +44,7 @@ _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
 # Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it:
 # with four channels each 10 s, those of three days.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
+_SILENT_NS = 120 * NANOSECONDS  # a channel whose last sample is older has stopped; words may take a minute
 _MOST_WAITING = 20_000  # samples that wait for a depth; with four channels each 10 s, half a day
 
 
@@ -69,6 +70,9 @@ class Curve:
         Means by direction, the first centred on the high side, clockwise looking down-hole; k = 0 without sectors.
     quality : ndarray, shape (n,)
         Bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap.
+    gaps : tuple of (float, float)
+        Intervals of depth without a value, top and bottom, m, from the first value of the channel in the whole well to
+        its last, or to the depth that its sensor has reached if it stopped; also where this curve is only a part.
     """
 
     channel: str
@@ -82,17 +86,7 @@ class Curve:
     sectors: Array
     sigma_sectors: Array
     quality: Array
-
-    @property
-    def gaps(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of depth without a value, top and bottom, m."""
-        if len(self.depth) < 2:
-            return ()
-        half = 0.5 * (self.depth[1] - self.depth[0])
-        missing = np.concatenate([[False], np.isnan(self.value), [False]]).astype(int)
-        tops, bottoms = np.flatnonzero(np.diff(missing) == 1), np.flatnonzero(np.diff(missing) == -1)
-        pairs = zip(tops, bottoms, strict=True)
-        return tuple((float(self.depth[a] - half), float(self.depth[b - 1] + half)) for a, b in pairs)
+    gaps: tuple[tuple[float, float], ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,15 +155,20 @@ class _Channel:
     def __init__(self, sample: LogSample) -> None:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
         self.deepest = -math.inf
+        self.offset = 0.0
         self.newest: Newest | None = None
         self.newest_ns = -(2**63)
         self.cells: dict[str, dict[int, _Cell]] = {name: {} for name in PASSES}
+        # Steps that have a value.
+        self.filled: dict[str, set[int]] = {name: set() for name in PASSES}
 
     def add(self, which: str, index: int, sample: LogSample, share: float) -> None:
         cells = self.cells[which]
         if index not in cells:
             cells[index] = _Cell(self.sectors)
         cells[index].add(sample, share)
+        if math.isfinite(sample.value):
+            self.filled[which].add(index)
 
 
 class DepthLog:
@@ -319,6 +318,7 @@ class DepthLog:
         channel = self._channels.setdefault(sample.channel, _Channel(sample))
         channel.newest_ns = max(channel.newest_ns, sample.stamp_ns)
         offset = self.sensor_to_bit if math.isnan(sample.sensor_to_bit) else sample.sensor_to_bit
+        channel.offset = offset
         count = max(1, round(sample.span / _STEP_S))
         begin_ns, step_ns = _end_ns(sample) - round(sample.span * NANOSECONDS), sample.span * NANOSECONDS / count
         shares: dict[tuple[str, int], int] = {}
@@ -402,7 +402,22 @@ class DepthLog:
                 )
                 / spread,
                 quality=np.array([cell.quality if cell.samples else math.nan for cell in taken]),
+                gaps=self._gaps(found, which),
             )
+
+    def _gaps(self, channel: _Channel, which: str) -> tuple[tuple[float, float], ...]:
+        """Return the intervals of depth without a value, m: in the whole well, and below a channel that stopped."""
+        steps = channel.filled[which]
+        filled = np.sort(np.fromiter(steps, dtype=float, count=len(steps)))
+        if not len(filled):
+            return ()
+        before = np.flatnonzero(np.diff(filled) > 1.0)
+        gaps = [(float(filled[k] + 1.0) * self.step_m, float(filled[k + 1]) * self.step_m) for k in before]
+        last, reached = float(filled[-1] + 1.0) * self.step_m, self._bottom - channel.offset
+        silent_ns = self._stamps[-1] - channel.newest_ns
+        if silent_ns > _SILENT_NS and reached - last > self.step_m:
+            gaps.append((last, reached))
+        return tuple(gaps)
 
     def curves(self, which: str = FIRST, most: int | None = None) -> tuple[Curve, ...]:
         """Return all channels over depth, as `curve`."""

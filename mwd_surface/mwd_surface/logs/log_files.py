@@ -130,12 +130,18 @@ def las(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def gap_lines(log: DepthLog, which: str) -> list[str]:
-    """Return a sentence for each gap of a log."""
-    return [
-        f"{curve.channel}: no data from {top:.2f} to {bottom:.2f} m"
-        for curve in log.curves(which)
-        for top, bottom in curve.gaps
-    ]
+    """Return a sentence on the gaps of each channel that has any, however many they are."""
+    return [_gap_line(curve) for curve in log.curves(which) if curve.gaps]
+
+
+def _gap_line(curve: Curve) -> str:
+    top, bottom = max(curve.gaps, key=lambda gap: gap[1] - gap[0])
+    if len(curve.gaps) == 1:
+        return f"{curve.channel}: no data from {top:.2f} to {bottom:.2f} m"
+    total = math.fsum(end - begin for begin, end in curve.gaps)
+    return (
+        f"{curve.channel}: {len(curve.gaps)} gaps, {total:.2f} m together, the longest from {top:.2f} to {bottom:.2f} m"
+    )
 
 
 def _printed(values: Sequence[float] | Array) -> list[float | None]:

@@ -11,13 +11,16 @@ import numpy as np
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.page.plain import number
 
+_GAPS = 3  # the deepest gaps, which the page names
+
 
 def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
     """
     Return the curves as tables.
 
     rows: depth, m, value, sigma, time of measurement, s, and quality, bits of LogSample; sectors: values of each row,
-    from the high side clockwise; gaps: depths of top and bottom, m. Values are in the unit of the channel.
+    from the high side clockwise; gaps: depths of top and bottom of the deepest gaps, m, of gap_count in all. Values are
+    in the unit of the channel.
     """
     return {"channels": [_channel(curve) for curve in curves if len(curve.depth)]}
 
@@ -30,7 +33,8 @@ def _channel(curve: Curve) -> dict[str, Any]:
         "step": number(float(np.diff(curve.depth[:2]).sum())),
         "rows": [[_short(value) for value in row] for row in zip(*columns, strict=True)],
         "sectors": [[_short(value) for value in row] for row in curve.sectors],
-        "gaps": [list(gap) for gap in curve.gaps],
+        "gaps": [[_short(edge) for edge in gap] for gap in curve.gaps[-_GAPS:]],
+        "gap_count": len(curve.gaps),
     }
 
 

@@ -17,7 +17,7 @@ from mwd_sensors.telemetry.log_channels import FROM_WORD, ONE_SIDED, SATURATED, 
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.logs import depth_log
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
-from mwd_surface.logs.log_files import FORMATS
+from mwd_surface.logs.log_files import FORMATS, gap_lines
 from mwd_surface.page.log_table import log_table
 from mwd_surface.rig.derived_values import log_values
 from mwd_surface.rig.value import Condition
@@ -121,6 +121,46 @@ def test_a_gap_is_stated_and_nothing_is_put_into_it():
     inside = (curve.depth > top) & (curve.depth < bottom)
     assert np.isnan(curve.value[inside]).all()
     assert (curve.seconds[inside] == 0.0).all()
+
+
+@pytest.mark.parametrize("which", PASSES)
+@pytest.mark.parametrize("most", [None, 20])
+def test_the_gaps_are_those_of_the_whole_hole_to_its_depth(which, most):
+    """Part of a curve states a gap above it; a channel that stopped has a gap to the depth of its sensor."""
+    log = DepthLog()
+    for at in range(3001):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    samples = [sample(at) for at in range(5, 3000, 10) if not 300 < at < 500]
+    log.add(samples)
+    log.add(dataclasses.replace(one, channel="stopped") for one in samples if one.stamp_ns < T0 + 2000 * S)
+    ((top, bottom),) = log.curve("gamma", which, most).gaps
+    assert (top, bottom) == pytest.approx((991.0, 993.0), abs=0.11)
+    above, below = log.curve("stopped", which, most).gaps
+    assert above == (top, bottom)
+    assert below == pytest.approx((1008.0, 1018.0), abs=0.11)
+    assert len(gap_lines(log, which)) == 2
+
+
+def test_a_channel_that_lags_has_not_stopped():
+    log = DepthLog()
+    for at in range(1201):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    log.add(sample(at) for at in range(5, 1120, 10))
+    assert log.curve("gamma").gaps == ()
+
+
+def test_thousands_of_gaps_are_one_sentence_and_three_on_the_page():
+    log = DepthLog()
+    for at in range(12001):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add(sample(at) for at in range(5, 12000, 20))
+    curve = log.curve("gamma")
+    assert len(curve.gaps) > 500
+    (line,) = gap_lines(log, FIRST)
+    assert str(len(curve.gaps)) in line
+    (shown,) = log_table([curve])["channels"]
+    assert shown["gap_count"] == len(curve.gaps)
+    np.testing.assert_allclose(shown["gaps"], curve.gaps[-3:])
 
 
 def test_a_sample_without_a_depth_is_counted_and_left_out():

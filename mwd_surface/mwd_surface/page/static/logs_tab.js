@@ -57,7 +57,7 @@ function gapText(channels) {
   const found = channels.filter((c) => c.gaps.length);
   if (!found.length) return t("First pass, without gaps");
   const one = (gap) => t`${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
-  const gaps = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}` + (c.gaps.length > 3 ? t` and ${c.gaps.length - 3} more` : ""));
+  const gaps = found.map((c) => `${title(c.name)} ${c.gaps.map(one).join(", ")}` + (c.gap_count > c.gaps.length ? t` and ${c.gap_count - c.gaps.length} more` : ""));
   return t`First pass; no data: ${gaps.join("; ")} ${units.unit("depth")}`;
 }
 
