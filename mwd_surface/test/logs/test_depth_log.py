@@ -18,7 +18,7 @@ from mwd_surface.live.live_state import LiveState
 from mwd_surface.logs import depth_log
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
 from mwd_surface.logs.log_files import FORMATS, gap_lines
-from mwd_surface.page.log_table import log_table
+from mwd_surface.page.log_table import held_steps, log_table
 from mwd_surface.rig.derived_values import log_values
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import rig_values
@@ -161,6 +161,28 @@ def test_thousands_of_gaps_are_one_sentence_and_three_on_the_page():
     (shown,) = log_table([curve])["channels"]
     assert shown["gap_count"] == len(curve.gaps)
     np.testing.assert_allclose(shown["gaps"], curve.gaps[-3:])
+
+
+@given(st.integers(1, 60), st.integers(2, 10), st.lists(st.integers(2, 300), max_size=3))
+def test_a_sector_is_held_for_its_usual_distance_and_never_through_a_gap(spacing, number, gaps):
+    """Values each so many steps, with a few longer gaps: those of the usual distance belong together, gaps do not."""
+    rows, at = [], 0
+    for k in range(2 * number + 3 + len(gaps)):
+        rows.append(at)
+        at += spacing + (spacing * gaps[k // 2] if k % 2 and k // 2 < len(gaps) else 0)
+    sectors = np.full((at + 1, 2), np.nan)
+    sectors[rows, 0] = 50.0
+    sectors[0, 1] = 50.0
+    held, single = held_steps(sectors)
+    assert single == 0
+    assert held <= 40
+    assert held < 2 * spacing
+    assert (held >= spacing) == (spacing <= 40)
+
+
+def test_complete_sectors_are_not_held():
+    assert held_steps(np.full((50, 8), 80.0)) == [1] * 8
+    assert held_steps(np.empty((50, 0))) == []
 
 
 def test_a_sample_without_a_depth_is_counted_and_left_out():

@@ -124,7 +124,7 @@ function curve(plot, channel, room) {
   }
 }
 
-// Sectors side by side from up over right, down and left; the darker, the more gamma.
+// Sectors side by side from up over right, down and left; the darker, the more gamma; faded where a value is held.
 function image(plot, channel, room) {
   const count = channel.sectors[0].length;
   const values = channel.sectors.flat().filter((v) => v !== null);
@@ -134,16 +134,21 @@ function image(plot, channel, room) {
   [t("U"), t("R"), t("D"), t("L")].forEach((letter, k) => plot.append(
     svg("text", { class: "tick", x: room.left + (k * count / 4 + 0.5) * cell, y: EDGE.top - 8, "text-anchor": "middle" }, letter),
   ));
-  const last = new Array(count).fill(null);
   const thick = Math.max(LEAST_ROW, room.y(room.top + channel.step) - room.y(room.top));
-  channel.rows.forEach(([depth], row) => {
+  const paint = (row, k, value, held) => {
+    const depth = channel.rows[row][0];
     if (depth < room.top) return;
-    channel.sectors[row].forEach((value, k) => {
-      // Over a link a sector comes less often than the depth steps: it stands until the next one of its direction.
-      if (value !== null) last[k] = [value, depth];
-      if (last[k] === null || depth - last[k][1] > 40 * channel.step) return;
-      const part = (last[k][0] - low) / Math.max(high - low, 1e-9);
-      plot.append(svg("rect", { x: room.left + k * cell, y: room.y(depth) - thick / 2, width: cell + 0.5, height: thick + 0.5, fill: `hsl(${(48 - 24 * part).toFixed(0)} 75% ${(82 - 62 * part).toFixed(0)}%)` }));
+    const part = (value - low) / Math.max(high - low, 1e-9);
+    plot.append(svg("rect", { class: held ? "log-held" : "", x: room.left + k * cell, y: room.y(depth) - thick / 2, width: cell + 0.5, height: thick + 0.5, fill: `hsl(${(48 - 24 * part).toFixed(0)} 75% ${(82 - 62 * part).toFixed(0)}%)` }));
+  };
+  for (let k = 0; k < count; k += 1) {
+    const known = channel.rows.flatMap((_, row) => (channel.sectors[row][k] === null ? [] : [row]));
+    known.forEach((row, n) => {
+      // Over a link a sector comes less often than the depth steps: it is held, faded, until the next of its direction.
+      // Where the next is too far, there is a gap, and nothing is drawn.
+      const next = known[n + 1];
+      const end = next - row <= channel.held[k] ? next : row + 1;
+      for (let at = row; at < end; at += 1) paint(at, k, channel.sectors[row][k], at > row);
     });
-  });
+  }
 }
