@@ -77,5 +77,9 @@ def log(
         terminal.warn(line)
     for name, count in found.unplaced.items():
         terminal.warn(f"{name}: {count} samples have no depth, because the rig gave none near their time")
+    for reason, count in found.unusable.items():
+        terminal.warn(f"{count} samples or depths are left out: {reason}")
+    if found.disordered:
+        terminal.warn(f"{found.disordered} samples came after later ones and were placed as they came")
     names = ", ".join(found.channels) or "no channel"
     terminal.output().print(f"{output}: {names}, {which} pass, steps of {step:g} m", markup=False)

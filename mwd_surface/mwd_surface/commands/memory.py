@@ -55,7 +55,7 @@ def merge(
     Find the clock of a memory, fill the gaps of the real-time log with it, and say what was improved.
 
     Offset and drift of the clock come from the rotation that rig and tool have both recorded. Where the memory has a
-    channel, its samples replace those of the run, which rest on the same pulses.
+    channel, its samples replace those of the run, which rest on the same pulses; a hole of the memory keeps the run.
 
     \b
     Examples:
@@ -79,34 +79,28 @@ def merge(
         raise ValueError(f"--pass {which}: must be one of {', '.join(PASSES)}")
     with Bag(run) as bag, Bag(memory) as dumped:
         described = recorded_settings(bag).well(Well())
-        turned = memory_merge.rotation_of_memory(dumped)
-        clock = memory_clock(memory_merge.rotation_of_rig(bag, well), turned)
+        clock = memory_clock(memory_merge.rotation_of_rig(bag, well), memory_merge.rotation_of_memory(dumped))
         of_memory = memory_merge.in_run_time(recorded_samples(dumped), clock)
         try:
             of_run = recorded_samples(bag, well)
         except BagError:
             of_run = []
-        begin, end = clock.run_ns(int(turned.stamp_ns[0])), clock.run_ns(int(turned.stamp_ns[-1]))
-        together = memory_merge.combined(of_run, of_memory, begin, end)
+        together = memory_merge.combined(of_run, of_memory)
         logs = [
             merged(bag, part, described.sensor_offset, well=well, step_m=step) for part in (of_run, together, of_memory)
         ]
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
     say = terminal.output()
-    drift = "" if math.isnan(clock.sigma_drift) else f" ± {clock.sigma_drift * 1e6:.0f}"
-    say.print(
-        f"clock of the memory: {clock.offset_s:+.3f} ± {clock.sigma_offset_s:.3f} s, drift {clock.drift * 1e6:+.0f}"
-        f"{drift} ppm, from {clock.changes} starts and stops of the rotation (correlation {clock.correlation:.3f})",
-        markup=False,
-    )
+    say.print(f"clock of the memory: {clock}", markup=False)
     for one in memory_merge.improvements(logs[0], logs[1], logs[2]):
         shift = "" if math.isnan(one.depth_shift) else f"; depth shift {one.depth_shift:+.2f} m"
         sigma = ""
         if not math.isnan(one.sigma_before):
             sigma = f"; median sigma {one.sigma_before:.3g}, now {one.sigma_after:.3g}"
+        lost = f", {one.lost} lost" if one.lost else ""
         say.print(
-            f"{one.channel}: {one.before} steps from the run, {one.filled} filled from the memory{sigma}{shift}",
+            f"{one.channel}: {one.before} steps from the run, {one.filled} filled from the memory{lost}{sigma}{shift}",
             markup=False,
         )
     for line in gap_lines(logs[1], which):

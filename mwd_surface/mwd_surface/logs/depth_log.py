@@ -14,15 +14,18 @@ from __future__ import annotations
 import array
 import bisect
 import dataclasses
+import heapq
+import itertools
 import math
-from collections import deque
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import LogSample, is_channel_name
+from mwd_surface.surveys.list_rules import DEEPEST as DEEPEST_M
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)
@@ -35,8 +38,14 @@ _STEP_S = 1.0  # s, length of the parts into which an interval is cut
 _DEPTHS_NS = NANOSECONDS  # ns between the depths that are kept
 _LONGEST_S = 3600.0  # s; no channel has a longer interval
 _MOST_SECTORS, _MOST_CHANNELS = 64, 64
-# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it.
+_FARTHEST_M = 100.0  # m from the bit; no sensor of a bottom-hole assembly is farther
+_LARGEST = 1e12  # far above every value in its unit; its square and the sums over a well stay finite
+_UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
+# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it:
+# with four channels each 10 s, those of three days.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
+_SILENT_NS = 120 * NANOSECONDS  # a channel whose last sample is older has stopped; words may take a minute
+_MOST_WAITING = 20_000  # samples that wait for a depth; with four channels each 10 s, half a day
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +68,11 @@ class Curve:
         Number of samples that contribute.
     sectors, sigma_sectors : ndarray, shape (n, k)
         Means by direction, the first centred on the high side, clockwise looking down-hole; k = 0 without sectors.
+    quality : ndarray, shape (n,)
+        Bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap.
+    gaps : tuple of (float, float)
+        Intervals of depth without a value, top and bottom, m, from the first value of the channel in the whole well to
+        its last, or to the depth that its sensor has reached if it stopped; also where this curve is only a part.
     """
 
     channel: str
@@ -71,55 +85,68 @@ class Curve:
     samples: Array
     sectors: Array
     sigma_sectors: Array
-
-    @property
-    def gaps(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of depth without a value, top and bottom, m."""
-        if len(self.depth) < 2:
-            return ()
-        half = 0.5 * (self.depth[1] - self.depth[0])
-        missing = np.concatenate([[False], np.isnan(self.value), [False]]).astype(int)
-        tops, bottoms = np.flatnonzero(np.diff(missing) == 1), np.flatnonzero(np.diff(missing) == -1)
-        pairs = zip(tops, bottoms, strict=True)
-        return tuple((float(self.depth[a] - half), float(self.depth[b - 1] + half)) for a, b in pairs)
+    quality: Array
+    gaps: tuple[tuple[float, float], ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Newest:
-    """Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m."""
+    """
+    Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m.
+
+    quality: bits of mwd_msgs/LogSample.
+    """
 
     value: float
     sigma: float
     stamp_ns: int
     depth: float
+    unit: str
+    quality: int
 
 
 class _Cell:
-    """Sums over one depth step."""
+    """
+    Sums over one depth step.
+
+    The errors of counts are independent from sample to sample, so their variances add up. All other errors (bias,
+    rounding, shared pulses of two words) may be the same in each sample, so their sigmas add up: the mean of many
+    samples is not better than one.
+    """
 
     def __init__(self, sectors: int) -> None:
-        self.weight = self.total = self.variance = self.counts = 0.0
-        self.samples = 0
+        self.weight = self.total = self.variance = self.common = self.counts = 0.0
+        self.samples = self.quality = 0
         self.sector_weight = np.zeros(sectors)
         self.sector_total = np.zeros(sectors)
         self.sector_variance = np.zeros(sectors)
+        self.sector_common = np.zeros(sectors)
 
     def add(self, sample: LogSample, share: float) -> None:
         """Add the share of a sample that belongs to this step, all at once: its parts have the same error."""
         # A value of one moment, from a word, has the weight of a second.
         weight = share * (sample.duration or 1.0)
+        counted = math.isfinite(sample.counts)
         if math.isfinite(sample.value):
             self.weight += weight
             self.total += weight * sample.value
-            self.variance += (weight * sample.sigma) ** 2
+            if counted:
+                self.variance += (weight * sample.sigma) ** 2
+            else:
+                self.common += weight * sample.sigma
             self.counts += share * sample.counts
             self.samples += 1
+            self.quality |= sample.quality
         if len(self.sector_weight) and len(sample.sectors) == len(self.sector_weight):
             seen = np.array(sample.sector_durations) * share
             known = seen > 0.0
             self.sector_weight[known] += seen[known]
             self.sector_total[known] += seen[known] * np.array(sample.sectors)[known]
-            self.sector_variance[known] += (seen[known] * np.array(sample.sigma_sectors)[known]) ** 2
+            errors = seen[known] * np.array(sample.sigma_sectors)[known]
+            if counted:
+                self.sector_variance[known] += errors**2
+            else:
+                self.sector_common[known] += errors
 
 
 class _Channel:
@@ -128,15 +155,20 @@ class _Channel:
     def __init__(self, sample: LogSample) -> None:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
         self.deepest = -math.inf
+        self.offset = 0.0
         self.newest: Newest | None = None
         self.newest_ns = -(2**63)
         self.cells: dict[str, dict[int, _Cell]] = {name: {} for name in PASSES}
+        # Steps that have a value.
+        self.filled: dict[str, set[int]] = {name: set() for name in PASSES}
 
     def add(self, which: str, index: int, sample: LogSample, share: float) -> None:
         cells = self.cells[which]
         if index not in cells:
             cells[index] = _Cell(self.sectors)
         cells[index].add(sample, share)
+        if math.isfinite(sample.value):
+            self.filled[which].add(index)
 
 
 class DepthLog:
@@ -156,8 +188,10 @@ class DepthLog:
         Increases with every change.
     unplaced : dict of str to int
         Samples without a depth, by channel: no depth of the bit within half a minute of their time.
-    unusable : int
-        Samples that are left out because they contradict themselves or the limits of a log.
+    unusable : dict of str to int
+        Samples and depths that are left out because they contradict themselves or the limits of a log, by reason.
+    disordered : int
+        Samples that were placed after later ones of their channel: the passes may be off by their share.
 
     Raises
     ------
@@ -175,9 +209,13 @@ class DepthLog:
         self._bits = array.array("d")
         self._bottoms = array.array("d")
         self._bottom = -math.inf
-        self.unusable = 0
-        self._waiting: deque[LogSample] = deque()
-        self._placed: list[LogSample] = []
+        self.unusable: dict[str, int] = {}
+        self._units: dict[str, str] = {}
+        self.disordered = 0
+        self._waiting: list[tuple[int, int, LogSample]] = []  # heap by end and arrival
+        self._arrivals = itertools.count()
+        # All samples in place, as long as they are few enough to be placed anew.
+        self._placed: list[LogSample] | None = []
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -197,9 +235,13 @@ class DepthLog:
         """
         Add a depth of the bit, m, in order of time.
 
-        One depth a second is kept. A depth that is unknown, or older than the last, is left out.
+        One depth a second is kept. A depth that is unknown, or older than the last, is left out. A depth that no bit
+        can have is left out and counted.
         """
-        if not math.isfinite(bit_depth):
+        if math.isnan(bit_depth):
+            return
+        if not -_FARTHEST_M <= bit_depth <= DEEPEST_M:
+            self._refuse(f"bit depth outside {-_FARTHEST_M:.0f} to {DEEPEST_M:.0f} m")
             return
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
@@ -210,38 +252,62 @@ class DepthLog:
     def add(self, samples: Iterable[LogSample]) -> None:
         """Add samples; those whose end is later than the last depth wait for the next one."""
         for sample in samples:
-            if _usable(sample) and (sample.channel in self._channels or len(self._channels) < _MOST_CHANNELS):
-                self._waiting.append(sample)
+            reason = self._fault(sample)
+            if reason:
+                self._refuse(reason)
             else:
-                self.unusable += 1
+                self._units.setdefault(sample.channel, sample.unit)
+                heapq.heappush(self._waiting, (_end_ns(sample), next(self._arrivals), sample))
         self.advance()
+        while len(self._waiting) > _MOST_WAITING:
+            heapq.heappop(self._waiting)
+            self._refuse(f"no depth of the bit came while {_MOST_WAITING} samples waited for it")
+
+    def _refuse(self, reason: str) -> None:
+        self.unusable[reason] = self.unusable.get(reason, 0) + 1
+
+    def _fault(self, sample: LogSample) -> str:
+        """Return why a sample, which may come from anybody, does not keep to the limits of a log; empty if it does."""
+        if not is_channel_name(sample.channel):
+            return "name of the channel is not letters, digits and underscores"
+        if sample.channel not in self._units and len(self._units) >= _MOST_CHANNELS:
+            return f"more than {_MOST_CHANNELS} channels"
+        if _UNIT.fullmatch(sample.unit) is None:
+            return "unit is not a symbol of at most 16 characters"
+        if self._units.get(sample.channel, sample.unit) != sample.unit:
+            return "unit differs from that of the first sample of the channel"
+        return next((reason for reason, kept in _LIMITS.items() if not kept(sample)), "")
 
     def advance(self) -> None:
         """Place the samples whose depth is known now."""
         reached = self._stamps[-1] if self._stamps else -(2**63)
-        ready = [one for one in self._waiting if _end_ns(one) <= reached]
+        ready = []
+        while self._waiting and self._waiting[0][0] <= reached:
+            ready.append(heapq.heappop(self._waiting)[-1])
         if ready:
-            self._waiting = deque(one for one in self._waiting if _end_ns(one) > reached)
             self._place_in_order(ready)
 
     def finish(self) -> None:
         """Place the samples that still wait, because no depth follows."""
-        ready, self._waiting = list(self._waiting), deque()
+        ready, self._waiting = [one for *_, one in sorted(self._waiting)], []
         self._place_in_order(ready)
 
     def _place_in_order(self, samples: Sequence[LogSample]) -> None:
         """Place samples in order of time; where one is older than a placed one of its channel, place all anew."""
         samples = sorted(samples, key=_order)
-        late = any(
-            one.channel in self._channels and 0 < self._channels[one.channel].newest_ns - one.stamp_ns <= _LATE_NS
-            for one in samples
-        )
-        self._placed += samples
+        known = [(self._channels[one.channel], one) for one in samples if one.channel in self._channels]
+        behind = [channel.newest_ns - one.stamp_ns for channel, one in known]
+        if self._placed is not None:
+            self._placed += samples
+            if len(self._placed) > _MOST_KEPT:
+                self._placed = None
         # A sample that is later still belongs to a clock that was set back: it is placed as it comes.
-        if late and len(self._placed) <= _MOST_KEPT:
+        if self._placed is not None and any(0 < late <= _LATE_NS for late in behind):
             self._placed.sort(key=_order)
             self._begin_anew()
             samples = self._placed
+        else:
+            self.disordered += sum(late > 0 for late in behind)
         for sample in samples:
             self._place(sample)
         self.version += bool(samples)
@@ -252,6 +318,7 @@ class DepthLog:
         channel = self._channels.setdefault(sample.channel, _Channel(sample))
         channel.newest_ns = max(channel.newest_ns, sample.stamp_ns)
         offset = self.sensor_to_bit if math.isnan(sample.sensor_to_bit) else sample.sensor_to_bit
+        channel.offset = offset
         count = max(1, round(sample.span / _STEP_S))
         begin_ns, step_ns = _end_ns(sample) - round(sample.span * NANOSECONDS), sample.span * NANOSECONDS / count
         shares: dict[tuple[str, int], int] = {}
@@ -272,7 +339,9 @@ class DepthLog:
                 shares[which, index] = shares.get((which, index), 0) + 1
         middle = self._bit(sample.stamp_ns)
         if middle is not None and math.isfinite(sample.value):
-            channel.newest = Newest(sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset)
+            channel.newest = Newest(
+                sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset, sample.unit, sample.quality
+            )
         for (which, index), steps in shares.items():
             channel.add(which, index, sample, steps / count)
         if not shares:
@@ -323,14 +392,32 @@ class DepthLog:
                 unit=found.unit,
                 depth=(np.array(rows, dtype=float) + 0.5) * self.step_m,
                 value=np.array([cell.total for cell in taken]) / weight,
-                sigma=np.sqrt([cell.variance for cell in taken]) / weight,
+                sigma=np.sqrt([cell.variance + cell.common**2 for cell in taken]) / weight,
                 counts=np.array([cell.counts if cell.samples else math.nan for cell in taken]),
                 seconds=weight,
                 samples=np.array([cell.samples for cell in taken], dtype=float),
                 sectors=np.array([cell.sector_total for cell in taken]).reshape(spread.shape) / spread,
-                sigma_sectors=np.sqrt(np.array([cell.sector_variance for cell in taken]).reshape(spread.shape))
+                sigma_sectors=np.sqrt(
+                    np.array([cell.sector_variance + cell.sector_common**2 for cell in taken]).reshape(spread.shape)
+                )
                 / spread,
+                quality=np.array([cell.quality if cell.samples else math.nan for cell in taken]),
+                gaps=self._gaps(found, which),
             )
+
+    def _gaps(self, channel: _Channel, which: str) -> tuple[tuple[float, float], ...]:
+        """Return the intervals of depth without a value, m: in the whole well, and below a channel that stopped."""
+        steps = channel.filled[which]
+        filled = np.sort(np.fromiter(steps, dtype=float, count=len(steps)))
+        if not len(filled):
+            return ()
+        before = np.flatnonzero(np.diff(filled) > 1.0)
+        gaps = [(float(filled[k] + 1.0) * self.step_m, float(filled[k + 1]) * self.step_m) for k in before]
+        last, reached = float(filled[-1] + 1.0) * self.step_m, self._bottom - channel.offset
+        silent_ns = self._stamps[-1] - channel.newest_ns
+        if silent_ns > _SILENT_NS and reached - last > self.step_m:
+            gaps.append((last, reached))
+        return tuple(gaps)
 
     def curves(self, which: str = FIRST, most: int | None = None) -> tuple[Curve, ...]:
         """Return all channels over depth, as `curve`."""
@@ -408,17 +495,36 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     return float((best - most + part) * step), float(scores[best])
 
 
-def _usable(sample: LogSample) -> bool:
-    """Return whether a sample, which may come from anybody, keeps to the limits of a log."""
-    count = len(sample.sectors)
-    return (
-        is_channel_name(sample.channel)
-        and 0.0 <= sample.span <= _LONGEST_S
-        and 0.0 <= sample.duration <= _LONGEST_S
-        and count <= _MOST_SECTORS
-        and len(sample.sigma_sectors) == len(sample.sector_durations) == count
-        and all(seconds >= 0.0 for seconds in sample.sector_durations)
-    )
+def _within(value: float, low: float, high: float) -> bool:
+    """Return whether a number is unknown or between two limits."""
+    return math.isnan(value) or low <= value <= high
+
+
+def _small(value: float) -> bool:
+    """Return whether a value is unknown, out of the range of its sensor (infinite), or of a plausible size."""
+    return math.isinf(value) or _within(value, -_LARGEST, _LARGEST)
+
+
+def _even(sample: LogSample) -> bool:
+    return len(sample.sectors) == len(sample.sigma_sectors) == len(sample.sector_durations) <= _MOST_SECTORS
+
+
+# Limits of a sample by the reason for which one that exceeds them is refused.
+_LIMITS: dict[str, Callable[[LogSample], bool]] = {
+    f"distance of the sensor from the bit outside 0 to {_FARTHEST_M:.0f} m": lambda one: _within(
+        one.sensor_to_bit, 0.0, _FARTHEST_M
+    ),
+    f"interval or time of measurement outside 0 to {_LONGEST_S:.0f} s": lambda one: (
+        0.0 <= one.span <= _LONGEST_S
+        and 0.0 <= one.duration <= _LONGEST_S
+        and all(0.0 <= seconds <= _LONGEST_S for seconds in one.sector_durations)
+    ),
+    f"numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
+    "value beyond every measurement": lambda one: all(map(_small, (one.value, *one.sectors))),
+    "sigma or counts negative or beyond every measurement": lambda one: all(
+        _within(number, 0.0, _LARGEST) for number in (one.sigma, one.counts, *one.sigma_sectors)
+    ),
+}
 
 
 def _end_ns(sample: LogSample) -> int:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.log_channels import FROM_WORD, INCOMPLETE, ONE_SIDED, SATURATED
 from mwd_surface.logs.depth_log import Curve, DepthLog, on_grid
 from mwd_surface.signals.cells import fixed, plain
 from mwd_surface.signals.units import UNITS
@@ -20,6 +21,10 @@ _NULL = -999.25
 #: Mnemonics of curves in LAS that readers know; of another channel, its name in capitals.
 MNEMONICS = {"gamma": "GR", "inclination": "INCL", "temperature": "TEMP", "lateral_vibration": "VIBL"}
 _DECIMALS = 3
+_QUALITY = (
+    f"sum of flags: {INCOMPLETE} little data, {SATURATED} detector saturated (lower bound), {FROM_WORD} from a word, "
+    f"{ONE_SIDED} one side of the hole"
+)
 
 
 class Column(NamedTuple):
@@ -34,7 +39,7 @@ class Column(NamedTuple):
 
 def columns(log: DepthLog, which: str) -> list[Column]:
     """
-    Return the columns of a log: depth, and of each channel value, sigma, counts, time and sectors.
+    Return the columns of a log: depth, and of each channel value, sigma, quality, time, counts and sectors.
 
     which: the pass, one of `depth_log.PASSES`.
     """
@@ -61,6 +66,7 @@ def _columns_of(curve: Curve, rows: Array, count: int) -> list[Column]:
     found = [
         Column(key, short, unit, curve.channel, spread(curve.value, factor) + offset),
         Column(f"{key}_sigma", f"{short}S", unit, f"1 sigma of {curve.channel}", spread(curve.sigma, factor)),
+        Column(f"{key}_quality", f"{short}Q", "", _QUALITY, spread(curve.quality)),
         Column(f"{key}_seconds", f"{short}T", "s", f"time of measurement of {curve.channel}", spread(curve.seconds)),
     ]
     if np.isfinite(curve.counts).any():
@@ -124,12 +130,18 @@ def las(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def gap_lines(log: DepthLog, which: str) -> list[str]:
-    """Return a sentence for each gap of a log."""
-    return [
-        f"{curve.channel}: no data from {top:.2f} to {bottom:.2f} m"
-        for curve in log.curves(which)
-        for top, bottom in curve.gaps
-    ]
+    """Return a sentence on the gaps of each channel that has any, however many they are."""
+    return [_gap_line(curve) for curve in log.curves(which) if curve.gaps]
+
+
+def _gap_line(curve: Curve) -> str:
+    top, bottom = max(curve.gaps, key=lambda gap: gap[1] - gap[0])
+    if len(curve.gaps) == 1:
+        return f"{curve.channel}: no data from {top:.2f} to {bottom:.2f} m"
+    total = math.fsum(end - begin for begin, end in curve.gaps)
+    return (
+        f"{curve.channel}: {len(curve.gaps)} gaps, {total:.2f} m together, the longest from {top:.2f} to {bottom:.2f} m"
+    )
 
 
 def _printed(values: Sequence[float] | Array) -> list[float | None]:

@@ -47,7 +47,8 @@ class MemoryClock:
     offset_s, sigma_offset_s : float
         Memory minus run at that time, s, and 1 sigma.
     drift, sigma_drift : float
-        Growth of the offset, s/s, and 1 sigma; 0 and NaN where a single change of the rotation is all there is.
+        Growth of the offset, s/s, and 1 sigma; both NaN where there are fewer than three changes of the rotation, with
+        which no scatter shows whether the growth is real.
     correlation : float
         Correlation of both rotations.
     changes : int
@@ -65,7 +66,18 @@ class MemoryClock:
     def run_ns(self, memory_ns: int) -> int:
         """Return the run time of a stamp of the memory, ns."""
         ahead = memory_ns - self.reference_ns - round(self.offset_s * NANOSECONDS)
-        return self.reference_ns + round(ahead / (1.0 + self.drift))
+        drift = 0.0 if math.isnan(self.drift) else self.drift
+        return self.reference_ns + round(ahead / (1.0 + drift))
+
+    def __str__(self) -> str:
+        """Return offset and drift with their sigmas, and what they rest on, for people."""
+        drift = "drift not known (it needs three starts or stops)"
+        if not math.isnan(self.drift):
+            drift = f"drift {self.drift * 1e6:+.0f} ± {self.sigma_drift * 1e6:.0f} ppm"
+        return (
+            f"{self.offset_s:+.3f} ± {self.sigma_offset_s:.3f} s, {drift}, from {self.changes} starts and stops of the "
+            f"rotation (correlation {self.correlation:.3f})"
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +111,7 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
         raise ClockError("no start or stop of the rotation is in both recordings: the clocks cannot be compared by it")
     at, offset = np.array(changes).T
     middle, mean = float(at.mean()), float(offset.mean())
-    drift, sigma_drift = 0.0, math.nan
+    drift = sigma_drift = math.nan
     sigma = _FINE_S
     if len(at) >= 3 and np.ptp(at) > 0.0:
         spread = float(np.sum((at - middle) ** 2))

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
+import math
 from collections.abc import Iterable
 
 import numpy as np
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.logs.depth_log import FIRST, Curve, DepthLog, on_grid, shift_between
@@ -26,8 +29,9 @@ class Improvement:
     Attributes
     ----------
     channel : str
-    steps, before, filled : int
-        Depth steps of the merged log, those that the run had, and those that the memory fills.
+    steps, before, filled, lost : int
+        Depth steps of the merged log; those of them that the run had; those that the memory fills; and those that the
+        run had and the merged log has not.
     sigma_before, sigma_after : float
         Median 1 sigma of the steps that both have; NaN if none.
     depth_shift, correlation : float
@@ -38,6 +42,7 @@ class Improvement:
     steps: int
     before: int
     filled: int
+    lost: int
     sigma_before: float
     sigma_after: float
     depth_shift: float
@@ -49,17 +54,97 @@ def in_run_time(samples: Iterable[LogSample], clock: MemoryClock) -> list[LogSam
     return [dataclasses.replace(one, stamp_ns=clock.run_ns(one.stamp_ns)) for one in samples]
 
 
-def combined(run: Iterable[LogSample], memory: Iterable[LogSample], begin_ns: int, end_ns: int) -> list[LogSample]:
+def combined(run: Iterable[LogSample], memory: Iterable[LogSample]) -> list[LogSample]:
     """
-    Return the samples of the memory, and those of the run of the channels and times that the memory does not have.
+    Return the samples of the memory, and those parts of the samples of the run that the memory does not cover.
 
-    begin_ns, end_ns : run time of the first and last data of the memory.
+    Both rest on the same pulses, which must not count twice. A hole of the memory keeps the data of the run. Values and
+    sectors are covered each by their own, because over a link they come in samples of their own.
     """
     memory = list(memory)
-    channels = {one.channel for one in memory}
-    # The memory counted the same pulses as the words of the run: both together would count them twice.
-    kept = [one for one in run if one.channel not in channels or not begin_ns <= one.stamp_ns <= end_ns]
+    covered = {key: _covered(ends) for key, ends in _intervals(memory).items()}
+    kept = []
+    for one in run:
+        begins, ends = covered.get(_key(one), _NOTHING)
+        kept += [_part(one, *part) for part in _uncovered(_ends_ns(one), begins, ends)]
     return kept + memory
+
+
+_Ends = tuple[int, int]
+_Covered = tuple[list[int], list[int]]
+_NOTHING: _Covered = ([], [])
+# Longest hole of a memory, and longest part of a sample, that rounded stamps and the error of the clock can make, ns.
+_ROUNDING_NS = NANOSECONDS // 2
+
+
+def _key(sample: LogSample) -> tuple[str, bool]:
+    """Return the channel, and whether the sample has a value besides sectors."""
+    return sample.channel, math.isfinite(sample.value)
+
+
+def _ends_ns(sample: LogSample) -> _Ends:
+    half = round(0.5 * sample.span * NANOSECONDS)
+    return sample.stamp_ns - half, sample.stamp_ns + half
+
+
+def _intervals(samples: Iterable[LogSample]) -> dict[tuple[str, bool], list[_Ends]]:
+    """Return the intervals with a value, and those with sectors, of each channel."""
+    found: dict[tuple[str, bool], list[_Ends]] = {}
+    for one in samples:
+        ends = _ends_ns(one)
+        if math.isfinite(one.value):
+            found.setdefault((one.channel, True), []).append(ends)
+        if any(map(math.isfinite, one.sectors)):
+            found.setdefault((one.channel, False), []).append(ends)
+    return found
+
+
+def _covered(intervals: list[_Ends]) -> _Covered:
+    """Return begins and ends of the union of intervals, rising, ns."""
+    begins: list[int] = []
+    ends: list[int] = []
+    for begin, end in sorted(intervals):
+        if ends and begin <= ends[-1] + _ROUNDING_NS:
+            ends[-1] = max(ends[-1], end)
+        else:
+            begins.append(begin)
+            ends.append(end)
+    return begins, ends
+
+
+def _uncovered(whole: _Ends, begins: list[int], ends: list[int]) -> list[_Ends]:
+    """Return the parts of an interval, ns, that a union of intervals does not cover; a moment is a part of its own."""
+    begin, last = whole
+    first = bisect.bisect_left(ends, begin)
+    if begin == last:
+        return [] if first < len(begins) and begins[first] <= begin else [whole]
+    found, at = [], begin
+    for k in range(first, bisect.bisect_left(begins, last)):
+        found.append((at, begins[k]))
+        at = ends[k]
+    found.append((at, last))
+    least = min(_ROUNDING_NS, last - begin)
+    return [part for part in found if part[1] - part[0] >= least]
+
+
+def _part(sample: LogSample, begin: int, end: int) -> LogSample:
+    """Return the part of a sample between two times, ns: its rate, with its share of time and counts."""
+    whole = _ends_ns(sample)
+    if (begin, end) == whole:
+        return sample
+    share = (end - begin) / (whole[1] - whole[0])
+    # Only the error of counts grows as they become fewer.
+    grown = 1.0 if math.isnan(sample.counts) else 1.0 / math.sqrt(share)
+    return dataclasses.replace(
+        sample,
+        stamp_ns=(begin + end) // 2,
+        span=sample.span * share,
+        duration=sample.duration * share,
+        sigma=sample.sigma * grown,
+        counts=sample.counts * share,
+        sigma_sectors=tuple(sigma * grown for sigma in sample.sigma_sectors),
+        sector_durations=tuple(seconds * share for seconds in sample.sector_durations),
+    )
 
 
 def improvements(run: DepthLog, merged: DepthLog, memory: DepthLog) -> list[Improvement]:
@@ -69,10 +154,11 @@ def improvements(run: DepthLog, merged: DepthLog, memory: DepthLog) -> list[Impr
         after = merged.curve(name, FIRST)
         before = run.curve(name, FIRST) if name in run.channels else None
         known = np.isfinite(after.value)
-        had = np.zeros(len(known), dtype=bool)
+        had, lost = np.zeros(len(known), dtype=bool), 0
         sigmas = (np.array([]), np.array([]))
         if before is not None and len(before.depth):
             had, sigmas = _common(before, after, run.step_m)
+            lost = int(np.isfinite(before.value).sum() - (had & known).sum())
         shift = correlation = float("nan")
         if before is not None and name in memory.channels:
             shift, correlation = shift_between(before, memory.curve(name, FIRST))
@@ -81,8 +167,9 @@ def improvements(run: DepthLog, merged: DepthLog, memory: DepthLog) -> list[Impr
             Improvement(
                 channel=name,
                 steps=int(known.sum()),
-                before=int(had.sum()),
+                before=int((had & known).sum()),
                 filled=int((known & ~had).sum()),
+                lost=lost,
                 sigma_before=float(np.median(sigmas[0][both])) if both.any() else float("nan"),
                 sigma_after=float(np.median(sigmas[1][both])) if both.any() else float("nan"),
                 depth_shift=shift,

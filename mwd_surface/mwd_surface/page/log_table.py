@@ -8,30 +8,56 @@ from typing import Any
 
 import numpy as np
 
+from mwd_sensors.core.arrays import Array
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.page.plain import number
+
+_GAPS = 3  # the deepest gaps, which the page names
+_HELD = 40  # steps for which a sector is held at most
 
 
 def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
     """
     Return the curves as tables.
 
-    rows: depth, m, value, sigma and time of measurement, s; sectors: values of each row, from the high side clockwise;
-    gaps: depths of top and bottom, m. Values are in the unit of the channel.
+    rows: depth, m, value, sigma, time of measurement, s, and quality, bits of LogSample; sectors: values of each row,
+    from the high side clockwise; held: numbers of steps, as `held_steps`; gaps: top and bottom of the deepest gaps, m,
+    of gap_count in all. Values are in the unit of the channel.
     """
     return {"channels": [_channel(curve) for curve in curves if len(curve.depth)]}
 
 
 def _channel(curve: Curve) -> dict[str, Any]:
-    columns = (curve.depth, curve.value, curve.sigma, curve.seconds)
+    columns = (curve.depth, curve.value, curve.sigma, curve.seconds, curve.quality)
     return {
         "name": curve.channel,
         "unit": curve.unit,
         "step": number(float(np.diff(curve.depth[:2]).sum())),
         "rows": [[_short(value) for value in row] for row in zip(*columns, strict=True)],
         "sectors": [[_short(value) for value in row] for row in curve.sectors],
-        "gaps": [list(gap) for gap in curve.gaps],
+        "held": held_steps(curve.sectors),
+        "gaps": [[_short(edge) for edge in gap] for gap in curve.gaps[-_GAPS:]],
+        "gap_count": len(curve.gaps),
     }
+
+
+def held_steps(sectors: Array) -> list[int]:
+    """
+    Return, for each sector, the distance up to which two of its values belong together, in depth steps.
+
+    Over a link the sectors come in turn, so each has a value only now and then; the image shows it, marked as held,
+    until the next one. A distance above one and a half times the usual one, or above 4 m with steps of 0.1 m, is a gap.
+
+    Parameters
+    ----------
+    sectors : ndarray, shape (n, k)
+        Values by direction, NaN where there is none.
+    """
+    found = []
+    for column in np.isfinite(sectors).T:
+        apart = np.diff(np.flatnonzero(column))
+        found.append(min(_HELD, int(1.5 * np.median(apart))) if len(apart) else 0)
+    return found
 
 
 def _short(value: float) -> float | None:

@@ -8,6 +8,7 @@ import math
 
 from mwd_sensors.core.unknown import or_none
 from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.telemetry.log_channels import GAMMA, ONE_SIDED, SATURATED, SOURCES
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.inputs import HAND, SONDE, InputState, InputTable, Role
@@ -20,6 +21,11 @@ from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, TIE_ON
 
 # Over mud pulses a value of gamma may take a minute, and as long again where a word is lost.
 _LOG_STALE_S = 120.0
+# Qualities of a sample of gamma with which its value is not the gamma around the hole.
+_DOUBTS = {
+    SATURATED: "the detector is saturated: the gamma is higher than this",
+    ONE_SIDED: "the detector looked to one side: not the mean around the hole",
+}
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
@@ -110,16 +116,27 @@ def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def log_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return the newest natural gamma and the depth of its detector, with the age of the measurement."""
-    newest = state.newest_logs.get("gamma")
+    """
+    Return the newest natural gamma and the depth of its detector, with the age of the measurement.
+
+    Gamma is a channel with the unit that only this source has; of several, the one named `gamma`, or the newest.
+    """
+    unit = SOURCES[GAMMA].unit
+    found = [(name == GAMMA, one.stamp_ns, name, one) for name, one in state.newest_logs.items() if one.unit == unit]
+    newest = max(found)[-1] if found else None
     if newest is None:
         return {signal.name: RigValue(reason="no natural gamma with a depth yet") for signal in FROM_LOG}
     age = max(0.0, (now_ns - newest.stamp_ns) / NANOSECONDS)
     live = age <= _LOG_STALE_S
+    doubt = "; ".join(reason for bit, reason in _DOUBTS.items() if newest.quality & bit)
     values = {}
     for signal in FROM_LOG:
         sigma = newest.sigma if signal.sigma and math.isfinite(newest.sigma) else None
-        condition, reason = (Condition.GOOD, "") if live else (Condition.STALE, f"measured {age:.0f} s ago")
+        condition, reason = Condition.GOOD, ""
+        if not live:
+            condition, reason = Condition.STALE, f"measured {age:.0f} s ago"
+        elif doubt and signal.sigma:
+            condition, reason = Condition.DOUBTFUL, doubt
         values[signal.name] = RigValue(getattr(newest, signal.field), condition, newest.stamp_ns, age, sigma, reason)
     return values
 

@@ -5,6 +5,7 @@ import dataclasses
 import io
 import itertools
 import math
+import weakref
 
 import lasio
 import numpy as np
@@ -12,10 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_sensors.telemetry.log_channels import FROM_WORD, ONE_SIDED, SATURATED, LogSample
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.logs import depth_log
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
-from mwd_surface.logs.log_files import FORMATS
+from mwd_surface.logs.log_files import FORMATS, gap_lines
+from mwd_surface.page.log_table import held_steps, log_table
 from mwd_surface.rig.derived_values import log_values
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import rig_values
@@ -120,6 +123,68 @@ def test_a_gap_is_stated_and_nothing_is_put_into_it():
     assert (curve.seconds[inside] == 0.0).all()
 
 
+@pytest.mark.parametrize("which", PASSES)
+@pytest.mark.parametrize("most", [None, 20])
+def test_the_gaps_are_those_of_the_whole_hole_to_its_depth(which, most):
+    """Part of a curve states a gap above it; a channel that stopped has a gap to the depth of its sensor."""
+    log = DepthLog()
+    for at in range(3001):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    samples = [sample(at) for at in range(5, 3000, 10) if not 300 < at < 500]
+    log.add(samples)
+    log.add(dataclasses.replace(one, channel="stopped") for one in samples if one.stamp_ns < T0 + 2000 * S)
+    ((top, bottom),) = log.curve("gamma", which, most).gaps
+    assert (top, bottom) == pytest.approx((991.0, 993.0), abs=0.11)
+    above, below = log.curve("stopped", which, most).gaps
+    assert above == (top, bottom)
+    assert below == pytest.approx((1008.0, 1018.0), abs=0.11)
+    assert len(gap_lines(log, which)) == 2
+
+
+def test_a_channel_that_lags_has_not_stopped():
+    log = DepthLog()
+    for at in range(1201):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    log.add(sample(at) for at in range(5, 1120, 10))
+    assert log.curve("gamma").gaps == ()
+
+
+def test_thousands_of_gaps_are_one_sentence_and_three_on_the_page():
+    log = DepthLog()
+    for at in range(12001):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add(sample(at) for at in range(5, 12000, 20))
+    curve = log.curve("gamma")
+    assert len(curve.gaps) > 500
+    (line,) = gap_lines(log, FIRST)
+    assert str(len(curve.gaps)) in line
+    (shown,) = log_table([curve])["channels"]
+    assert shown["gap_count"] == len(curve.gaps)
+    np.testing.assert_allclose(shown["gaps"], curve.gaps[-3:])
+
+
+@given(st.integers(1, 60), st.integers(2, 10), st.lists(st.integers(2, 300), max_size=3))
+def test_a_sector_is_held_for_its_usual_distance_and_never_through_a_gap(spacing, number, gaps):
+    """Values each so many steps, with a few longer gaps: those of the usual distance belong together, gaps do not."""
+    rows, at = [], 0
+    for k in range(2 * number + 3 + len(gaps)):
+        rows.append(at)
+        at += spacing + (spacing * gaps[k // 2] if k % 2 and k // 2 < len(gaps) else 0)
+    sectors = np.full((at + 1, 2), np.nan)
+    sectors[rows, 0] = 50.0
+    sectors[0, 1] = 50.0
+    held, single = held_steps(sectors)
+    assert single == 0
+    assert held <= 40
+    assert held < 2 * spacing
+    assert (held >= spacing) == (spacing <= 40)
+
+
+def test_complete_sectors_are_not_held():
+    assert held_steps(np.full((50, 8), 80.0)) == [1] * 8
+    assert held_steps(np.empty((50, 0))) == []
+
+
 def test_a_sample_without_a_depth_is_counted_and_left_out():
     log = DepthLog()
     log.add_depth(T0, 1000.0)
@@ -169,6 +234,46 @@ def test_the_sigma_of_a_step_is_the_scatter_of_many_logs():
     assert abs(errors.std() - 1.0) < 4.0 / math.sqrt(2.0 * len(errors)) + 0.01
 
 
+@given(st.integers(1, 40), st.floats(0.0, 1.0), st.floats(-3.0, 3.0))
+def test_a_bias_that_all_samples_share_is_not_averaged_away(number, sigma, bias):
+    """Errors in one step that are all the same: the sigma of the step covers them as that of one sample does."""
+    log = DepthLog()
+    for at in range(10 * number + 1):
+        log.add_depth(T0 + at * S, 1000.0)
+    error = bias * sigma
+    log.add(sample(10.0 * k + 5.0, 20.0 + error, sigma=sigma, counts=math.nan) for k in range(number))
+    curve = log.curve("gamma", ALL)
+    assert curve.sigma == pytest.approx([sigma])
+    assert abs(curve.value[0] - 20.0) == pytest.approx(abs(bias) * curve.sigma[0])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_the_sigma_of_a_step_is_the_scatter_whatever_part_of_the_samples_was_counted(share):
+    """Nine samples in a step: independent errors of the counted ones, one common error of all others."""
+    rng, counted, errors = np.random.default_rng(5), round(share * 9), []
+    for _ in range(400):
+        log = DepthLog()
+        for at in range(91):
+            log.add_depth(T0 + at * S, 1000.0)
+        common = rng.standard_normal()
+        for k in range(9):
+            error, counts = (2.0 * rng.standard_normal(), 100.0) if k < counted else (common, math.nan)
+            log.add([sample(10.0 * k + 5.0, 80.0 + error, sigma=2.0 if k < counted else 1.0, counts=counts)])
+        curve = log.curve("gamma", ALL)
+        errors.append((curve.value[0] - 80.0) / curve.sigma[0])
+    assert np.std(errors) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("counts", "sigma"), [(math.nan, 4.0), (100.0, 2.0)])
+def test_sectors_share_the_errors_of_their_values(counts, sigma):
+    log = DepthLog()
+    for at in range(41):
+        log.add_depth(T0 + at * S, 1000.0)
+    four = {"sectors": (1.0,) * 4, "sigma_sectors": (4.0,) * 4, "sector_durations": (2.5,) * 4}
+    log.add(sample(10.0 * k + 5.0, counts=counts, **four) for k in range(4))
+    np.testing.assert_allclose(log.curve("gamma", ALL).sigma_sectors, sigma)
+
+
 @pytest.mark.parametrize("shift", [-1.3, 0.0, 0.45, 2.0])
 def test_two_logs_are_shifted_by_their_correlation(shift):
     def rock(depth):
@@ -215,6 +320,46 @@ def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
     assert 823 not in dict(form.formation(rig_values(LiveState().at(1.0), (), now_ns=T0)))
 
 
+def newest_values(*samples):
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add(samples)
+    live = LiveState()
+    live.show(1.0, logs=log.curves(), newest_logs=log.newest())
+    return log_values(live.at(1.0), T0 + 100 * S)
+
+
+@pytest.mark.parametrize("quality", [SATURATED, ONE_SIDED, SATURATED | ONE_SIDED | FROM_WORD, FROM_WORD, 0])
+def test_a_value_that_is_not_the_mean_around_the_hole_is_marked_everywhere(quality):
+    """The step, each file, the page and the rig say so; only the steps of that sample are marked."""
+    doubted = bool(quality & (SATURATED | ONE_SIDED))
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+    log.add([sample(15.0), sample(55.0, quality=quality), sample(85.0)])
+    curve = log.curve("gamma")
+    bits = np.nan_to_num(curve.quality).astype(int)
+    inside = (curve.depth > 1005.0 - OFFSET) & (curve.depth < 1006.0 - OFFSET)
+    np.testing.assert_array_equal(bits, np.where(inside, quality, 0))
+    np.testing.assert_array_equal(np.isnan(curve.quality), np.isnan(curve.value))
+    las = lasio.read(io.StringIO(FORMATS[".las"](log, FIRST, Well()).decode()))
+    np.testing.assert_array_equal(las["GRQ"], curve.quality)
+    assert [row[4] or 0 for row in log_table([curve])["channels"][0]["rows"]] == bits.tolist()
+    values = newest_values(sample(55.0, quality=quality))
+    assert values["gamma"].condition == (Condition.DOUBTFUL if doubted else Condition.GOOD)
+    assert bool(values["gamma"].reason) == doubted
+    assert values["gamma_depth"].condition == Condition.GOOD
+
+
+def test_the_rig_gets_gamma_by_its_source_and_not_by_its_name():
+    other = dataclasses.replace(sample(55.0, 20.0), unit="degC")
+    named = dataclasses.replace(sample(45.0, 99.0), channel="upper_gr")
+    assert newest_values(other)["gamma"].condition == Condition.WAITING
+    assert newest_values(other, named)["gamma"].value == 99.0
+    assert newest_values(named, sample(25.0, 70.0))["gamma"].value == 70.0
+
+
 @pytest.mark.parametrize(
     "more",
     [
@@ -226,6 +371,17 @@ def test_the_newest_value_goes_to_the_rig_with_its_depth_sigma_and_age():
         {"sectors": (1.0, 2.0), "sigma_sectors": (1.0,), "sector_durations": (1.0, 1.0)},
         {"sectors": (1.0,) * 65, "sigma_sectors": (1.0,) * 65, "sector_durations": (1.0,) * 65},
         {"sectors": (1.0,), "sigma_sectors": (1.0,), "sector_durations": (-1.0,)},
+        {"sectors": (1.0,), "sigma_sectors": (1.0,), "sector_durations": (math.inf,)},
+        {"sectors": (1e200,), "sigma_sectors": (1e200,), "sector_durations": (1.0,)},
+        {"sensor_to_bit": math.inf},
+        {"sensor_to_bit": -1e9},
+        {"sensor_to_bit": -0.1},
+        {"value": 1e300},
+        {"sigma": 1e300},
+        {"sigma": -1.0},
+        {"counts": math.inf},
+        {"counts": -5.0},
+        {"unit": "gAPI,\n=1"},
     ],
 )
 def test_a_sample_that_contradicts_itself_is_counted_and_left_out(more):
@@ -233,8 +389,40 @@ def test_a_sample_that_contradicts_itself_is_counted_and_left_out(more):
     for at in range(101):
         log.add_depth(T0 + at * S, 1000.0)
     log.add([dataclasses.replace(sample(50.0), **more)])
-    assert log.unusable == 1
+    assert list(log.unusable.values()) == [1]
+    assert all(len(reason) > 10 for reason in log.unusable)
     assert log.channels == ()
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(st.tuples(numbers, numbers, numbers, numbers, numbers, numbers, numbers), max_size=8))
+def test_no_number_stops_the_log_or_makes_it_longer_than_a_well(rows):
+    """A good sample among samples and depths with any numbers has its place, and the log stays in the hole."""
+    log = DepthLog(step_m=1.0)
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+        if at < len(rows):
+            log.add_depth(T0 + at * S + S // 2, rows[at][0])
+    names = ("value", "sigma", "counts", "span", "duration", "sensor_to_bit")
+    for bit, *fields in rows:
+        log.add_depth(T0 + 101 * S, bit)
+        log.add([sample(50.0, **dict(zip(names, fields, strict=True)))])
+    log.add([sample(90.0)])
+    log.finish()
+    curve = log.curve("gamma", ALL)
+    assert 0 < len(curve.depth) < 15_400
+    assert np.isfinite(curve.value).any()
+
+
+def test_a_channel_keeps_the_unit_of_its_first_sample():
+    log = DepthLog()
+    for at in range(101):
+        log.add_depth(T0 + at * S, 1000.0)
+    log.add([sample(15.0, 80.0), dataclasses.replace(sample(25.0, 5.0), unit="degC")])
+    assert sum(log.unusable.values()) == 1
+    assert log.curve("gamma", ALL).value == pytest.approx([80.0])
 
 
 def test_values_and_sectors_that_change_their_number_or_are_infinite_do_not_stop_the_log():
@@ -271,6 +459,39 @@ def test_a_clock_that_was_set_back_costs_no_more_than_any_other(monkeypatch):
     for at in range(100, 2000, 10):
         log.add([sample(float(at))])
     assert len(placed) == 190
+
+
+def test_a_log_without_depths_keeps_the_newest_samples_and_counts_the_others(monkeypatch):
+    monkeypatch.setattr(depth_log, "_MOST_WAITING", 50)
+    log = DepthLog()
+    for k in range(200):
+        log.add([sample(10.0 * k + 5.0)])
+    assert sum(log.unusable.values()) == 150
+    for at in range(0, 2001, 10):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    log.advance()
+    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(50 * 533.0)
+    assert log.curve("gamma", ALL).depth[0] == pytest.approx(1015.0 - OFFSET, abs=0.1)
+
+
+@pytest.mark.parametrize("most", [100, 1000])
+def test_a_long_log_drops_the_samples_it_has_placed_and_counts_those_it_cannot_put_in_order(monkeypatch, most):
+    """No sample is lost; one that comes late is put in order only while all samples are kept."""
+    monkeypatch.setattr(depth_log, "_MOST_KEPT", most)
+    log = DepthLog()
+    for at in range(5001):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    order = list(range(500))
+    order[300], order[301] = order[301], order[300]
+    held = []
+    for k in order:
+        one = sample(10.0 * k + 5.0)
+        log.add([one])
+        held.append(weakref.ref(one))
+    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(500 * 533.0)
+    assert log.disordered == (1 if most == 100 else 0)
+    del one
+    assert sum(reference() is not None for reference in held) <= (0 if most == 100 else 500)
 
 
 def test_the_deepest_part_alone_is_the_end_of_the_whole():

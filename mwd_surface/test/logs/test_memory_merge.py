@@ -75,6 +75,22 @@ def test_a_memory_that_lacks_the_begin_and_the_end_is_placed():
     assert offset_error(clock, -300.0, 0.0) == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.parametrize("changes", [1, 2, 3, 6])
+def test_a_drift_is_known_from_three_changes_on(changes):
+    """With fewer, the clock says so and its offset still holds."""
+    edges = np.cumsum([300.0, 410.0, 290.0, 520.0, 350.0, 610.0])[:changes]
+    corners = np.concatenate([[0.0], *[[edge, edge + 5.0] for edge in edges], [edges[-1] + 400.0]])
+    speeds = np.array([0.0, *(10.0 * ((k + 1) // 2 % 2) for k in range(2 * changes)), 10.0 * (changes % 2)])
+    run_s, memory_s = np.arange(0.0, corners[-1], 0.2), np.arange(0.0, corners[-1], 0.1)
+    run = Rotation(T0 + np.round(run_s * S).astype(np.int64), np.interp(run_s, corners, speeds))
+    stamps = T0 + np.round((memory_s + 40.0) * S).astype(np.int64)
+    clock = memory_clock(run, Rotation(stamps, np.interp(memory_s, corners, speeds)))
+    assert clock.changes == changes
+    assert math.isnan(clock.drift) == math.isnan(clock.sigma_drift) == (changes < 3)
+    assert ("not known" in str(clock)) == ("ppm" not in str(clock)) == (changes < 3)
+    assert abs(clock.run_ns(T0 + 340 * S) - (T0 + 300 * S)) < 0.1 * S
+
+
 @pytest.mark.parametrize(
     ("other", "words"),
     [
@@ -119,13 +135,66 @@ def test_the_memory_fills_the_gaps_and_no_pulse_is_counted_twice():
     ]
     memory = in_run_time(own, clock)
     assert max(abs(a.stamp_ns - b.stamp_ns) for a, b in zip(memory, true, strict=True)) < 0.1 * S
-    together = combined(run, memory, T0 + 200 * S, T0 + 2000 * S)
+    together = combined(run, memory)
     log = merged(together)
     # 100 samples of the run before the memory begins, and the whole memory.
-    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(100.0 * (100 + len(true)))
+    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(100.0 * (100 + len(true)), rel=1e-3)
     assert log.curve("gamma").gaps == ()
     gamma, temperature = improvements(merged(run), log, merged(memory))
     assert gamma.channel == "gamma"
     assert gamma.filled == pytest.approx(30, abs=2)
     assert gamma.before + gamma.filled == gamma.steps
     assert temperature.filled == 0
+
+
+spans = st.lists(st.tuples(st.integers(0, 400), st.integers(1, 40)), max_size=8)
+
+
+@given(spans, spans)
+def test_each_second_that_run_or_memory_measured_counts_once(of_run, of_memory):
+    """Whatever holes run and memory have: no second is lost, none counts twice; ten pulses a second."""
+
+    def samples(parts):
+        found, at = [], 0
+        for gap, span in parts:
+            at += gap
+            middle = sample(at + span / 2, counts=10.0 * span)
+            found.append(dataclasses.replace(middle, span=float(span), duration=float(span)))
+            at += span
+        return found
+
+    def seconds(samples):
+        ends = [(one.stamp_ns - T0, round(one.span * S)) for one in samples]
+        return {
+            k for middle, span in ends for k in range(round((middle - span / 2) / S), round((middle + span / 2) / S))
+        }
+
+    run, memory = samples(of_run), samples(of_memory)
+    together = combined(run, memory)
+    union = seconds(run) | seconds(memory)
+    assert seconds(together) == union
+    assert sum(one.span for one in together) == pytest.approx(len(union))
+    assert sum(one.duration for one in together) == pytest.approx(len(union))
+    assert sum(one.counts for one in together) == pytest.approx(10.0 * len(union))
+    for one in together:
+        assert one.counts / one.duration == pytest.approx(10.0)
+
+
+def test_a_hole_of_the_memory_keeps_the_run_and_its_sectors():
+    run = [sample(at) for at in range(1, 2000, 2)]
+    memory = [sample(at) for at in range(1, 2000, 2) if not 600 < at < 900]
+    word = {"sectors": (50.0, math.nan), "sigma_sectors": (5.0, math.nan), "sector_durations": (1.0, 0.0)}
+    words = [dataclasses.replace(sample(at, value=math.nan), **word) for at in (301, 701)]
+    together = combined(run + words, memory)
+    assert len(together) == len(run) + len(words)
+    (one,) = improvements(merged(run), merged(together), merged(memory))
+    assert (one.filled, one.lost) == (0, 0)
+    # The count of lost steps sees what the memory alone would lack.
+    (alone,) = improvements(merged(run), merged(memory), merged(memory))
+    assert alone.lost == pytest.approx(30, abs=2)
+    assert alone.before + alone.lost == one.before
+
+
+def test_a_moment_is_kept_only_where_the_memory_has_none():
+    moments = [dataclasses.replace(sample(at), span=0.0, duration=0.0) for at in (5.0, 50.0)]
+    assert combined(moments, [sample(5.2)]) == [moments[1], sample(5.2)]

@@ -2,17 +2,14 @@
 
 import { byId, el, scale, svg } from "./dom.js";
 import * as units from "./units.js";
-<<<<<<< HEAD
 import { say, t } from "./words.js";
-=======
-import { t } from "./words.js";
->>>>>>> w/logs
 
 // Kind of the numbers by the unit of a channel; another unit is shown as it comes.
 const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
 const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration") };
 const EDGE = { left: 66, top: 44, bottom: 8, gap: 14 };
 const MOST_SHOWN = 300; // m of hole at most
+const [SATURATED, ONE_SIDED] = [4, 16]; // qualities, as in mwd_msgs/LogSample
 const LEAST_ROW = 2; // px of one row of the image
 
 const title = (name) => TITLE[name] || say(name.replaceAll("_", " "));
@@ -59,16 +56,9 @@ export function showLogs(sections) {
 function gapText(channels) {
   const found = channels.filter((c) => c.gaps.length);
   if (!found.length) return t("First pass, without gaps");
-<<<<<<< HEAD
   const one = (gap) => t`${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
-  const gaps = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}` + (c.gaps.length > 3 ? t` and ${c.gaps.length - 3} more` : ""));
+  const gaps = found.map((c) => `${title(c.name)} ${c.gaps.map(one).join(", ")}` + (c.gap_count > c.gaps.length ? t` and ${c.gap_count - c.gaps.length} more` : ""));
   return t`First pass; no data: ${gaps.join("; ")} ${units.unit("depth")}`;
-=======
-  const one = (gap) => `${units.number("depth", gap[0])}–${units.number("depth", gap[1])}`;
-  const more = (count) => (count > 0 ? t` and ${count} more` : "");
-  const listed = found.map((c) => `${title(c.name)} ${c.gaps.slice(-3).map(one).join(", ")}${more(c.gaps.length - 3)}`).join("; ");
-  return t`First pass; no data: ${listed} ${units.unit("depth")}`;
->>>>>>> w/logs
 }
 
 function tracks(channels, { width, height }) {
@@ -101,6 +91,12 @@ function frame(plot, text, { left, wide, height }) {
   );
 }
 
+// Why a value is not the mean around the hole; empty if it is.
+function doubtOf(row) {
+  const quality = row[4] || 0;
+  return [quality & SATURATED ? t("Detector saturated: a lower bound") : "", quality & ONE_SIDED ? t("Measured on one side of the hole") : ""].filter(Boolean).join("; ");
+}
+
 function curve(plot, channel, room) {
   const rows = channel.rows.filter((row) => row[0] >= room.top);
   const known = rows.filter((row) => row[1] !== null);
@@ -120,10 +116,15 @@ function curve(plot, channel, room) {
   const apart = 12 * channel.step;
   const points = known.flatMap((row, k) => [...(k && row[0] - known[k - 1][0] > apart ? [null] : []), [x(row[1]), room.y(row[0])]]);
   for (const part of lines(points)) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
-  for (const row of known) plot.append(svg("circle", { class: "log-point", cx: x(row[1]), cy: room.y(row[0]), r: 1.5 }));
+  for (const row of known) {
+    const doubt = doubtOf(row);
+    const point = svg("circle", { class: doubt ? "log-doubt" : "log-point", cx: x(row[1]), cy: room.y(row[0]), r: doubt ? 3 : 1.5 });
+    if (doubt) point.append(svg("title", {}, doubt));
+    plot.append(point);
+  }
 }
 
-// Sectors side by side from up over right, down and left; the darker, the more gamma.
+// Sectors side by side from up over right, down and left; the darker, the more gamma; faded where a value is held.
 function image(plot, channel, room) {
   const count = channel.sectors[0].length;
   const values = channel.sectors.flat().filter((v) => v !== null);
@@ -133,16 +134,21 @@ function image(plot, channel, room) {
   [t("U"), t("R"), t("D"), t("L")].forEach((letter, k) => plot.append(
     svg("text", { class: "tick", x: room.left + (k * count / 4 + 0.5) * cell, y: EDGE.top - 8, "text-anchor": "middle" }, letter),
   ));
-  const last = new Array(count).fill(null);
   const thick = Math.max(LEAST_ROW, room.y(room.top + channel.step) - room.y(room.top));
-  channel.rows.forEach(([depth], row) => {
+  const paint = (row, k, value, held) => {
+    const depth = channel.rows[row][0];
     if (depth < room.top) return;
-    channel.sectors[row].forEach((value, k) => {
-      // Over a link a sector comes less often than the depth steps: it stands until the next one of its direction.
-      if (value !== null) last[k] = [value, depth];
-      if (last[k] === null || depth - last[k][1] > 40 * channel.step) return;
-      const part = (last[k][0] - low) / Math.max(high - low, 1e-9);
-      plot.append(svg("rect", { x: room.left + k * cell, y: room.y(depth) - thick / 2, width: cell + 0.5, height: thick + 0.5, fill: `hsl(${(48 - 24 * part).toFixed(0)} 75% ${(82 - 62 * part).toFixed(0)}%)` }));
+    const part = (value - low) / Math.max(high - low, 1e-9);
+    plot.append(svg("rect", { class: held ? "log-held" : "", x: room.left + k * cell, y: room.y(depth) - thick / 2, width: cell + 0.5, height: thick + 0.5, fill: `hsl(${(48 - 24 * part).toFixed(0)} 75% ${(82 - 62 * part).toFixed(0)}%)` }));
+  };
+  for (let k = 0; k < count; k += 1) {
+    const known = channel.rows.flatMap((_, row) => (channel.sectors[row][k] === null ? [] : [row]));
+    known.forEach((row, n) => {
+      // Over a link a sector comes less often than the depth steps: it is held, faded, until the next of its direction.
+      // Where the next is too far, there is a gap, and nothing is drawn.
+      const next = known[n + 1];
+      const end = next - row <= channel.held[k] ? next : row + 1;
+      for (let at = row; at < end; at += 1) paint(at, k, channel.sectors[row][k], at > row);
     });
-  });
+  }
 }
