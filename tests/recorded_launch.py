@@ -107,6 +107,7 @@ def _node(
     name: str,
     namespace: Any,
     parameters: list[Any],
+    ros_arguments: list[Any],
     output: str,
     respawn: Any,
     respawn_delay: float,

@@ -9,6 +9,15 @@ from pathlib import Path
 import pytest
 from babel.messages.pofile import read_po
 
+from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.control.status import ControlState
+from mwd_surface.live.inputs import Role
+from mwd_surface.live.link_state import LinkHealth, LinkWordState, WordStatus
+from mwd_surface.live.well_state import WellState
+from mwd_surface.page.plain import word
+from mwd_surface.surveys.leg import Origin
+from mwd_surface.trajectory.advice import AdviceMode
+
 ROOT = Path(__file__).resolve().parents[1]
 CATALOGUES = sorted((ROOT / "mwd_surface/mwd_surface/language").glob("*.po"))
 PLACES = re.compile(r"\{\w*\}")
@@ -69,3 +78,18 @@ def f(a, b):
 def test_the_texts_of_the_page_are_found_with_templates_inside_templates(words):
     source = r't("a"); t`b ${x ? t`c ${y} d` : ""} e`; t("say \"f\"")'
     assert words.page_texts(source) == ["a", 'say "f"', "b {0} e", "c {0} d"]
+
+
+@pytest.mark.parametrize("kind", [LinkHealth, WordStatus, RecorderState, Role, ControlState, Origin, AdviceMode])
+def test_the_words_of_the_enumerations_on_the_page_are_texts(words, kind):
+    """The words are made from the names of the members, so no source has them as a string."""
+    texts = words.every_text()
+    for member in kind:
+        assert word(member) in {*texts, ""}, member
+
+
+def test_the_enumerations_of_every_field_of_a_record_are_found(words):
+    """A field of a field, a list of records and a property are looked through; codes for programs are not words."""
+    assert words.state_words(LinkWordState).keys() == {"believed", "erased", "by consistency", "survey", "toolface"}
+    assert set(words.state_words(WellState)) > set(words.state_words(LinkWordState)) | {"no pressure", "no flow"}
+    assert not any("_" in one for one in words.state_words(WellState))

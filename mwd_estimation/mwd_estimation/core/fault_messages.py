@@ -77,7 +77,7 @@ def _sensors(fault: SensorFault) -> str:
     names = [SENSORS[s] for s in fault.sensors]
     if fault.code == FaultCode.FRAME and not any(_few(fault)):
         names = list(SENSORS[1:])
-    precise = [f"precision {name}" for name in names]
+    precise = [f"precision {sensor}" for sensor in names]
     return "/".join({Unit.CONVENTIONAL: names, Unit.PRECISION: precise, Unit.EITHER: names + precise}[fault.unit])
 
 

@@ -127,9 +127,9 @@ def blocked(
 def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, running: bool) -> list[str]:
     """Return messages for limits of flow or speed that are, or would be, exceeded."""
     value = medium_value(readings, downlink)
-    name = "rotary speed" if downlink.medium == ROTATION else "flow"
+    medium = "rotary speed" if downlink.medium == ROTATION else "flow"
     if value is None:
-        return [f"the {name} is unknown"]
+        return [f"the {medium} is unknown"]
     limits = {
         True: (settings.speed_low_rpm * RPM, settings.speed_high_rpm * RPM),
         False: (settings.flow_low_lpm * LPM, settings.flow_high_lpm * LPM),
@@ -139,10 +139,12 @@ def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings,
     lowest = value * (1.0 + settings.tolerance) if running else value * amplitude(0, downlink)
     found = []
     if value > high:
-        found.append(f"{name} {words(value, downlink)} is above the limit of {words(high, downlink)}")
+        found.append(f"{medium} {words(value, downlink)} is above the limit of {words(high, downlink)}")
     if lowest < low:
-        found.append(f"{name} would go down to {words(lowest, downlink)}; the lowest allowed is {words(low, downlink)}")
+        found.append(
+            f"{medium} would go down to {words(lowest, downlink)}; the lowest allowed is {words(low, downlink)}"
+        )
     if not running and value < downlink.least_value:
         least = words(downlink.least_value, downlink)
-        found.append(f"{name} {words(value, downlink)} is too low: the tool accepts commands from {least} on")
+        found.append(f"{medium} {words(value, downlink)} is too low: the tool accepts commands from {least} on")
     return found

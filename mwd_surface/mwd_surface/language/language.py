@@ -5,7 +5,8 @@ Languages: the catalogue of each, and the translation of a sentence at the edge 
 Sentences are written in English where their condition is known, and travel so in messages, logs and recordings. Page,
 report and command line translate them for people. A catalogue (`zh_CN.po`) has every text of the sources; a text with
 values is a template: ``no data from the sonde for more than {limit} s``. `Language.say` finds the template of a
-sentence, translates its values in the same way, and puts them into the translation. To add a language, add its file.
+sentence, translates its values in the same way, and puts them into the translation. Values that people have typed
+(`TYPED`) stay as they are. To add a language, add its file.
 
 The page does the same with the same table (`page/static/words.js`); a test compares the two.
 """
@@ -13,9 +14,8 @@ The page does the same with the same table (`page/static/words.js`); a test comp
 from __future__ import annotations
 
 import functools
-import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,9 +29,30 @@ _QUANTITY = re.compile(
     r"|deg/s|r/min))?$"
 )
 # Marks that join sentences and lists; the catalogue has those that differ in a language.
-MARKS = ("; ", ": ", ", ", " or ", " and ", " at ", " · ")
+MARKS = ("; ", ": ", ", ", " or ", " and ", " · ")
+# Values that people have typed: names of wells, plans, controllers and people, and their reasons. They stay as typed.
+TYPED = frozenset(
+    (
+        "name",
+        "name1",
+        "name2",
+        "operator",
+        "operator_name",
+        "because",
+        "plan",
+        "well",
+        "wellbore",
+        "path",
+        "file",
+        "logo",
+    )
+)
 _LEAST = 5  # letters of a template
 _DEPTH = 6  # of sentences within sentences
+# Work for one sentence, in letters searched for templates: five times what any text of the sources needs (a test says
+# so). A longer search ends with the best translation found, so that a text of a stranger cannot hold up the page.
+_WORK = 60_000
+_EACH = 100  # of a search in any text
 
 
 class _Template(NamedTuple):
@@ -66,6 +87,16 @@ class _Template(NamedTuple):
                 return None
         return values
 
+    def readings(self, text: str) -> Iterator[dict[str, str]]:
+        """Return the values of a text, in one or two ways; none if it is another sentence."""
+        first = self.values(text, last=False)
+        if first is not None:
+            yield first
+        # Without a fixed part between two values both ways are the same.
+        other = self.values(text, last=True) if len(self.parts) > 2 else None
+        if other is not None and other != first:
+            yield other
+
 
 class _Reading(NamedTuple):
     """Translation of a text, with the number of its letters that no template explains."""
@@ -93,51 +124,24 @@ class Language:
 
     def __init__(self, code: str, entries: Mapping[str, str], decimal: str = ".", name: str = "English") -> None:
         self.code, self.entries, self.decimal, self.name = code, dict(entries), decimal, name
-        self._templates = [_template(*entry) for entry in self.entries.items() if _NAMED.search(entry[0])]
+        found = (_template(*entry) for entry in self.entries.items() if _NAMED.search(entry[0]))
+        self.templates = sorted(found, key=lambda template: -template.known)  #: those that explain most letters first
         self.say = functools.lru_cache(maxsize=4000)(self._say)
 
     def _say(self, text: str) -> str:
         """Return a sentence in this language; parts of it that the catalogue does not have stay English."""
-        return self._read(text, _DEPTH).text if self.entries else text
+        return self._read(text).text if self.entries else text
 
     def unknown(self, text: str) -> int:
         """Return the number of letters of a sentence that the catalogue does not explain: names, paths, other texts."""
-        return self._read(text, _DEPTH).unknown
+        return self._read(text).unknown
+
+    def _read(self, text: str) -> _Reading:
+        return _Reader(self).read(text, _DEPTH)
 
     def number(self, text: str) -> str:
         """Return a number, written with a point, with the decimal mark of this language."""
         return text if self.decimal == "." else text.replace(".", self.decimal)
-
-    def _read(self, text: str, depth: int) -> _Reading:
-        if text in self.entries:
-            return _Reading(self.entries[text], 0, float("inf"))
-        if _QUANTITY.match(text):
-            return _Reading(self.number(re.sub(r" deg$", "°", text).replace(" sigma", "σ")), 0, 0)
-        # A single letter is the name of an axis.
-        best = _Reading(text, _letters(text) if len(text) > 1 else 0, 0)
-        if not best.unknown or not depth:
-            return best
-        fitting = [template for template in self._templates if template.longest in text]
-        for template, last in itertools.product(fitting, (False, True)):
-            values = template.values(text, last=last)
-            if values is None:
-                continue
-            read = {name: self._read(value, depth - 1) for name, value in values.items()}
-            unknown = sum(part.unknown for part in read.values())
-            # A short template, such as "{a} is {b}", fits by chance where its values are not known either.
-            if unknown and template.known < _LEAST:
-                continue
-            if (-unknown, template.known) > (-best.unknown, best.known):
-                filled = _filled(template.translated, {name: part.text for name, part in read.items()})
-                best = _Reading(filled, unknown, template.known)
-        for mark in MARKS:
-            if not best.unknown or mark not in text:
-                continue
-            pieces = [self._read(piece, depth - 1) for piece in text.split(mark)]
-            unknown = sum(piece.unknown for piece in pieces)
-            if unknown < best.unknown:
-                best = _Reading(self.entries.get(mark, mark).join(piece.text for piece in pieces), unknown, 0)
-        return best
 
     def table(self) -> dict[str, Any]:
         """Return the language as the page needs it, as JSON data."""
@@ -147,6 +151,69 @@ class Language:
             "languages": [[code, name] for code, name in languages().items()],
             "entries": self.entries,
         }
+
+
+class _Reader:
+    """Search for the translation of one text, with a limit of its work."""
+
+    def __init__(self, language: Language) -> None:
+        self._language = language
+        self._known: dict[tuple[str, int], _Reading] = {}
+        self._work = _WORK
+
+    def read(self, text: str, depth: int) -> _Reading:
+        """Return the translation of a text, which is a sentence within others down to `depth`."""
+        entries = self._language.entries
+        if text in entries:
+            return _Reading(entries[text], 0, float("inf"))
+        if _QUANTITY.match(text):
+            return _Reading(self._language.number(re.sub(r" deg$", "°", text).replace(" sigma", "σ")), 0, 0)
+        # A single letter is the name of an axis.
+        unread = _Reading(text, _letters(text) if len(text) > 1 else 0, 0)
+        if not unread.unknown or not depth:
+            return unread
+        if (text, depth) not in self._known:
+            self._work -= len(text) + _EACH
+            if self._work < 0:
+                return unread
+            best = self._by_template(text, depth, unread)
+            self._known[text, depth] = self._by_parts(text, depth, best) if best.unknown else best
+        return self._known[text, depth]
+
+    def _by_template(self, text: str, depth: int, best: _Reading) -> _Reading:
+        """Return the reading by the template that explains most of the text, and of such the one of most letters."""
+        for template in [one for one in self._language.templates if one.longest in text]:
+            for values in template.readings(text):
+                read = {name: self._value(name, value, depth, template) for name, value in values.items()}
+                unknown = sum(part.unknown for part in read.values())
+                # A short template, such as "{a} is {b}", fits by chance where its values are not known either.
+                if unknown and template.known < _LEAST:
+                    continue
+                if (-unknown, template.known) > (-best.unknown, best.known):
+                    filled = _filled(template.translated, {name: part.text for name, part in read.items()})
+                    best = _Reading(filled, unknown, template.known)
+                if not unknown:
+                    return best
+        return best
+
+    def _value(self, name: str, value: str, depth: int, template: _Template) -> _Reading:
+        if name in TYPED:
+            return _Reading(value, 0 if template.known >= _LEAST else _letters(value), 0)
+        return self.read(value, depth - 1)
+
+    def _by_parts(self, text: str, depth: int, best: _Reading) -> _Reading:
+        """Return the reading of a list; a text of which one part is unknown is no list, but a name or other words."""
+        for mark in MARKS:
+            if mark not in text:
+                continue
+            read = []
+            for piece in text.split(mark):
+                read.append(self.read(piece, depth - 1))
+                if read[-1].unknown:
+                    break
+            else:
+                return _Reading(self._language.entries.get(mark, mark).join(piece.text for piece in read), 0, 0)
+        return best
 
 
 def _letters(text: str) -> int:
@@ -173,7 +240,6 @@ def languages() -> dict[str, str]:
     return {ENGLISH: "English", **{code: str(Locale.parse(code).get_language_name()) for code in codes}}
 
 
-@functools.cache
 def language(code: str) -> Language:
     """
     Return a language by its code, also in the forms ``zh-CN`` and ``zh_CN.UTF-8``, or by its first part.
@@ -183,20 +249,32 @@ def language(code: str) -> Language:
     ValueError
         There is no catalogue for it; the message names those that there are.
     """
+    return _catalogue(_name(code))
+
+
+def _name(code: str) -> str:
+    """Return the name of the catalogue for a code, one of `languages`."""
     wanted = code.partition(".")[0].replace("-", "_")
-    if wanted in ("", "C", "POSIX") or wanted.partition("_")[0] == ENGLISH:
+    if wanted in ("", "C", "POSIX"):
+        return ENGLISH
+    known = languages()
+    short = wanted.partition("_")[0].lower()
+    found = wanted if wanted in known else next((one for one in known if one.partition("_")[0].lower() == short), None)
+    if found is None:
+        raise ValueError(f"language: {code[:40]!r} has no catalogue; choose one of {', '.join(known)}")
+    return found
+
+
+@functools.cache
+def _catalogue(name: str) -> Language:
+    """Return the language of a catalogue; only names of catalogues are kept, never a code that somebody has sent."""
+    if name == ENGLISH:
         return Language(ENGLISH, {})
     from babel import Locale
     from babel.messages.pofile import read_po
     from babel.numbers import get_decimal_symbol
 
-    known = languages()
-    short = wanted.partition("_")[0].lower()
-    found = next((one for one in known if one == wanted), None)
-    found = found or next((one for one in known if one.partition("_")[0].lower() == short), None)
-    if found is None:
-        raise ValueError(f"language: {code!r} has no catalogue; choose one of {', '.join(known)}")
-    with (_FOLDER / f"{found}.po").open("rb") as file:
-        messages = read_po(file, locale=found)
+    with (_FOLDER / f"{name}.po").open("rb") as file:
+        messages = read_po(file, locale=name)
     entries = {str(message.id): str(message.string) for message in messages if message.id and message.string}
-    return Language(found, entries, get_decimal_symbol(Locale.parse(found)), known[found])
+    return Language(name, entries, get_decimal_symbol(Locale.parse(name)), languages()[name])

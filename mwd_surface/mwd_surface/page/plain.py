@@ -63,7 +63,7 @@ def plain(value: Any) -> Any:
     properties, a member of an enumeration its word, a set of status bits the list of their words.
     """
     if isinstance(value, enum.Enum):
-        return _word(value)
+        return word(value)
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, float):
@@ -77,7 +77,8 @@ def plain(value: Any) -> Any:
     return {name: plain(getattr(value, name)) for name in _names(type(value))}
 
 
-def _word(member: enum.Enum) -> str | list[str]:
+def word(member: enum.Enum) -> str | list[str]:
+    """Return the word of a member of an enumeration on the page; of status bits the list of their words."""
     if isinstance(member, str):
         return str(member)
     if isinstance(member, enum.Flag):

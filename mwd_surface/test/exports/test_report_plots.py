@@ -47,7 +47,7 @@ def test_ellipses_are_drawn_around_their_stations():
 def test_a_list_without_surveys_draws_its_tie_on_alone():
     table = survey_table(SurveyList(), 1)
     assert len(report_plots.plan_view(table).axes) == 1
-    assert [one.heading for one in content(table).sections] == ["Definitive survey", "Well path"]
+    assert [one.heading for one in content(table).sections] == ["Definitive survey", "Well path", "Survey programme"]
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ const templates = [...entries].filter(([english]) => /\{[a-z]\w*\}/.test(english
   const parts = english.split(/\{\w+\}/);
   const fixed = parts.reduce((a, b) => (b.length > a.length ? b : a));
   return { parts, names: english.match(/\{\w+\}/g).map((name) => name.slice(1, -1)), translated, fixed, known: letters(parts.join("")) };
-});
+}).sort((a, b) => b.known - a.known); // those that explain most letters first
 
 // Values of a template in a text; null if the text is another sentence. Fixed parts are found in one pass, from the left
 // or, if `last`, from the right: a value may contain such a part.
@@ -68,29 +68,51 @@ function matched({ parts, names }, text, last) {
 // A number with its unit, which needs no translation.
 const QUANTITY = /^[+\-−]?\d[\d.,:e+\-−]*( ?(%|°|deg|nT|uT|mG|T|s|m|ft|g|dB|Hz|MB|GB|kN|bar|min|h|ppm|urad|sigma|rad\/s|m\/s\^2|deg\/h|deg\/s|r\/min))?$/;
 // Marks that join sentences and lists.
-const MARKS = ["; ", ": ", ", ", " or ", " and ", " at ", " · "];
+const MARKS = ["; ", ": ", ", ", " or ", " and ", " · "];
+// Values that people have typed; they stay as typed.
+const TYPED = new Set(["name", "name1", "name2", "operator", "operator_name", "because", "plan", "well", "wellbore", "path", "file", "logo"]);
 const DEPTH = 6;
 const LEAST = 5; // letters of a template
+const WORK = 60000; // letters searched for one sentence
+const EACH = 100; // letters of a search in any text
 const KEPT = 2000; // sentences that are kept
 let kept = new Map();
 
-// Translation of a text, and the number of its letters that no template explains.
-function read(text, depth) {
-  const known = kept.get(text);
-  if (known) return known;
-  // A single letter is the name of an axis.
-  let best = { text, unknown: text.length > 1 ? letters(text) : 0, known: 0 };
+// Values of a template in a text, in one or two ways; none if the text is another sentence.
+function readings(template, text) {
+  const first = matched(template, text, false);
+  const other = template.parts.length > 2 ? matched(template, text, true) : null;
+  const same = first && other && template.names.every((name) => first[name] === other[name]);
+  return [first, same ? null : other].filter(Boolean);
+}
+
+// Search for the translation of one text, with a limit of its work: `search` holds the texts read and the work left.
+function read(text, depth, search) {
   const exact = entries.get(text);
-  if (exact) best = { text: exact, unknown: 0, known: Infinity };
-  else if (QUANTITY.test(text)) best = { text: decimal(text).replace(/ deg$/, "°").replace(/ sigma/, "σ"), unknown: 0, known: 0 };
-  else if (depth > 0 && best.unknown) {
-    for (const [template, last] of templates.filter(({ fixed }) => text.includes(fixed)).flatMap((one) => [[one, false], [one, true]])) {
-      const found = matched(template, text, last);
-      if (!found) continue;
+  if (exact) return { text: exact, unknown: 0, known: Infinity };
+  if (QUANTITY.test(text)) return { text: decimal(text).replace(/ deg$/, "°").replace(/ sigma/, "σ"), unknown: 0, known: 0 };
+  // A single letter is the name of an axis.
+  const unread = { text, unknown: text.length > 1 ? letters(text) : 0, known: 0 };
+  if (!unread.unknown || !depth) return unread;
+  const key = `${depth}${text}`;
+  if (!search.read.has(key)) {
+    search.work -= text.length + EACH;
+    if (search.work < 0) return unread;
+    const best = byTemplate(text, depth, unread, search);
+    search.read.set(key, best.unknown ? byParts(text, depth, best, search) : best);
+  }
+  return search.read.get(key);
+}
+
+// Reading by the template that explains most of the text, and of such the one of most letters.
+function byTemplate(text, depth, unread, search) {
+  let best = unread;
+  for (const template of templates.filter(({ fixed }) => text.includes(fixed))) {
+    for (const found of readings(template, text)) {
       const values = {};
       let unknown = 0;
       for (const [name, value] of Object.entries(found)) {
-        const part = read(value, depth - 1);
+        const part = !TYPED.has(name) ? read(value, depth - 1, search) : { text: value, unknown: template.known < LEAST ? letters(value) : 0 };
         values[name] = part.text;
         unknown += part.unknown;
       }
@@ -99,19 +121,21 @@ function read(text, depth) {
       if (unknown < best.unknown || (unknown === best.unknown && template.known > best.known)) {
         best = { text: filled(template.translated, values), unknown, known: template.known };
       }
+      if (!unknown) return best;
     }
   }
-  if (depth > 0) {
-    for (const mark of MARKS) {
-      if (!best.unknown || !text.includes(mark)) continue;
-      const pieces = text.split(mark).map((piece) => read(piece, depth - 1));
-      const unknown = pieces.reduce((sum, piece) => sum + piece.unknown, 0);
-      if (unknown < best.unknown) best = { text: pieces.map((piece) => piece.text).join(entries.get(mark) || mark), unknown, known: 0 };
+  return best;
+}
+
+// Reading of a list; a text of which one part is unknown is no list, but a name or other words.
+function byParts(text, depth, best, search) {
+  for (const mark of MARKS.filter((one) => text.includes(one))) {
+    const pieces = [];
+    for (const piece of text.split(mark)) {
+      pieces.push(read(piece, depth - 1, search));
+      if (pieces[pieces.length - 1].unknown) break;
     }
-  }
-  if (depth === DEPTH) {
-    if (kept.size >= KEPT) kept = new Map();
-    kept.set(text, best);
+    if (!pieces[pieces.length - 1].unknown) return { text: pieces.map((piece) => piece.text).join(entries.get(mark) || mark), unknown: 0, known: 0 };
   }
   return best;
 }
@@ -119,7 +143,13 @@ function read(text, depth) {
 // Sentence of the surface unit in the language of the page; an empty text for null.
 export function say(text) {
   if (!text) return "";
-  return entries.size ? read(String(text), DEPTH).text : String(text);
+  const english = String(text);
+  if (!entries.size) return english;
+  if (!kept.has(english)) {
+    if (kept.size >= KEPT) kept = new Map();
+    kept.set(english, read(english, DEPTH, { read: new Map(), work: WORK }).text);
+  }
+  return kept.get(english);
 }
 
 // Let people choose among the languages that the surface unit has.
