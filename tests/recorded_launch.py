@@ -124,6 +124,7 @@ def _node(
                 words += [word for key, value in one.items() for word in ("-p", f"{key}:={_text(value, context)}")]
             else:
                 words += ["--params-file", _text(one, context)]
+        words += [_text(one, context) for one in ros_arguments]
         words += [word for pair in context.remappings for word in ("-r", ":=".join(pair))]
         again = _text(respawn, context) == "true"
         context.processes.append(Process(package, executable, space, tuple(words), again))

@@ -14,6 +14,7 @@ from mwd_estimation.assembly.assembly import read_assembly
 from mwd_estimation.assembly.sag import sag
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.downhole.log_sampler import rate
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import initial
@@ -81,6 +82,14 @@ def azimuth_posterior() -> Iterator[str]:
         raw = math.degrees(found.by_method("raw").azimuth)
         yield f"| {raw:.1f} | {math.degrees(found.azimuth):.1f} | {math.degrees(found.sigma_azimuth):.1f} | {verdict} |"
         yield probable(found, cause)
+
+
+def logs() -> Iterator[str]:
+    (value, sigma, _), (_, of_two, _) = (rate(n * 482.0, n * 10.0, 10e-6) for n in (1, 2))
+    yield f"{value:.2f} pulses per second"
+    yield f"{1.5 * value:.1f} gAPI"
+    yield f"sigma from the scatter of the counts is {1.5 * sigma:.1f} gAPI"
+    yield f"its sigma is {1.5 * of_two:.1f} gAPI"
 
 
 def magnetic_interference() -> Iterator[str]:
@@ -244,6 +253,7 @@ EXAMPLES = {
     "dense_trajectory": dense_trajectory,
     "downlink": downlink,
     "gyrocompass": gyrocompass,
+    "logs": logs,
     "magnetic_interference": magnetic_interference,
     "magnetic_reference": magnetic_reference,
     "mud_channel": mud_channel,

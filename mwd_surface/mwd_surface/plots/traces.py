@@ -140,6 +140,11 @@ def _stick_slip(samples: Samples) -> Array:
     return np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
 
 
+def _count_rate(samples: Samples) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (samples["counts"] / samples["duration"])[:, None]
+
+
 _IMU = (
     Trace("sensors", "angular rate", "deg/s", _AXES, _vector("angular_velocity", _DEG), rotary=True),
     Trace("sensors", "specific force", "m/s²", _AXES, _vector("linear_acceleration")),
@@ -148,6 +153,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
     wire.IMU.type_name: _IMU,
     wire.MAG.type_name: (Trace("sensors", "magnetic field", "µT", (*_AXES, "total"), _field_and_total),),
     wire.TEMPERATURE.type_name: (Trace("sensors", "temperature", "°C", ("sensor",), _columns("temperature")),),
+    wire.COUNTS.type_name: (Trace("sensors", "pulses of the gamma detector", "1/s", ("counted",), _count_rate),),
     wire.TOOL_FLOW.type_name: (
         Trace("sensors", "flow through the tool", "l/min", ("flow",), _columns("flow", scale=6e4)),
     ),
