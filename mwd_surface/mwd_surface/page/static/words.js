@@ -1,7 +1,7 @@
 // Texts of the page in the chosen language, from the one catalogue of the surface unit (mwd_surface/language).
 //
-// The function t translates texts that stand in these files, say translates sentences of the surface unit, which arrive in English
-// like every message and log. Both give back English where the catalogue has no translation.
+// The function t translates texts that are written in these files. The function say translates sentences of the surface unit, which
+// arrive in English like every message and log. Both return English where the catalogue has no translation.
 
 const remembered = { get: () => { try { return localStorage.getItem("language"); } catch { return null; } },
   set: (code) => { try { localStorage.setItem("language", code); } catch { /* a private window keeps nothing */ } } };
@@ -20,12 +20,12 @@ try {
 
 const entries = new Map(Object.entries(table.entries));
 
-// A number in the decimal mark of the language; `text` has a point.
+// Writes a number with the decimal mark of the language; `text` has a point.
 export const decimal = (text) => (table.decimal === "." ? text : text.replace(".", table.decimal));
 
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (all, name) => (name in values ? values[name] : all));
 
-// Text of these files: a plain text, or a template with values, which the catalogue has with {0}, {1} for the values.
+// Translates a text of these files: a plain text, or a tagged template, whose values are {0}, {1} in the catalogue.
 export function t(text, ...values) {
   if (typeof text === "string") return entries.get(text) || text;
   const english = text.reduce((all, part, k) => `${all}{${k - 1}}${part}`);
@@ -40,7 +40,7 @@ const templates = [...entries].filter(([english]) => /\{[a-z]\w*\}/.test(english
   return { parts, names: english.match(/\{\w+\}/g).map((name) => name.slice(1, -1)), translated, fixed, known: letters(parts.join("")) };
 });
 
-// Values of a template in a text; null if the text is another sentence. Fixed parts are found in one pass, from the left
+// Returns the values of a template in a text; null if the text does not match. Fixed parts are found in one pass, from the left
 // or, if `last`, from the right: a value may contain such a part.
 function matched({ parts, names }, text, last) {
   const [head, tail] = [parts[0], parts[parts.length - 1]];
@@ -67,14 +67,14 @@ function matched({ parts, names }, text, last) {
 
 // A number with its unit, which needs no translation.
 const QUANTITY = /^[+\-−]?\d[\d.,:e+\-−]*( ?(%|°|deg|nT|uT|mG|T|s|m|ft|g|dB|Hz|MB|GB|kN|bar|min|h|ppm|urad|sigma|rad\/s|m\/s\^2|deg\/h|deg\/s|r\/min))?$/;
-// Marks that join sentences and lists.
+// Separators between sentences and between the items of a list.
 const MARKS = ["; ", ": ", ", ", " or ", " and ", " at ", " · "];
 const DEPTH = 6;
-const LEAST = 5; // letters of a template
-const KEPT = 2000; // sentences that are kept
+const LEAST = 5; // least number of letters of a template whose values are not all known
+const KEPT = 2000; // most sentences in the cache
 let kept = new Map();
 
-// Translation of a text, and the number of its letters that no template explains.
+// Returns the translation of a text, and the number of its letters that no template matches.
 function read(text, depth) {
   const known = kept.get(text);
   if (known) return known;
@@ -94,7 +94,7 @@ function read(text, depth) {
         values[name] = part.text;
         unknown += part.unknown;
       }
-      // A short template, such as "{a} is {b}", fits by chance where its values are not known either.
+      // A short template, such as "{a} is {b}", matches by chance. Skip it if the catalogue does not have its values.
       if (unknown && template.known < LEAST) continue;
       if (unknown < best.unknown || (unknown === best.unknown && template.known > best.known)) {
         best = { text: filled(template.translated, values), unknown, known: template.known };
@@ -116,7 +116,7 @@ function read(text, depth) {
   return best;
 }
 
-// Sentence of the surface unit in the language of the page; an empty text for null.
+// Translates a sentence of the surface unit into the language of the page; returns an empty text for null.
 export function say(text) {
   if (!text) return "";
   return entries.size ? read(String(text), DEPTH).text : String(text);
