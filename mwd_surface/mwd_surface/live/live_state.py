@@ -338,11 +338,11 @@ class LiveState:
         )
 
     def rig(self, now: float) -> RigState:
-        """Return the measurements of the rig as of `now`."""
+        """Return the measurements of the rig at `now`."""
         return RigState(**self._fields("rig", now), in_slips=self._in_slips)
 
     def streams(self, now: float) -> dict[str, StreamState]:
-        """Return the streams by name as of `now`."""
+        """Return the streams by name at `now`."""
         return self._values.streams(now)
 
     def _attitude(self, now: float) -> AttitudeState:

@@ -41,13 +41,13 @@ _FLOOR = 1e-3
 _LEAST = 1e-4
 # A filter with a smaller probability on a coarse grid is left out of the fine one.
 _HOPELESS = 1e-6
-# Share of a field from outside at one station that is there at the next.
+# Probability that a field from outside at one station is also there at the next.
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
 # Log weight of a filter with zero probability.
 _NEVER = math.log(1e-300)
-# A kind that is more probable than this is counted.
+# A state of the gyro that is more probable than this at a station is counted for later stations.
 _DECIDED = 0.9
 _BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
@@ -71,7 +71,7 @@ class State:
     outside: Array | None = None
     #: shape (h,); sum of them over all stations.
     of_outside: Array = dataclasses.field(default_factory=lambda: np.zeros(len(EXTERNAL_UT) + 1))
-    #: shape (3,); the same of a gyro that is right, whose bias stepped, and that is wrong altogether.
+    #: shape (3,); the same sum for the states of the gyro: right, its bias stepped, wrong.
     of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
@@ -246,7 +246,7 @@ class RunFilter:
         split = np.where(updated > 0.0, weight / np.maximum(updated, 1e-300), [1.0, 0.0])
         self._join(of_branch[:, None] * split, mean, covariance)
         if math.isfinite(one["gyro"]):
-            # What is not decided is no experience with the gyro.
+            # A station at which no state of the gyro is probable enough is not counted.
             state.of_gyro = state.of_gyro + (self.by_gyro_state(evidence).sum(axis=0) > _DECIDED)
         state.outside = evidence.by_kind.sum(axis=0)
         state.of_outside = state.of_outside + state.outside
