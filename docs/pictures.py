@@ -40,7 +40,7 @@ USED = (
     ("page_alarm.png", "alarm", (1024, 768), False),
     ("page_phone.png", "drilling", (390, 844), False),
 )
-# A moving picture of the whole run: one frame every so many seconds, shown in a sixth of the time.
+# A moving picture of the whole run: one frame every `every_s` seconds, shown in a sixth of the time.
 FILM = {"size": (1280, 800), "every_s": 3.5, "quality": 60}
 COLOURS = 128
 _LONGEST_S = 600.0

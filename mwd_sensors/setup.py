@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 NAME = "mwd_sensors"
-# The version and the description have one home, which the release tools of ROS read and raise.
+# Version and description are kept in package.xml only, because the release tools of ROS read and change them there.
 ABOUT = ElementTree.parse("package.xml")  # noqa: S314  (our own file)
 VERSION = ABOUT.findtext("version")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares two states of a well: what of a viewed recording differs from what the live page showed."""
+"""Compares two states of a well, to show where a viewed recording differs from the live page."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ STRIPS = ("history", "trend", "depth_log")
 
 
 def exact(value):
-    """Return all that a value holds as text and tuples, numbers to the last bit: equal values give equal results."""
+    """Return the content of a value as text and tuples, with exact numbers: equal values give equal results."""
     if isinstance(value, float):
         return float(value).hex()
     if isinstance(value, np.ndarray):

@@ -63,7 +63,7 @@ def test_setup_names_what_the_code_imports(package):
 @pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_setup_names_nothing_that_is_not_imported(package):
-    # These are imported by a name put together at run time, or only have files.
+    # Packages that are imported by a name made at run time, or that only contain files.
     late = {"foxglove-sdk", "pylopdf-fonts-zh-cn"}
     assert required(package) - imported(package) <= late
 

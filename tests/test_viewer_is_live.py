@@ -87,7 +87,7 @@ def recorded(request, tmp_path_factory):
 
 
 def live_states(bag, surface, moments):
-    """The states of a surface that hears a recording as it happens, in uneven pieces, and of its page."""
+    """Return the states of a surface, and of its page, that receives a recording in uneven pieces as if live."""
     clock = WellClock(bag.start_ns - 1)
     outlet = WellOutlet()
     outlet.is_simulated = lambda: f"{WELL}truth" in bag.topics

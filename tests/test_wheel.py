@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The packages as a user of Python installs them: built, into an empty environment, without ROS."""
+"""The Python packages, built and installed into an empty environment without ROS."""
 
 import os
 import re
@@ -62,7 +62,7 @@ def _share_machine_code(sources, site, package):
 
 
 def run(installed, folder, command, *words):
-    """What a command of the environment prints and its exit status, in a folder that is not the source tree."""
+    """Return output and exit status of a command of the environment, run outside the source tree."""
     shadows = ("PYTHONPATH", "AMENT_PREFIX_PATH", "VIRTUAL_ENV")
     environment = {k: v for k, v in os.environ.items() if k not in shadows} | {"COLUMNS": "120"}
     done = subprocess.run(

@@ -3,7 +3,7 @@
 
 
 def __getattr__(name: str) -> str:
-    """Read the installed version when it is asked for: importing what reads it takes 16 ms."""
+    """Read the installed version only when it is used, because importing `importlib.metadata` takes 16 ms."""
     if name == "__version__":
         from importlib.metadata import version
 

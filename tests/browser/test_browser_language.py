@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page in another language: every text of it, the sentences of the surface unit, and the choice."""
+"""The page in another language: all its texts, the sentences of the surface unit, and the choice of language."""
 
 import json
 import re
@@ -17,7 +17,7 @@ TABS = ("surveys", "path", "charts", "logs", "steering", "link", "alarms", "syst
 KEPT = {"CSV", "LAS", "PDF", "HTML", "WITSML", "MWD", "UTC", "RKB", "Nordlys", "NORDLYS", "WMM", "pygeomag", "min"} | {
     *("Esc", "English", "Shanghai", "WebSocket", "bags", "control", "enabled")
 }
-# What the test itself has put there as foreign text.
+# Words that the test itself typed into the page.
 TYPED = frozenset(["External", "field", "use", "gyro", "total", "over", "off", "check", "slow", "look", "mag"])
 
 
@@ -54,7 +54,7 @@ def test_no_text_of_the_page_is_left_in_english(browser, forget):
 
 
 def test_the_page_says_a_sentence_as_the_report_does(browser, forget):
-    """One table, two readers of it: script and Python agree on every template and on texts that fit none."""
+    """The script of the page and Python translate every template, and texts that match none, in the same way."""
     templates = [one for one in CHINESE.entries if "{" in one and "{0}" not in one]
     sentences = [re.sub(r"\{\w+\}", lambda m: f"{len(m[0])}.5", one) for one in templates]
     sentences += [f"{a}; {b}" for a, b in zip(sentences, sentences[7:], strict=False)]

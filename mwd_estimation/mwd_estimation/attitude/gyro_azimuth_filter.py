@@ -166,10 +166,10 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
 @compiled
 def open_bias(s: State, sums: BinSums) -> None:
     """
-    Open the biases of the conventional unit if gravity has shown in this bin that they stepped.
+    Increase the bias variances of the conventional unit if gravity has shown in this bin that the biases stepped.
 
-    Gravity shows only the part of the step across itself, and the azimuth needs the part along it. Until the bin ends
-    the unknown step has turned both azimuths.
+    Gravity shows only the part of a step across the vertical, and the azimuth needs the part along the vertical. From
+    the step to the end of the bin the unknown part has turned both azimuths.
     """
     if sums.gyro_step <= 0.0 or sums.time <= 0.0:
         return

@@ -17,7 +17,7 @@ class HeatedSigmas:
     """
     Widen the sigmas of attitude rows by the biases to expect at the temperatures of the tool.
 
-    The temperature of a row is the last one measured before it; without a temperature nothing is widened.
+    The temperature of a row is the last one measured before it. If there is none, the sigmas stay as they are.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class HeatedSigmas:
         """
         Widen the sigmas of rows in place.
 
-        While the tool turns, part of the error averages out; the sigma does not count on that.
+        While the tool turns, part of the error averages out. The sigmas do not become smaller for that.
 
         Parameters
         ----------
@@ -51,7 +51,8 @@ class HeatedSigmas:
         reference : Reference or None
             Field; without it the azimuth is not widened, because the horizontal field is unknown.
         """
-        # A stamp that goes back takes the temperature of the newest one, however the stream is cut into blocks.
+        # A row whose stamp goes back gets the temperature of the newest stamp so far, so that the result does not
+        # depend on how the stream is cut into blocks.
         stamps = np.maximum(np.maximum.accumulate(attitude["stamp_ns"]), self._newest_ns)
         self._newest_ns = int(stamps.max(initial=self._newest_ns))
         place = np.searchsorted(self._stamps, stamps, side="right") - 1
@@ -74,5 +75,5 @@ class HeatedSigmas:
 
 
 def _widen(rows: Samples, name: str, sigma: Array) -> None:
-    """Add a sigma, rad, shape (n,), to that of rows; unknown stays unknown, and pi is the most."""
+    """Add a sigma, rad, shape (n,), to that of rows in quadrature, up to pi; a NaN in the rows stays NaN."""
     rows[name] = np.minimum(np.hypot(rows[name], np.where(np.isnan(sigma), 0.0, sigma)), math.pi)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Samples of the log channels: means over intervals of the tool's clock, of gamma also by direction.
+Samples of the log channels: means over intervals of the tool's clock, for gamma also by direction.
 
-All data are summed by whole seconds, and a second is closed once the attitude has reached the end of the next one. So a
-sample does not depend on how the streams are cut, if no sample arrives more than a second after the attitude of its
-time. A count belongs to the second and to the direction of its middle.
+All data are summed by whole seconds. A second is closed when the attitude has reached the end of the next second.
+Therefore a sample does not depend on how the streams are cut, if no data arrive more than a second after the attitude
+of their time. A count belongs to the second and to the direction at the middle of its interval.
 
 The rate of counts is corrected for dead time, n = m / (1 - m tau), with m the counted rate (G. F. Knoll, Radiation
 Detection and Measurement, 4th ed. 2010, equation 4.33). Its sigma is sqrt(N + 1/2) / T / (1 - m tau): the posterior of
-a Poisson rate with Jeffreys' prior has the variance (N + 1/2) / T^2, which stays honest at few counts and for none.
+a Poisson rate with Jeffreys' prior has the variance (N + 1/2) / T^2, which is not zero when nothing was counted.
 """
 
 from __future__ import annotations
@@ -34,13 +34,14 @@ from mwd_sensors.telemetry.log_channels import (
 )
 
 _LATE_S = round(SETTLE_S)
-# Largest distance in time between the middle of a count and the attitude whose toolface it takes, ns.
+# Largest time between the middle of a count and the attitude row that gives its toolface, ns.
 _NEAR_NS = 60_000_000
-# 1 sigma above which a toolface names no sector, rad: half of the width of eight sectors.
+# 1 sigma of a toolface above which its count goes into no sector, rad: half the width of one of eight sectors.
 _TOOLFACE_SIGMA = math.pi / 8.0
-# Samples further back than this are those of a time that was set back, which the attitude will show: they wait for it.
+# Samples that are older than the closed second by more than this come from a clock that was set back. They wait until
+# the attitude shows the set-back too. The second number is the most rows that wait.
 _SET_BACK_S, _MOST = 3, 10_000
-# Longest correction for dead time; a detector that is dead for longer gives a lower bound.
+# Least share of the time in which the detector is alive for the correction; below, the rate is a lower bound.
 _LEAST_ALIVE = 0.05
 _CONSTANTS = ("dead_time", "tool_factor", "sensor_to_bit")
 _STATED_SIGMA = {"attitude": "sigma_{field}", "temperature": "variance"}
@@ -101,7 +102,7 @@ class LogSampler:
             self._waiting[stream].append(samples)
 
     def advance(self, attitude: Samples) -> list[LogSample]:
-        """Add rows of `wire.ATTITUDE` in order, and return the samples that they complete; a set-back starts anew."""
+        """Add rows of `wire.ATTITUDE` in order; return the samples they complete. Starts anew if time goes back."""
         found: list[LogSample] = []
         stamps = attitude["stamp_ns"]
         while len(stamps):
@@ -111,7 +112,7 @@ class LogSampler:
             self._waiting["attitude"].append(attitude[:count])
             if count:
                 if self._closed_s is None:
-                    # The first second is cut by the start, so that live and afterwards it would hold other samples.
+                    # Leave out the first second: it is incomplete, and would hold different samples live and offline.
                     self._closed_s = int(stamps[0]) // NANOSECONDS + 1
                 self._lead_ns = int(newest[count - 1])
                 found += self._close(self._lead_ns // NANOSECONDS - _LATE_S)
@@ -132,7 +133,7 @@ class LogSampler:
         return found
 
     def _close(self, until_s: int) -> list[LogSample]:
-        """Close the seconds before a second."""
+        """Close all seconds before `until_s`, and return the samples that are complete."""
         if self._closed_s is None or until_s <= self._closed_s:
             return []
         rows = {name: _joined(waiting) for name, waiting in self._waiting.items()}
@@ -141,7 +142,7 @@ class LogSampler:
         seconds: set[int] = set()
         for name, place in at.items():
             late = (place < begin) & (place >= begin - _SET_BACK_S)
-            # Rows of the attitude stay for a while, so that the counts of the next second find their toolface.
+            # Rows of the attitude are kept for a second, so that the counts of the next second find their toolface.
             self.late += int(late.sum()) if name != "attitude" else 0
             seconds.update(np.unique(place[(place >= begin) & (place < until_s)]).tolist())
         found: list[LogSample] = []
@@ -185,7 +186,7 @@ def rate(counts: Array | float, seconds: Array | float, dead_time: float) -> tup
     Parameters
     ----------
     counts, seconds : array_like, shape (...)
-        Counted pulses, and the time of counting, s; the rate of no time is NaN.
+        Counted pulses, and the time of counting, s; where the time is 0, the rate is NaN.
     dead_time : float
         Dead time after each pulse, s.
     """
@@ -258,7 +259,7 @@ def _toolfaces(stamps: Stamps, attitude: Samples | None) -> Array:
 
 
 def _sample(name: str, channel: LogChannel, parts: list[_Second], end_s: int | None = None) -> LogSample:
-    """Return the sample of seconds of one interval; end_s: its end, if it is not on the grid of the intervals."""
+    """Return the sample of one interval from its seconds; end_s: its end, if it is not a multiple of the interval."""
     span = channel.interval_s
     end = end_s if end_s is not None else (parts[0].second // span + 1) * span
     middle_ns = end * NANOSECONDS - span * NANOSECONDS // 2

@@ -115,7 +115,8 @@ class Transmitter:
         self._fresh = False
         self._current: Readings = {}
         self._slow: Readings = {}
-        # Words that carry log channels and have no other meaning; readings by word, and when they are known.
+        # Words that carry log channels and have no other meaning. `_logs` has the readings by word, each with the time
+        # from which they are known.
         self._logged_words = {
             word: item for word, item in carried(tool.logged).items() if not meanings.meaning_of(word)
         }
@@ -148,7 +149,7 @@ class Transmitter:
             self._slow |= readings.of_dynamics(samples[-1])
 
     def take_logs(self, known_ns: int, samples: Mapping[str, LogSample]) -> None:
-        """Add the running means of the log channels, known at a time, ns; they come in order, before the attitude."""
+        """Add running means of log channels, known from `known_ns` on, in order and before the attitude."""
         found: Readings = {}
         for word, (name, channel, sector) in self._logged_words.items():
             sample = samples.get(name)

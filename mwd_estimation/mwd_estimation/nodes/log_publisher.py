@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log channels in the graph: counts of the detector in, `log` out, at the pace of the estimates."""
+"""Log channels of the estimator node: subscribes to the counts of the detector and publishes `log`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Running = list[tuple[int, dict[str, LogSample]]]
 
 
 class LogPublisher:
-    """Runs the sampler of the log channels beside the estimator."""
+    """Feeds the sampler of the log channels with the inputs and results of the estimator."""
 
     def __init__(self, node: GraphNode[Any], channels: Mapping[str, LogChannel]) -> None:
         self._sampler = LogSampler(channels)
@@ -35,7 +35,7 @@ class LogPublisher:
         self._sampler.push("temperature", samples)
 
     def take(self, output: Output, frame: str) -> Running:
-        """Publish the samples that the results of a block complete, and return the running means for words."""
+        """Publish the samples that a block of results completes; return the running means for words of the link."""
         self._frame = frame
         counts, _ = wire.decode_messages(wire.COUNTS, [message.data for message in self._counts.take()])
         self._sampler.push("counts", counts)

@@ -62,7 +62,7 @@ class TransmissionPublisher:
 
     def take(self, imu: Samples, output: Output, pipeline: Pipeline, running: Running, frame: str) -> None:
         """
-        Accept a block of samples and its results, and publish what went on air.
+        Accept a block of samples and its results, and publish what the tool transmitted.
 
         imu: in axes of the unit. running: running means of the log channels.
         """

@@ -68,7 +68,7 @@ class Finding:
     nominal: float  #: 1 sigma of a sound tool by itself at this attitude, rad
     misfit: float = 0.0  #: least chi-square of the field under the widest hypothesis
     by_gyro: float = 0.0  #: share of the gyro in what is known of the azimuth, 0 to 1
-    #: Probability that the gyro is wrong here, and was not known to be before.
+    #: Probability that the gyro is wrong at this station although the run had not shown it before.
     gyro_wrong: float = 0.0
     of_gyro: GyroParts | None = None  #: what the density is made of where a gyro gave an azimuth here
     gyro_agreed: bool = False  #: whether a gyro agreed with the magnetometer at an earlier station of the run

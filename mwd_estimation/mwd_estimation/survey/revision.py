@@ -41,11 +41,11 @@ def findings(
     threads: int = 1,
 ) -> list[Finding | None]:
     """
-    What is found of each station of a run with all the others of it.
+    Return the finding of each station of a run, judged with all other stations of the run.
 
-    first: what was found of each when it was taken; readings that came a second time keep that and tell nothing.
-    newest: look at so many of the last ones only; the others keep what was found.
-    progress: is called with the number of stations of each seek that is done, in any thread, one call at a time.
+    first: the finding of each when it was taken. Repeated readings keep it and are not used for the others.
+    newest: number of the last stations to judge again; the others keep their finding. None: all.
+    progress: called after each seek with its number of stations, from any thread, one call at a time.
     threads: number of threads; the result does not depend on it.
     """
     found, begin = dict(enumerate(first)), 0 if newest is None else max(len(taken) - newest, 0)
@@ -69,11 +69,11 @@ def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
 
 
 def _in_any_order(taken: Sequence[Taken], settings: StationSettings) -> list[Taken]:
-    """Stations with the cumulative hazard of another string and the age of the gyro, so that any order will do."""
+    """Return the stations with hazard and age of the gyro filled in, so that they can be taken in any order."""
     hours = [one.hours for one in taken]
     steps = [hypotheses.hazard(settings.priors, now - then) for then, now in itertools.pairwise(hours)]
     hazards = list(itertools.accumulate([0.0, *steps]))[: len(taken)]
-    # All surveys of a seek are at the time of the first of them.
+    # All surveys of one seek have the time of its first survey.
     seeks = [None if one.gyro is None else one.gyro.began_ns for one in taken]
     times, last = [0.0] * min(len(taken), 1), 0
     for k in range(1, len(taken)):
@@ -118,7 +118,7 @@ def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class _Work:
-    """What the stations of a run are judged into, with a lock for several threads."""
+    """Findings of the stations so far, with a lock, because several threads add to them."""
 
     found: dict[int, Finding | None]
     progress: Callable[[int], None]
@@ -165,7 +165,7 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
 
 
 def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | None]:
-    """Return the findings of the stations of one seek: each with its azimuth, and with the fields of the others."""
+    """Return the findings of the stations of one seek; each is judged with the others' fields but not their gyro."""
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
     found = {}
     for k, one in seek.items():

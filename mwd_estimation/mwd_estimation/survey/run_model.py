@@ -70,12 +70,12 @@ class Taken(NamedTuple):
     #: Cumulative hazard of another string up to here (`hypotheses.hazard`), which makes stations in any order known to
     #: each other; nan: the station follows the last one taken.
     hazard: float = math.nan
-    #: Time since the first seek of the run's gyro, h (`ages`); nan: the station follows the last one taken.
+    #: Time since the first seek of the run's gyro, h; nan: the station follows the last one taken.
     age: float = math.nan
 
 
 def elapsed(before: float, now: float) -> float:
-    """Time between two stations taken one after the other, h; that of a stand where it is not known."""
+    """Return the time between two consecutive stations, h; the time of one stand if it is not known."""
     return abs(now - before) if math.isfinite(now - before) else _STAND
 
 
@@ -99,7 +99,7 @@ class RunModel:
         self._told: dict[str, Across] = {}
         # When the last station was taken, h, and the cumulative hazard of another string there.
         self._reached = math.nan, 0.0
-        # The same with the time since the first seek of the gyro; None before that seek.
+        # When the last station or its seek began, h, and the age of the gyro then, h; None before the first seek.
         self._aged: tuple[float, float] | None = None
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
@@ -154,7 +154,7 @@ class RunModel:
         return self._reached[1]
 
     def _age_at(self, hours: float, one: Row, *, goes_on: bool) -> float:
-        """Time since the first seek of the gyro, h, when this seek began; goes_on: the last station is of the same."""
+        """Return the age of the gyro at a station, h; goes_on: it belongs to the same seek as the last station."""
         if self._aged is not None and not goes_on:
             self._aged = hours, self._aged[1] + elapsed(self._aged[0], hours)
         elif self._aged is None and math.isfinite(one["gyro"]):
@@ -275,7 +275,7 @@ class RunModel:
             mass = np.empty(len(angles))
             mass[order] = parts.weighed(angles[order]) * width[order]
             by_gyro = gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
-            # A gyro that the run already knows to be wrong contradicts nothing.
+            # A gyro that the run has already shown to be wrong does not count as a contradiction.
             gyro_wrong = float((stepped + wrong).sum()) * (1.0 - doubted)
         mean, covariance = model.shared()
         at, turned = Shared.FIELD_BIAS, slice(Shared.MOUNT, Shared.MOUNT + 3)

@@ -226,7 +226,7 @@ def test_a_step_that_gravity_shows_opens_biases_and_azimuth_together():
     sums = sums_of(time=0.5, across=(0.4, -0.3), gyro_step=1.5)
     gyro_azimuth_filter.open_bias(s, sums)
     grown, bias = s.P - before, Error.BIAS
-    # An azimuth that a bias has turned for 1.5 s at 0.8 and -0.6 rad per rad.
+    # For 1.5 s each bias has turned the azimuth at a rate of -0.8 and 0.6 times the bias.
     moved = np.zeros((2, len(s.x)))
     for i, slope in enumerate((-1.2, 0.9)):
         moved[i, bias + i], moved[i, :2] = 1.0, slope

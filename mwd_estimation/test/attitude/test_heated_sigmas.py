@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The continuous attitude outside of the calibrated temperatures is as wrong as its sigma says."""
+"""Outside the calibrated temperatures the errors of the continuous attitude agree with its sigmas."""
 
 import itertools
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples of the log channels: rates against a simulated detector, honest sigmas, sectors, cuts of the streams."""
+"""Samples of the log channels: rates and sigmas against a simulated detector, sectors, cuts of the streams."""
 
 import dataclasses
 import itertools
@@ -71,9 +71,9 @@ def test_the_sigma_covers_the_truth_even_where_counts_are_few():
     rng = np.random.default_rng(5)
     for true in (0.5, 2.0, 8.0, 40.0, 400.0):
         value, sigma, _ = rate(rng.poisson(true, 20_000), np.ones(20_000), 0.0)
-        # At two counts every seventh interval has none, 0 with 0.7: no symmetric sigma covers more.
+        # With two expected counts one interval in seven has none: 0 with sigma 0.7. A symmetric sigma covers no more.
         assert np.mean(np.abs(value - true) <= 2.0 * sigma) > (0.92 if true > 5.0 else 0.85), true
-        # Half a count wider than the scatter, so that no counts give no certainty.
+        # The variance is half a count larger than the scatter, so that it is not zero if nothing was counted.
         assert np.mean(sigma**2) == pytest.approx(np.var(value) + 0.5, rel=0.03)
 
 
@@ -98,7 +98,7 @@ STANDING = streams(33, turn=1.7)
 def test_counts_of_the_sectors_and_of_the_intervals_are_the_counts_of_the_detector():
     attitude, counts, _ = STANDING
     found, _ = sampled(attitude, counts)
-    # The first, cut second is left out.
+    # The sampler leaves out the first second, which is incomplete.
     middle = counts["stamp_ns"] - np.round(counts["duration"] * 5e8).astype(int)
     used = counts[middle >= (attitude["stamp_ns"][0] // 10**9 + 1) * 10**9]
     assert sum(sample.counts for sample in found) == used["counts"].sum()
@@ -110,7 +110,7 @@ def test_counts_of_the_sectors_and_of_the_intervals_are_the_counts_of_the_detect
 
 @pytest.mark.parametrize("below", [True, False])
 def test_the_sectors_see_the_bed_that_comes_near_at_high_angle(below):
-    """A bed 0.15 m below, or above, the hole: the sectors agree with the model, and name the side."""
+    """A bed 0.15 m below or above the hole: the sectors agree with the model and show on which side the bed is."""
     path = well_path([0.0, 500.0], [0.0, math.pi / 2.0], [0.0, 0.0])
     probe = GammaDetector(Gamma(), path, np.random.default_rng(0))
     tvd = 500.0 * 2.0 / math.pi

@@ -30,7 +30,7 @@ _PIECE = 1_000_000  # bytes
 _LONGEST_NUMBER = 100
 _NUMBER = re.compile(r"[-+0-9._:xXoObBa-fA-F]+")
 _LONGEST_LINE = 20_000  # characters
-# YAML directives (%TAG), of which no file needs any: the parser compares each one with all before it.
+# Most YAML directives (%TAG). Our files need none, and the parser compares each directive with all before it.
 _MOST_DIRECTIVES = 100
 _DIRECTIVE = re.compile(r"^%", re.MULTILINE)
 

@@ -24,7 +24,7 @@ _hints: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
 
 
 class UnknownNumberError(ValueError):
-    """A message has a number that its enumeration does not have, as one of another version may."""
+    """A number in a message is not in its enumeration; messages of another version may have such numbers."""
 
 
 class MessageRecord:
@@ -121,7 +121,7 @@ def time_message(stamp_ns: int, make: Make) -> Any:
 
 
 def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]]:
-    """Return whether each field is in the header, its name in the message, and the type of a record or enumeration."""
+    """Return by field: whether it is in the header, its name in the message, and its record or enumeration type."""
     found: dict[str, tuple[bool, str, Any]] = {}
     for field in dataclasses.fields(record):  # type: ignore[arg-type]
         if field.name in record.NOT_SENT:

@@ -191,7 +191,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             return super().create_client(srv_type, srv_name, *args, **options)
 
     def _full_name(self, name: str) -> str:
-        # The rules of ROS names, without the remapping: rclpy creates services before it can resolve names.
+        # Expand the name by the rules of ROS, without remapping: rclpy creates services before it can resolve names.
         space = self.get_namespace().rstrip("/")
         return name if name.startswith("/") else f"{space}/{name.replace('~', self.get_name(), 1)}"
 
@@ -369,7 +369,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.get_logger().error(printable(f"cannot configure: {error if expected else traceback.format_exc()}"))
             self._destroy_entities()
             if isinstance(error, RefusedEntityError) and is_enforced(os.environ):
-                # The permissions are read once, at the start of the process: to try again cannot help.
+                # The permissions are read once, at the start of the process, so that a second try would fail as well.
                 self._stop(error)
             return TransitionCallbackReturn.FAILURE
         self._configured = True

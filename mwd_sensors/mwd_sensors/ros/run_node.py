@@ -92,7 +92,7 @@ def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
         signals.started()
         while not stop_requested.done():
             executor.spin_until_future_complete(stop_requested, _LONGEST_SPIN)
-        # Raises the reason of a node that cannot do its work.
+        # If a node cannot do its work, this raises the reason.
         stop_requested.result()
     except SettingsError as error:
         sys.stderr.write(f"{printable(str(error))}\n")

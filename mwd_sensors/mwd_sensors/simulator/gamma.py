@@ -23,7 +23,7 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.kinematics import WellPath
 
-_PERIOD_S = 0.04  # s of one count; at 120 r/min the tool turns by 29 deg meanwhile
+_PERIOD_S = 0.04  # counting interval, s; at 120 r/min the tool turns by 29 deg in it
 _DIRECTIONS = 24
 # Distances into the rock as multiples of `reach_m`, and their weights: the middles of the thirds of an
 # exponential decay.
@@ -69,7 +69,7 @@ class Gamma:
 
 class GammaDetector:
     """
-    Detector in a hole.
+    Gamma detector in a hole.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class GammaDetector:
     path : WellPath
         The hole.
     rng : Generator
-        For the pulses.
+        Draws the pulses.
     """
 
     def __init__(self, settings: Gamma, path: WellPath, rng: np.random.Generator) -> None:
@@ -106,7 +106,7 @@ class GammaDetector:
         sin_inc = np.sqrt(np.maximum(1.0 - cos_inc**2, 0.0))
         around = math.tau / _DIRECTIONS * (np.arange(_DIRECTIONS) + 0.5)
         reach = item.hole_radius_m + item.reach_m * np.array(_REACHES)
-        # The high side points up by the sine of the inclination.
+        # Vertical component of each direction around the hole: the high side rises by the sine of the inclination.
         up = sin_inc[:, None] * np.cos(around)
         depth = tvd[:, None, None, None] - up[:, :, None, None] * reach[:, None]
         rock = self._rock(depth + cos_inc[:, None, None, None] * along).mean(axis=(2, 3))

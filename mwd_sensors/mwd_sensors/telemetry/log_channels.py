@@ -25,8 +25,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MOST_SECTORS = 16
 # Bits of the quality, as in mwd_msgs/LogSample.
 NO_TOOLFACE, INCOMPLETE, SATURATED, FROM_WORD, ONE_SIDED = 1, 2, 4, 8, 16
-#: A word carries the mean over the last interval that ended at a whole second of the tool's clock, this long or up to a
-#: second longer before the word begins.
+#: A word carries the mean over the newest interval that ended at a whole second of the tool's clock and at least this
+#: long, s, before the word begins.
 SETTLE_S = 1.0
 
 
@@ -138,7 +138,7 @@ def is_channel_name(name: str) -> bool:
 
 
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
-    """Return the usual channels, without their words where the table of words measures something else by that name."""
+    """Return the usual channels; one whose word has another meaning in the table of words is not sent."""
     found = {}
     for name, channel in CHANNELS.items():
         try:
@@ -150,7 +150,7 @@ def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
 
 
 class Carried(NamedTuple):
-    """What a word carries: name of the channel, its declaration, and the number of the sector; None: the value."""
+    """Content of a word: name of the channel, its declaration, and the number of the sector (None: the total)."""
 
     name: str
     channel: LogChannel

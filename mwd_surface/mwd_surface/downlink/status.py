@@ -23,7 +23,7 @@ class Medium(enum.IntEnum):
 @dataclasses.dataclass(frozen=True, eq=False)
 class DownlinkStatus(MessageRecord):
     """
-    State of a downlink; what is sent is field for field mwd_msgs/DownlinkState.
+    State of a downlink; the fields that are sent are those of mwd_msgs/DownlinkState.
 
     Attributes
     ----------

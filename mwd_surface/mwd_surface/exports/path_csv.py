@@ -2,7 +2,7 @@
 """
 path.csv: every station of a path with ten decimals, for programs.
 
-The columns of the definitive survey have their names in every table (`signals/table.csv`); the ellipse follows.
+The columns of the definitive survey are named as in every table (`signals/table.csv`). Those of the ellipse follow.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Content:
         return tuple(sheet for section in self.sections for sheet in section.sheets)
 
     def words(self) -> Iterator[str]:
-        """Return every text of the report, without those of its drawings."""
+        """Return every text of the report except those in drawings."""
         yield from (
             self.title,
             self.certificate,
@@ -105,7 +105,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
 
 
 def printed_logo(path: str) -> tuple[bytes, str]:
-    """Return the bytes of a picture and its MIME type; empty if it cannot be printed, which a note then says."""
+    """Return the bytes of a picture and its MIME type; empty if it cannot be printed (a note says why)."""
     try:
         return logo_of(path)
     except (OSError, ValueError):

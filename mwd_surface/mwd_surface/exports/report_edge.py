@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
     from mwd_surface.exports.report_content import Content
 
-# Units of people in metric wells, with the unit of the same quantity in field units.
+# Field unit of each quantity, by the symbol of the metric unit that the report shows.
 _FIELD: dict[str, Scale] = {UNITS[name].people.symbol: UNITS[name].fps for name in ("m", "rad/m", "degC", "m/s", "N")}
 _SI: dict[str, Scale] = {UNITS[name].people.symbol: UNITS[name].people for name in ("m", "rad/m", "degC", "m/s", "N")}
-# The scale writes 100ft for machines.
+# The name of the scale is for data files; the report writes a space.
 _SYMBOLS = {"deg/100ft": "deg/100 ft"}
 # A length or a dogleg severity in a sentence; coordinates of a map grid (m E, m N) stay as the grid has them.
 _IN_TEXT = re.compile(r"(?<![\w.])(-?\d+(?:[.,](\d+))?) ?(m|(?:deg|°)/30 m)(?![\w/^]| [EN东北])", re.ASCII)
@@ -52,7 +52,7 @@ class Edge(NamedTuple):
         return f"{self.language.number(fixed(number, len(match[2] or '')))} {self.unit(unit)}"
 
     def unit(self, unit: str) -> str:
-        """Return the symbol of a unit of a column, or of the end of an axis label."""
+        """Return the symbol of a unit, of a column or at the end of an axis label, converted and translated."""
         head, space, tail = unit.partition(" slid")
         scale = _FIELD.get(head) if self.field else None
         symbol = head if scale is None else _SYMBOLS.get(scale.symbol, scale.symbol)
@@ -145,7 +145,7 @@ def _in_feet(axes: Any) -> None:
 
 
 def _translate(figure: Figure, edge: Edge) -> None:
-    """Translate the texts of a figure; without a font for them they stay English."""
+    """Translate the texts of a figure; a text stays English if no font has its characters."""
     from matplotlib.text import Text
 
     from mwd_surface.plots.fonts import families, lacking

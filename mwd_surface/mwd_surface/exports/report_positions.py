@@ -20,8 +20,8 @@ def positions(table: SurveyTable) -> Section | None:
     Return latitude, longitude and map coordinates of every station.
 
     None if the place of the wellhead is not given, or the path has magnetic north or rests on an assumption. Map
-    coordinates are those of the well's grid, else of the UTM zone; offsets are scaled by the scale of the grid at the
-    wellhead, which leaves millimetres over a well of kilometres.
+    coordinates are those of the well's grid, else of the UTM zone. Offsets are scaled by the scale of the grid at the
+    wellhead; the error of this is millimetres for a well of kilometres.
     """
     well, path = table.surveys.well, table.path
     if well.latitude_deg is None or well.longitude_deg is None or path.assumed or well.north_reference == "magnetic":

@@ -30,7 +30,7 @@ class Severity(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Alarm(MessageRecord):
-    """One alarm, field for field its message."""
+    """One alarm, with the fields of its message."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Alarm"
 
@@ -53,7 +53,7 @@ class Alarm(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Event(MessageRecord):
-    """One line of the log, field for field its message: when, what kind, which alarm or part, and words."""
+    """One line of the log, with the fields of its message: time, kind, alarm or part concerned, and text."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Event"
 

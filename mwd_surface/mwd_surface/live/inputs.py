@@ -48,7 +48,7 @@ class Role(enum.IntEnum):
 @dataclasses.dataclass(frozen=True, eq=False)
 class InputState(MessageRecord):
     """
-    One input at a moment, field for field its message; NaN if unknown.
+    One input at a moment, with the fields of its message; NaN if unknown.
 
     clock_offset : s, the input's clock minus the surface's; offset_age, data_age : s; bit_depth : m.
     """
@@ -69,10 +69,10 @@ class InputState(MessageRecord):
 @dataclasses.dataclass(frozen=True, eq=False)
 class InputTable(MessageRecord):
     """
-    All inputs at a moment, field for field its message.
+    All inputs at a moment, with the fields of the message.
 
-    depth_source : name of the one whose depth is in force, or empty; depth_age : s; depth_difference : m, the largest
-    of a live source from the depth in force. NaN if unknown, or if there is nothing to compare with.
+    depth_source : name of the input whose depth is in force, or empty; depth_age : s; depth_difference : m, the largest
+    difference between a live source and the depth in force. NaN if unknown, or if there is no second source.
     """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputList"

@@ -46,7 +46,7 @@ _FRAMES, _WORDS = 20, 40
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkWordState(MessageRecord):
-    """A word as received, field for field its message; stamp_ns: its end on air, start_ns: its begin."""
+    """A received word, with the fields of its message; start_ns and stamp_ns: start and end of its transmission."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkWord"
 
@@ -74,7 +74,7 @@ class LinkWordState(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkFrameState(MessageRecord):
-    """A pass of a sequence, field for field its message; reason: why it broke off, or empty."""
+    """A pass of a sequence, with the fields of its message; reason: why it broke off, or empty."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
 
@@ -91,7 +91,7 @@ class LinkFrameState(MessageRecord):
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkStatus(MessageRecord):
     """
-    State of the link in use, field for field mwd_msgs/LinkQuality, and what came over it.
+    State of the link in use, with the fields of mwd_msgs/LinkQuality, and the words received over it.
 
     Attributes
     ----------

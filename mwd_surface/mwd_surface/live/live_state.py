@@ -46,12 +46,12 @@ _SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface
 _QUANTITIES = {
     signal.name: Quantity(signal.unit, signal.source) for part in _SECTIONS.values() for signal in part.values()
 }
-_COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a winter's rack to beyond the hottest electronics in use
+_COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a tool stored outside in winter to beyond the hottest electronics in use
 _ANGLES = tuple(signal.name for signal in _SECTIONS["attitude"].values())
 _PART_OF = {signal.name: part for part, signals in _SECTIONS.items() for signal in signals.values()}
-# Of rig/state, by its fields.
+# Values of rig/state, by its fields.
 _RIG = {signal.field: signal.name for signal in _SECTIONS["rig"].values()}
-# Charts over time, and what becomes of several values within one interval.
+# Charts over time, and how several values within one interval are combined.
 _HISTORY = {
     "vibration": "max",
     "rotary_speed": "mean",
@@ -98,7 +98,7 @@ _WHY = (
 )
 
 
-# Of a value that comes without sigma: withheld, whatever brought it.
+# Reason for a value that arrived without sigma and is therefore withheld.
 _NOT_KNOWN = "not known now"
 
 
@@ -108,7 +108,7 @@ class LiveState:
 
     Methods `on_...` take samples; angles and times as in the messages. A number that is not finite is left out and does
     not count as an update. Not thread-safe: all calls belong in one thread. A state that `at` returned does not change
-    and may be read in any.
+    and may be read in any thread.
 
     Attributes
     ----------
@@ -134,7 +134,8 @@ class LiveState:
         self.parts = WellState()
         # When the word of each angle of a link was measured: s, and ns on the clock of the gauge.
         self._words: dict[str, tuple[float, int]] = {}
-        #: Time at which a sample was measured, s, by whose clock stamped it (sonde or rig) and its stamp, ns.
+        #: Function that returns the time at which a sample was measured, s of the steady clock. Its arguments are the
+        #: clock that stamped the sample (sonde or rig), its stamp, ns, and the time of its arrival, s.
         self.moment: Callable[[str, int, float], float] = _when_it_came
         self._measured_at: float | None = None
 
@@ -337,11 +338,11 @@ class LiveState:
         )
 
     def rig(self, now: float) -> RigState:
-        """Return the measurements of the rig as of `now`."""
+        """Return the measurements of the rig at `now`."""
         return RigState(**self._fields("rig", now), in_slips=self._in_slips)
 
     def streams(self, now: float) -> dict[str, StreamState]:
-        """Return the streams by name as of `now`."""
+        """Return the streams by name at `now`."""
         return self._values.streams(now)
 
     def _attitude(self, now: float) -> AttitudeState:
@@ -387,14 +388,14 @@ class LiveState:
         return Advisory(toolface % math.tau, limit, inside)
 
     def _value(self, name: str, now: float) -> LiveValue:
-        """Return a value; over a link an angle was measured when its word was."""
+        """Return a value; over a link the time of an angle is that of the word that carried it."""
         value = self._values.value(name, now)
         if value.value is None or name not in self._words:
             return value
         return dataclasses.replace(value, measured_at=self._words[name][0])
 
     def _without_magnetometer(self, now: float) -> bool:
-        """Whether the estimator, while it lives, says that the magnetometer cannot be used."""
+        """Return whether the estimator is live and reports that the magnetometer cannot be used."""
         if self._sample is None or self._values.streams(now)["estimator"].state != Freshness.LIVE:
             return False
         return bool(int(self._sample[0]["status"]) & Status.NO_MAG)

@@ -265,7 +265,7 @@ class LiveWell:
             try:
                 handler(data)
             except UnknownNumberError:
-                # One message of another version does not take those that wait behind it along.
+                # Skip this message only, so that those behind it in the queue are still handled.
                 self.decoder.unreadable += 1
 
     def _on_attitude(self, samples: Samples) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log channels of a well while it drills: samples in, curves over depth out."""
+"""Log channels of a well while drilling: accepts samples and shows curves over depth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.logs.depth_log import FIRST
 
-_SHOWN = 2000  # deepest steps of each channel that are shown
+_SHOWN = 2000  # number of depth steps of each channel that are shown, the deepest ones
 
 
 class LogMonitor:

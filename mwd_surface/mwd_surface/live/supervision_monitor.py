@@ -74,8 +74,8 @@ class SupervisionMonitor:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: time, s. clock_difference: of the clocks of rig and sonde, s, None if unknown; depth_difference: of the
-        sources of depth, m, NaN if unknown. machine: readings of the machine that records, by the id of their row.
+        now: time, s. clock_difference: between the clocks of rig and sonde, s, None if unknown. depth_difference:
+        between the sources of depth, m, NaN if unknown. machine: readings of the computer, by the id of their row.
         """
         readings = {f"input.{topic}": now - at for topic, at in self._received_at.items()}
         readings |= {f"heartbeat.{node}": now - at for node, at in self._beat_at.items()}

@@ -204,7 +204,8 @@ class SurveyProgress:
     """
     A survey or north seek under way: elapsed and remaining, s, NaN if unknown; result: how the last one ended.
 
-    waits_for: why a survey that has averaged enough is not given yet; elapsed and remaining are then of that wait.
+    waits_for: why a survey that has averaged enough samples is not issued yet; elapsed and remaining then refer to
+    that wait.
     """
 
     active: bool = False
@@ -275,7 +276,7 @@ class Change:
 @dataclasses.dataclass(frozen=True)
 class WellState:
     """
-    All that is known of a well at `now`; before anything has come, the defaults.
+    All that is known of a well at `now`; the defaults until something arrives.
 
     Attributes
     ----------
@@ -290,9 +291,10 @@ class WellState:
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     offset : Offset or None
-        From the plan to the end of the path.
+        Offset of the end of the path from the plan.
     clearance, clearance_remarks
-        To offset wells from the last survey on, the nearest by the rule first; what it left out and assumed.
+        Clearance to offset wells from the last survey on, the closest by the rule first, and remarks on what was left
+        out or assumed.
     stretches, yields
         The slide sheet, deepest last.
     quill : float or None
@@ -323,7 +325,7 @@ class WellState:
     newest_logs : mapping of str to Newest
         Newest value of each log channel.
     changes : mapping of str to Change
-        By the name of the part (a field of this class); a part that was never set is missing.
+        How often and when each part was set, by its name (a field of this class). A part that was never set is missing.
     """
 
     now: float = 0.0

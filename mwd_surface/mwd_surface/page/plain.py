@@ -23,7 +23,7 @@ from mwd_surface.control.status import ControlState
 from mwd_surface.live.inputs import Role
 from mwd_surface.live.link_state import LinkHealth
 
-# Members whose word on the page is not their name.
+# Members of enumerations that the page shows by a word other than their name.
 _WORDS: Mapping[type[enum.Enum], Mapping[Any, str]] = {
     North: {North.UNKNOWN: ""},
     RecorderState: {RecorderState.PAUSED_DISK_FULL: "paused: disk full"},

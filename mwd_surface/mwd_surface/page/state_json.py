@@ -46,8 +46,8 @@ class _View(NamedTuple):
     """
     A section that is kept until it changes.
 
-    parts: names of the parts of the state it is made of, the first of which dates it. more: any other value that
-    changes it. build: function that makes it.
+    parts: names of the parts of the state from which it is made; the first one gives `since`. more: any other value on
+    which it depends. build: function that makes it.
     """
 
     parts: tuple[str, ...]
@@ -163,7 +163,7 @@ def _part(part: Any) -> Table | None:
 
 
 def _sent(status: RecorderStatus | None) -> Table | None:
-    """Return what the recorder tells others: a recording that is viewed does not have the rest."""
+    """Return the fields of the recorder's message, because a viewed recording does not have the others."""
     return None if status is None else {name: plain(getattr(status, name)) for name in status.sent()}
 
 

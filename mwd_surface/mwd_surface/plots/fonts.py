@@ -3,7 +3,7 @@
 Fonts of reports and plots: DejaVu, which comes with matplotlib, and a second one with Chinese characters, if any.
 
 A font with Chinese characters has several megabytes, so none comes with this package. `pip install
-pylopdf-fonts-zh-cn` (Noto Sans SC, 17 MB, SIL Open Font License) brings one, and so does any of the system's.
+pylopdf-fonts-zh-cn` (Noto Sans SC, 17 MB, SIL Open Font License) installs one. Chinese fonts of the system work too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main_font(*, bold: bool = False) -> Path:
 
 @functools.cache
 def wide_font() -> Path | None:
-    """Return the file of a font with Chinese characters: of the package, else of the system; None if there is none."""
+    """Return the file of a font with Chinese characters, from the package or the system; None if there is none."""
     if importlib.util.find_spec(_PACKAGE) is not None:
         path = Path(str(importlib.resources.files(_PACKAGE))) / "NotoSansSC-Regular.otf"
         if path.exists():

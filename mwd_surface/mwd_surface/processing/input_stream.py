@@ -423,8 +423,8 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
     Raises
     ------
     ValueError
-        A clock runs at another speed than the recorder's, as in a run at another speed than real time: the times of
-        recording then say nothing about how far the tool turned between two samples.
+        A clock runs at another speed than the recorder's, because the run was faster or slower than real time. The
+        times of recording are then not the times between two samples of the tool.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}
@@ -434,7 +434,7 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
     kept = {name: _without_delays(found) for name, found in courses.items() if found}
     for name, found in kept.items():
         gains = [gain for course in found for gain in course.gains()]
-        # Messages that waited change the offset of a bin or two, another speed that of all.
+        # Delayed messages change the offset in one or two bins; a run at another speed changes it in every bin.
         if len(gains) > 1 and np.abs(gains).min() > PACE:
             pace = float(np.median(gains))
             raise ValueError(

@@ -62,7 +62,7 @@ def computed_samples(
             return
         newest = output.attitude["stamp_ns"].max()
         for name, samples in beside.items():
-            # Samples that are recorded before the attitude of their time, in the order of recording.
+            # Add the samples up to the newest attitude: the sampler needs them before the attitude of their time.
             later = np.flatnonzero(samples["stamp_ns"] > newest)
             cut = int(later[0]) if len(later) else len(samples)
             sampler.push(name, samples[:cut])

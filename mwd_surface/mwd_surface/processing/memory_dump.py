@@ -19,18 +19,18 @@ from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.log_estimate import computed_samples
 from mwd_surface.surveys.recorded_settings import Recorded
 
-_ROTATION_NS = 100_000_000  # ns of one value of the rotary speed
+_ROTATION_NS = 100_000_000  # averaging interval of the rotary speed, ns
 
 
 @dataclasses.dataclass(frozen=True)
 class DumpClock:
-    """Error of the clock of a memory: offset at the begin, s, and drift, s/s, beyond that of the recorded stamps."""
+    """Error of a memory's clock relative to the recorded stamps: offset at the start, s, and drift, s/s."""
 
     offset_s: float = 0.0
     drift: float = 0.0
 
     def stamps(self, stamp_ns: np.ndarray, begin_ns: int) -> np.ndarray:
-        """Return stamps of the memory, ns."""
+        """Return the stamps that the clock of the memory would give, ns."""
         since = (stamp_ns - begin_ns).astype(float)
         return np.asarray(stamp_ns + np.round(self.offset_s * 1e9 + self.drift * since).astype(np.int64))
 
@@ -87,9 +87,9 @@ def dump(
 
 def _rotation(bag: Bag) -> Samples:
     """
-    Return the speed of the tool, means over 0.1 s of the gyro along the axis; all other fields are NaN.
+    Return the rotary speed of the tool as means of the axial gyro over 0.1 s; all other fields are NaN.
 
-    The speed of the estimator is filtered, and half a second late.
+    The rotary speed of the estimator is not used, because its filter delays it by half a second.
     """
     name = find_topics(bag, InputSettings()).imu
     imu, _ = wire.decode_messages(wire.IMU, [data for _, _, _, data in bag.messages([name])])

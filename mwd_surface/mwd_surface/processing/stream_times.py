@@ -17,7 +17,8 @@ _INTERVALS, _SHORTEST_S = 5.0, 0.1
 _RATED, _BURSTS = 64, 3.0
 # Difference of a clock from the recorder's above which there is a remark, s; the same for drift, as a share of time.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
-# Recordings at least this long show the drift of a clock, s. PACE: a drift that only a run at another speed has.
+# A drift is reported for recordings longer than _LONG_S, s, or if it is above PACE, the share of time that only a run
+# at another speed than real time reaches.
 _LONG_S, PACE = 60.0, 0.05
 _FEW = 10
 

@@ -127,7 +127,7 @@ UNITS: dict[str, Unit] = {
         metric=Scale("degC", 1.0),
         fps=Scale("degF", 1.8, 32.0),
     ),
-    # API units are relative to a calibration pit: no unit of UNECE.
+    # API units are relative to a calibration pit, and UNECE has no code for them.
     "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", Scale("gAPI", 1.0)),
     "s": _same("SEC", "second", "DurationDrillingQuantity", Scale("s", 1.0)),
     "N": Unit(

@@ -89,7 +89,7 @@ class AdvisorySettings:
 @dataclasses.dataclass(frozen=True, eq=False)
 class Advice(MessageRecord):
     """
-    Advice for the next interval, field for field mwd_msgs/SteeringAdvice; NaN if unknown.
+    Advice for the next interval, with the fields of mwd_msgs/SteeringAdvice; NaN if unknown.
 
     Attributes
     ----------

@@ -33,11 +33,11 @@ from mwd_surface.uncertainty.error_terms import ErrorReference, Mask, Tool, angl
 
 # Toolfaces over which quality control is averaged; its limits hardly depend on the toolface.
 _TOOLFACES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
-# Stations that are drawn at each attitude: 2^5, in a Sobol sequence of toolfaces and errors. The share accepted is then
-# known to .09 (1 sigma of independent draws) or better. The same draws serve the whole plan, so that the share changes
-# with the attitude only.
+# Stations that are drawn at each attitude: 2^5, in a Sobol sequence of toolfaces and errors. The share accepted then
+# has a sigma of 0.09 (that of independent draws) or less. The same draws serve the whole plan, so that the share
+# changes with the attitude only.
 _LOG2_DRAWS = 5
-# The share is drawn at attitudes that are so far apart, rad, and interpolated between them.
+# The share is computed at attitudes that are at least this far apart, rad, and interpolated between them.
 _APART = math.radians(5.0)
 _VERTICAL = math.radians(1.0)
 _STEP = 30.0

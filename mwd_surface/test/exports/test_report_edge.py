@@ -81,7 +81,7 @@ def test_numbers_have_the_decimal_mark_of_the_language(report):
 
 
 def test_no_english_is_left_in_a_chinese_report(report):
-    """Names, units and what a person typed may stay."""
+    """Names, units and texts that a person typed may stay English."""
     theirs = {word for text in report.words() if CHINESE.unknown(text) and len(text) < 60 for word in text.split()}
     allowed = "RKB UTC WGS84 ISCWSA MWD nT mg m s deg mwd Rev IGRF WMM EPSG OWSG SRGM CSV ISO min rms"
     for heading in ("heading", "titles"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same messages give the same state of the well, to the last bit, live in any pieces or viewed at once."""
+"""The same messages give the same state of the well, bit for bit, live in pieces of any size or in the viewer."""
 
 import itertools
 
@@ -20,7 +20,7 @@ MS = 1_000_000
 
 
 def heard(bag, until_ns, pieces_ms):
-    """The well of a surface that hears a recording in pieces, each sorted by topic as streams are taken."""
+    """Return the well after it received a recording in pieces; each piece is sorted by topic, as in the node."""
     well = Player(bag, "/").well
     waiting = [(at, name, data) for at, name, _, data in bag.messages() if at <= until_ns][::-1]
     now_ns, pieces = bag.start_ns, itertools.cycle(pieces_ms)
@@ -46,5 +46,5 @@ def test_live_and_viewed_states_are_equal_to_the_last_bit(at_ms, pieces_ms):
         state = heard(bag, bag.start_ns + at_ms * MS, pieces_ms).state()
     assert exact(state) == exact(viewed.state())
     assert StateJson().snapshot(state) == StateJson().snapshot(viewed.state())
-    # What moves in this recording is there, so that two empty states are not what is compared.
+    # Make sure that the two states are not both empty: this recording has a moving bit.
     assert at_ms < 1000 or state.rig.bit_depth.value is not None

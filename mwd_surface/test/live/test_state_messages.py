@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of the well's state that are messages too: each goes there and back unchanged, whatever it holds."""
+"""Parts of the well's state that are also messages: a round trip through the message changes no value."""
 
 import dataclasses
 import enum
@@ -34,7 +34,7 @@ NOT_KEPT = {
 }
 WHOLE = (InputState, InputTable, Alarm, Event, Advice, DownlinkStatus, LinkWordState, LinkFrameState, LinkStatus)
 NUMBERS = st.floats(allow_infinity=False, width=64)
-# Of ControlStatus the message spreads these over fields of their own.
+# Fields of ControlStatus that the message splits into several fields.
 OF_CONTROL = {
     "limits": st.builds(LeaseLimits, *[st.floats(0.0, 1e3)] * len(dataclasses.fields(LeaseLimits))),
     "achieved": st.builds(Achieved, *[st.none() | st.floats(-1e3, 1e3)] * len(dataclasses.fields(Achieved))),
@@ -49,7 +49,7 @@ OF_CONTROL = {
 
 
 def anything(kind, name=""):
-    """Any value of a type that a message can hold."""
+    """Return a strategy for any value of a type that a message can hold."""
     if typing.get_origin(kind) is tuple:
         return st.lists(anything(typing.get_args(kind)[0]), max_size=3).map(tuple)
     if isinstance(kind, type) and issubclass(kind, enum.Enum):

@@ -27,7 +27,7 @@ def test_every_quantity_is_there_and_good_when_everything_came():
     names = {signal.name for signal in TO_RIG}
     assert set(table.values) == names
     good = {name: v for name, v in table.values.items() if v.condition == Condition.GOOD}
-    # There are no plan and no logs in the example, and its set-point is no turn.
+    # The example has no plan and no logs, and its set-point is not a turn.
     assert names - set(good) == {signal.name for signal in TO_RIG if signal.source in (PLAN, LOG)} | {"set_turn"}
     assert all(v.age is not None and v.age >= 0.0 and v.stamp_ns > 0 for v in good.values())
     assert table.values["inclination"].value == pytest.approx(math.radians(40.12))

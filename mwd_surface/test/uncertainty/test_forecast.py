@@ -115,13 +115,13 @@ def test_the_share_accepted_is_that_of_the_product_s_own_verdict(axial_nt):
                 f_t + draw[:3], b_t + draw[3:] + [axial_nt * 1e-9, 0.0, 0.0], coded, StationSettings(errors=errors)
             )
             accepted += decided.verdict == "accept"
-        # Three sigma of the difference of a share of 100 draws and one of 32 that are spread evenly.
+        # Three sigma of the difference between a share of 100 random draws and a share of 32 evenly spread draws.
         assert float(found.accepted[k]) == pytest.approx(accepted / 100, abs=0.25)
 
 
 @pytest.mark.slow
 def test_fewer_stations_are_accepted_near_horizontal_towards_east_than_towards_north():
-    """A single station near horizontal towards east does not show the field of the string."""
+    """A single station near horizontal towards east cannot reveal the axial field of the drill string."""
     east, north = along(90.0, code="MWD+SRGM"), along(0.0, code="MWD+SRGM")
     assert east.accepted[-1] < 0.5 < 0.9 < north.accepted[-1]
     assert east.accepted[0] == north.accepted[0] > 0.9

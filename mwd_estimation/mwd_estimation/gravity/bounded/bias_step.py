@@ -8,8 +8,8 @@ probability follows from the innovations since then (Willsky and Jones, A genera
 detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The information that
 innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer, Diagnosing
 shocks in time series, J. Am. Stat. Assoc. 93, 1998). Other jumps explain innovations as well: a string that starts
-along its hole, and a knock whose force was cut off. If a step is more probable than these and than none, its estimate
-and its covariance are added to the errors that it has caused since.
+along its hole, and a knock that clips the accelerometers. If a step is much more probable than these and than no
+jump, the filter corrects the errors that the step has caused since, and adds the covariance of the estimate.
 """
 
 from __future__ import annotations
@@ -31,18 +31,20 @@ BIAS_STEP = 0.017
 # kinds, because a string whose speed changes is soon certain, and a small knock is not more probable than a step.
 EVERY = 3.6e5
 SURPRISE_TIME = 0.3  # s, memory of `Record.surprise`
-# Least recent sum of squared innovations over their variances with which the backward pass is worth its time. No jump
-# is more probable than none if all squares of its time together are below twice the logarithm of its odds (20 to 34).
+# The search runs if the recent sum of squared innovations over their variances is at least this. A jump can only be
+# more probable than no jump if the sum since the jump is above twice the logarithm of the prior odds against it, which
+# is 20 to 34.
 SURPRISING = 10.0
-# Averaging times of the innovations and of their density, s; least density.
+# Averaging times of the innovations and of their density, s, and the least density.
 SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
-# Kinds of jumps: a bias steps; the string starts or stops along its hole; a knock whose force was cut off.
+# Kinds of jumps: a bias steps; the string starts or stops along its hole; a knock that clips the
+# accelerometers leaves an error of the velocity.
 STEP, TRAVEL, KNOCK, KINDS = 0, 1, 2, 3
-SURE = 5.0  # logarithm of the odds against every other explanation with which a step counts
-# Updates since a step of the bias until it counts, 1.2 s: until a string has its speed, which takes up to a second, its
-# acceleration looks like the tilt that a gyro adds.
+SURE = 5.0  # a step is accepted if the logarithm of its odds exceeds that of every other jump by this
+# Updates after which a step of the bias is accepted at the earliest, 1.2 s. A string that starts needs up to a second
+# to reach its speed, and until then its acceleration looks like the tilt that a wrong gyro bias causes.
 AFTER_STEP = 40
-LEAST_AFTER = 8  # updates since a jump that can show it: a quarter of a second
+LEAST_AFTER = 8  # least number of updates after a jump before it can be found: a quarter of a second
 APART = 4  # updates between two searches
 
 
@@ -51,21 +53,21 @@ def follow_innovation(s: Record, axis: int, white: float) -> None:
     """
     Follow the density of the innovations along a tool axis; white: one of them over its sigma.
 
-    The assumed noises are larger than the real ones, and motion is not white: heave repeats an error for a second. The
-    density at low frequencies says how much evidence an innovation is. If the covariance is right, it is 1.
+    The assumed noises are larger than the real ones, and motion is not white: heave repeats an error for a second. An
+    innovation is therefore weighted by the density at low frequencies, which is 1 if the covariance is right.
     """
     T, found = s.sums.time, s.innovations
     found.slow[axis] += T / (SLOW_TIME + T) * (white - found.slow[axis])
     density = (2.0 * SLOW_TIME / T + 1.0) * found.slow[axis] ** 2
     usual = found.density[axis]
-    # A jump must not count as usual before it is found.
+    # Limit the growth, so that a jump that is not found yet does not raise the density.
     found.density[axis] += T / DENSITY_TIME * (min(density, 9.0 * usual) - usual)
     s.surprise += white * white / max(usual, LEAST_DENSITY) - min(T / SURPRISE_TIME, 1.0) / 3.0 * s.surprise
 
 
 @compiled
 def follow(p: Params, s: Record) -> bool:
-    """Search for a step after an update, at most every fourth; apply it and return True if there is probably one."""
+    """Search for a step, at most after every fourth update; if one is found, apply it and return True."""
     if s.surprise < SURPRISING or s.recent.length < LEAST_AFTER or s.recent.head % APART != 0:
         return False
     at = _search(p, s)
@@ -76,7 +78,7 @@ def follow(p: Params, s: Record) -> bool:
 
 @compiled
 def _search(p: Params, s: Record) -> int:
-    """Return the number of updates since a step of the bias, 0 if there was probably none."""
+    """Return the number of updates since a step of the bias; 0 if no step was found."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
     for back in range(1, s.recent.length + 1):
@@ -91,7 +93,7 @@ def _search(p: Params, s: Record) -> int:
             continue
         for kind in range(KINDS):
             _, _, gain, occam = _explain(A, _moves(p, s, kind))
-            # Squares that no jump explains show that all innovations are larger than usual.
+            # Large squares that the jump leaves unexplained show that all innovations are larger than usual.
             unexplained = max((squares - gain) / (3.0 * back), 1.0)
             found = 0.5 * (gain / unexplained - occam) - math.log(EVERY / row.sums.time)
             if found > odds[kind]:
@@ -102,7 +104,7 @@ def _search(p: Params, s: Record) -> int:
 
 @compiled
 def _moves(p: Params, s: Record, kind: int) -> Array:
-    """Return the errors that a jump of 1 sigma changes, in up to three directions, shape (STEADY, 3)."""
+    """Return by how much a jump of 1 sigma changes each error, for up to three directions, shape (STEADY, 3)."""
     moves = np.zeros((STEADY, 3))
     for j in range(3):
         if kind == STEP:
@@ -154,7 +156,7 @@ def _inverse(M: Array) -> tuple[Array, float]:
 
 @compiled
 def _apply(p: Params, s: Record, at: int) -> None:
-    """Add the present effect of a step `at` updates ago, with the variances that the filter assumes."""
+    """Correct the state for a step `at` updates ago, estimated with the variances that the filter assumes."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     for back in range(1, at + 1):
         row = s.recent.rows[ring.place(s.recent, back)]

@@ -19,7 +19,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 @compiled
 def carry_over(update: Any, spread: Array, A: Array, B: Array, w: Array) -> None:
     """
-    Carry A back from after an update to before its interval.
+    Transform A from the time after an update to the time before the interval of that update.
 
     spread, shape (3,): variances of the three innovations, m^2.
     A, shape (STEADY, STEADY + 1): information matrix and, in the last column, information vector of the later
@@ -44,8 +44,9 @@ def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: 
     Carry information back over one scalar measurement, and add the measurement's own information.
 
     A, shape (STEADY, STEADY + 1), is as in `carry_over`, with the information vector L in the last column. h and
-    gain are row of H and gain, shape (STEADY,); innovation, m, and spread, m^2, belong to it; w, shape (STEADY + 1,),
-    is scratch. With C = I - gain h, A becomes C^T A C + h h^T / spread, and L becomes C^T L + h innovation / spread.
+    gain, shape (STEADY,), are the measurement's row of H and its Kalman gain; innovation, m, and spread, m^2, are its
+    innovation and the variance of that; w, shape (STEADY + 1,), is scratch space. With C = I - gain h, A becomes
+    C^T A C + h h^T / spread, and L becomes C^T L + h innovation / spread.
     """
     for j in range(STEADY + 1):
         w[j] = 0.0

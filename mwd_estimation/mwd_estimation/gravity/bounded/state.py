@@ -181,7 +181,7 @@ class Update:
     spread: Annotated[Array, 3]
     """Variances of the innovations, m^2."""
     evidence: Annotated[Array, 3]
-    """The same times their density (`Innovations.density`), m^2."""
+    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch of `bias_step`."""
     correction: Annotated[Array, 2]
     """Tilt applied to the attitude, rad."""
     tilt: Annotated[Array, 2, STEADY]

@@ -43,17 +43,17 @@ class Evidence:
     """A station's evidence on the circle."""
 
     angles: Array  #: shape (n,); rad, in order
-    #: shape (n, m, h, j); log density of the readings, with all prior weights: by angle, filter that is not hopeless,
-    #: external field, and whether the gyro is right (0), its bias stepped (1), or it is wrong altogether (2). Without a
-    #: gyro, j is 1.
+    #: shape (n, m, h, j); log density of the readings with all prior weights, by angle, filter in use, external field,
+    #: and state of the gyro: right (0), its bias stepped (1), or wrong (2). Filters of negligible probability are left
+    #: out. Without a gyro, j is 1.
     log: Array
-    filters: Indices  #: shape (m,); places of those filters among all
+    filters: Indices  #: shape (m,); indices of the filters in use among all
     count: int  #: number of all filters, k
     misfit: float  #: least chi-square of the field under the widest hypothesis
 
     @functools.cached_property
     def _probable(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Probabilities by point, by angle and state of the gyro, by kind, of a right gyro, and of the best points."""
+        """Return `share`, `by_angle`, `by_kind`, `with_gyro` and `highest`, which are computed together."""
         n, m, h, _ = self.log.shape
         share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros((n, m)), np.zeros(m))
         _probabilities(self.log, circle.widths(self.angles), share, *found)
@@ -68,7 +68,7 @@ class Evidence:
 
     @property
     def by_angle(self) -> Array:
-        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro it is wrong."""
+        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro all is in the state wrong."""
         return self._probable[1]
 
     @property
@@ -92,9 +92,9 @@ def _probabilities(
     log: Array, width: Array, share: Array, by_angle: Array, by_kind: Array, with_gyro: Array, highest: Array
 ) -> None:
     """
-    Fill the probabilities of `Evidence` from a log density of any size and the width of each angle.
+    Fill the probabilities of `Evidence` from a log density up to a constant and the width of each angle.
 
-    All but share must be zero before.
+    All outputs except share must be zero before the call.
     """
     top, whole, first = log.max(), 0.0, 3 - log.shape[3]
     for n in range(log.shape[0]):
@@ -336,10 +336,11 @@ def wrong_gyro(residual: Array) -> Array:
 
 def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tuple[Array, Array, float]) -> Array:
     """
-    Log evidence, shape (n, k, j), where the whole field is turned about the vertical: that of the field smeared.
+    Return the log evidence of a field turned about the vertical, shape (n, k, j): that of the field, smeared.
 
-    log (n, k): of the field as it is; gyro (n,): its residual; states (n, j): log weights of the gyro's state; own:
-    what each filter takes off that, and its variance, shape (k,), and the variance of a step.
+    log (n, k): log evidence of the field as it is; gyro (n,): residual of the gyro; states (n, j): log weights of the
+    gyro's state; own: mean and variance of the gyro's error by each filter, shape (k,), and the variance of a
+    step.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
     smear = _SMEAR[(apart * np.arange(_FEW)[:, None] - place) % circle.STEPS] * circle.widths(angles)

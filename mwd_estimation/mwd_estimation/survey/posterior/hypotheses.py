@@ -78,8 +78,8 @@ _TRIP_HOURS, _TRIPS = 12.0, 0.5
 # the axis and across it, uT. Along it that is the tool code's AMIL in two days of drilling. Without it, or with a half,
 # the benchmark's rows "remanence growing" have more than 1 % beyond 3 sigma.
 _WALK_UT = (0.03, 0.01, 0.01)
-# The azimuth error of a gyro adrift walks: 1 sigma after an hour, rad. In half an hour that covers 24 deg of drift in a
-# day's run, and a frozen gyro in a hole that turns by 3 deg a stand.
+# The azimuth error of a gyro adrift is a random walk: 1 sigma after an hour, rad. This covers a drift of 24 deg in half
+# a day, and a frozen gyro in a hole that turns by 3 deg per stand of half an hour.
 _ADRIFT = math.radians(4.0)
 # Share of the varying field from outside that is left after an hour: days of storm are correlated over some three.
 _KEEPS = 0.72
@@ -95,12 +95,12 @@ class Filters:
     adrift: NDArray[np.bool_]  #: shape (k,); whether the gyro drifts
 
     def of_string(self, adrift: bool) -> Indices:
-        """Return the places of the filters of a string in a sound place, with or without a gyro adrift."""
+        """Return the indices of the filters clean, axial and cross-axial, with or without a gyro adrift."""
         strings = (Hypothesis.CLEAN, Hypothesis.AXIAL, Hypothesis.CROSS_AXIAL)
         return np.flatnonzero([kind in strings for kind in self.kinds] & (self.adrift == adrift))
 
     def with_gyro(self) -> Filters:
-        """Return each filter twice: first with a gyro whose error lasts, then with a gyro adrift."""
+        """Return each filter twice: first with a gyro whose error is constant, then with a gyro adrift."""
         adrift = np.repeat([False, True], len(self.weight))
         return Filters(self.kinds * 2, np.tile(self.weight, 2), np.tile(self.variance, (2, 1)), adrift)
 
@@ -149,12 +149,12 @@ def walked(hours: float) -> Array:
 
 
 def drifted(hours: float) -> float:
-    """Variance that the azimuth error of a gyro adrift gains in so many hours, rad^2."""
+    """Return the variance that the azimuth error of a gyro adrift gains in a number of hours, rad^2."""
     return _ADRIFT**2 * hours
 
 
 def kept(hours: float) -> float:
-    """Share of the field from outside that is left after so many hours."""
+    """Return the share of the field from outside that is left after a number of hours."""
     return float(_KEEPS**hours)
 
 

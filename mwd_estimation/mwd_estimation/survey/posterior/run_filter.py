@@ -41,13 +41,13 @@ _FLOOR = 1e-3
 _LEAST = 1e-4
 # A filter with a smaller probability on a coarse grid is left out of the fine one.
 _HOPELESS = 1e-6
-# Share of a field from outside at one station that is there at the next.
+# Probability that a field from outside at one station is also there at the next.
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
-# Log weight of a filter that has no probability.
+# Log weight of a filter with zero probability.
 _NEVER = math.log(1e-300)
-# A kind that is more probable than this is counted.
+# A state of the gyro that is more probable than this at a station is counted for later stations.
 _DECIDED = 0.9
 _BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
@@ -64,14 +64,14 @@ class State:
     log_weight: Array  #: shape (k,)
     hours: float = math.nan  #: of the last station; nan before the first
     hazard: float = math.nan  #: cumulative hazard of another string there; nan before the first
-    age: float = 0.0  #: time of the last seek of the gyro since the first one of the run, h
+    age: float = 0.0  #: time from the first seek of the gyro in the run to the last one, h
     drifted: bool = False  #: whether the gyro may have drifted so far
     changed: float = 0.0  #: probability that the string is another one than at the last station learned from
     #: shape (h,), or None; probabilities of each external field at the last station: steel goes on along the hole.
     outside: Array | None = None
     #: shape (h,); sum of them over all stations.
     of_outside: Array = dataclasses.field(default_factory=lambda: np.zeros(len(EXTERNAL_UT) + 1))
-    #: shape (3,); the same of a gyro that is right, whose bias stepped, and that is wrong altogether.
+    #: shape (3,); the same sum for the states of the gyro: right, its bias stepped, wrong.
     of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
@@ -100,7 +100,7 @@ class RunFilter:
             self.filters = self.filters.with_gyro()
 
     def _of_filters(self, state: State) -> State:
-        """Return a state of all filters. A state from before the first seek has no filters with a gyro adrift yet."""
+        """Return the state with all filters; a state from before the first seek has none with a gyro adrift yet."""
         if len(state.mean) == len(self.filters.weight):
             return state
         return dataclasses.replace(
@@ -112,7 +112,7 @@ class RunFilter:
 
     def pass_time(self, hours: float, hazard: float = 0.0, gyro: tuple[float, float] | None = None) -> None:
         """
-        Let time pass up to a station: the field from outside drifts, the string may change, the gyro may drift.
+        Predict to the time of a station: the external field drifts, the string may change, the gyro may drift.
 
         Parameters
         ----------
@@ -121,7 +121,8 @@ class RunFilter:
         hazard : float
             Cumulative hazard of another string (`hypotheses.hazard`).
         gyro : (float, float), optional
-            Of a seek: its time since the first seek of the run, h, and 1 sigma of what lasts in its error, rad.
+            For a station with a seek: its time since the first seek of the run, h, and 1 sigma of the constant part of
+            the gyro's azimuth error, rad.
         """
         state = self.state = self._of_filters(self.state)
         if math.isfinite(state.hazard):
@@ -142,10 +143,10 @@ class RunFilter:
 
     def _drift(self, age: float, lasting: float) -> None:
         """
-        Let a gyro begin to drift, and drift, from the last seek to this one, which may be an earlier one of the run.
+        Predict the drift of the gyro from the last seek taken to this one, which may be an earlier seek of the run.
 
-        The error of a gyro adrift is what lasts in it and a walk that is zero at the first seek of the run: so that
-        stations may be taken in any order.
+        The gyro may begin to drift in this time. The error of a gyro adrift is a constant plus a walk that is zero at
+        the first seek of the run, so that stations may be taken in any order.
         """
         state, adrift = self.state, self.filters.adrift
         if age == state.age:
@@ -191,7 +192,7 @@ class RunFilter:
         log, misfit = self._logs(one, r, S, state, angles, prior)
         first = Evidence(angles, log, every, len(prior), 0.0)
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
-        # A hopeless filter is left out. The coarse angles are among the fine ones.
+        # Filters of negligible probability are left out. The coarse angles are among the fine ones.
         at = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
         angles = circle.refined(density, float(one["gyro"]), float(one["gyro_other"]))
         is_coarse = circle.is_coarse(angles)
@@ -205,9 +206,9 @@ class RunFilter:
 
     def by_gyro_state(self, evidence: Evidence) -> Array:
         """
-        Return the probability of each angle with a gyro that is right, whose bias stepped or drifts, and that is wrong.
+        Return the probability of each angle and state of the gyro, shape (n, 3).
 
-        Shape (n, 3).
+        The states are: right; its bias stepped or drifts; wrong.
         """
         adrift = self.filters.adrift[evidence.filters % len(self.filters.adrift)]
         drifts = evidence.with_gyro[:, adrift].sum(axis=1)
@@ -245,7 +246,7 @@ class RunFilter:
         split = np.where(updated > 0.0, weight / np.maximum(updated, 1e-300), [1.0, 0.0])
         self._join(of_branch[:, None] * split, mean, covariance)
         if math.isfinite(one["gyro"]):
-            # What is not decided is no experience with the gyro.
+            # A station at which no state of the gyro is probable enough is not counted.
             state.of_gyro = state.of_gyro + (self.by_gyro_state(evidence).sum(axis=0) > _DECIDED)
         state.outside = evidence.by_kind.sum(axis=0)
         state.of_outside = state.of_outside + state.outside
@@ -291,7 +292,7 @@ class RunFilter:
 
         weight = by_filter(weight)
         state.mean, state.covariance = _merged(weight, by_filter(mean), by_filter(covariance))
-        # No filter loses its prior for ever. A gyro may begin to drift at any time (`_drift`).
+        # A filter keeps a small part of its prior weight; one with a gyro adrift gets its weight from `_drift`.
         joined = np.maximum(weight.sum(axis=1), np.where(self.filters.adrift, 0.0, _FLOOR * self.filters.weight))
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
@@ -301,15 +302,15 @@ class RunFilter:
         return _learnt(np.array([1.0 - step - wrong, step, wrong]), state.of_gyro)
 
     def gyro_doubts(self, state: State) -> tuple[float, float]:
-        """Probability that a gyro steps, drifts or is wrong, and how much of it comes from what the run has shown."""
+        """Return the probability that a gyro steps, drifts or is wrong, and the part of it that the run has shown."""
         adrift = self._adrift(np.exp(self._of_filters(state).log_weight))
         doubted = 1.0 - float(self.gyro_shares(state)[0]) * (1.0 - adrift)
         shown = float(state.of_gyro[1:].sum()) / (_BELIEVED + float(state.of_gyro.sum()))
-        # Like a step, a drift is experience with the gyro only once it is more probable than not.
+        # A drift counts as shown by the run only when it is more probable than not.
         return doubted, min(shown + (adrift if adrift > 0.5 else 0.0), doubted)
 
     def _adrift(self, weight: Array) -> float:
-        """Probability that the gyro drifts, by weights of the filters."""
+        """Return the probability that the gyro drifts, from the weights of the filters."""
         adrift = self.filters.adrift
         return float(weight[adrift].sum() / max(float(weight.sum()), 1e-300))
 
@@ -364,7 +365,7 @@ class RunFilter:
         return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
 
     def _logs(self, one: Row, r: Array, S: Array, state: State, angles: Array, prior: Array) -> tuple[Array, Array]:
-        """Return the log evidence with all prior weights but for a turned field, as `Evidence.log`, and the misfits."""
+        """Return the log evidence as `Evidence.log`, but with that of a turned field still empty, and the misfits."""
         gyro, states = self._gyro_states(one, state, angles)
         log = np.empty((len(angles), len(r), len(self._external), states.shape[1]))
         misfit = np.empty((len(angles), len(r)))

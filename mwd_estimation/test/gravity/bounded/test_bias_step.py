@@ -71,7 +71,7 @@ def test_a_step_of_the_gyro_bias_is_found_within_seconds_and_covered_by_sigma(in
     off, after = error_deg(got.g_t, down), t > STEP_S
     assert off[after].max() < 1.8 * size
     assert off[t > STEP_S + 5.0].max() < 0.5
-    # Nothing can show a step at once.
+    # A step needs time to be found, so the first 3 s are left out.
     assert beyond_three_sigma(got.part(t > STEP_S + 3.0), down[t > STEP_S + 3.0]) < 0.05
 
 

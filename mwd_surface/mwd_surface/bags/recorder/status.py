@@ -49,7 +49,7 @@ class RecorderEvent:
 @dataclasses.dataclass(frozen=True, eq=False)
 class RecorderStatus(MessageRecord):
     """
-    Status of the recorder; what is sent is field for field mwd_msgs/RecorderStatus.
+    Status of the recorder; the fields that are sent are those of mwd_msgs/RecorderStatus.
 
     Attributes
     ----------
