@@ -71,7 +71,7 @@ class SurveyBook:
     def __init__(self, context: WellContext, plan: PlanMonitor, surveys: SurveyList, depth: DepthRules) -> None:
         self.depth = DepthTrack(depth)
         self.surveys = surveys
-        self.logs = DepthLog(surveys.well.sensor_offset)
+        self.logs = DepthLog(surveys.well.sensor_offset, history=depth.history)
         self._clock, self._live, self._alarm_log, self._outlet = (
             context.clock,
             context.live,

@@ -181,6 +181,9 @@ class DepthLog:
         Distance from the sonde to the bit, m, for channels that do not say where their sensor is.
     step_m : float
         Depth step, m.
+    history : int or None
+        Number of depths of the bit that are kept, one a second; None keeps all. Once the first are dropped, a sample
+        that comes after later ones of its channel is placed as it comes.
 
     Attributes
     ----------
@@ -199,11 +202,12 @@ class DepthLog:
         The step is not positive.
     """
 
-    def __init__(self, sensor_to_bit: float = 0.0, step_m: float = STEP_M) -> None:
+    def __init__(self, sensor_to_bit: float = 0.0, step_m: float = STEP_M, history: int | None = None) -> None:
         if not step_m > 0.0:
             raise ValueError(f"step_m: must be above 0 m, got {step_m!r}")
         self.sensor_to_bit, self.step_m = sensor_to_bit, step_m
         self.version = 0
+        self._history = history
         # Depth of the bit over time, and the deepest depth so far.
         self._stamps = array.array("q")
         self._bits = array.array("d")
@@ -248,6 +252,10 @@ class DepthLog:
             self._stamps.append(stamp_ns)
             self._bits.append(bit_depth)
             self._bottoms.append(self._bottom)
+        if self._history is not None and len(self._stamps) > self._history:
+            for column in (self._stamps, self._bits, self._bottoms):
+                del column[: max(1, self._history // 4)]
+            self._placed = None
 
     def add(self, samples: Iterable[LogSample]) -> None:
         """Add samples; those whose end is later than the last depth wait for the next one."""

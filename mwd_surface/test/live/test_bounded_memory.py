@@ -128,7 +128,7 @@ def run(well, waiting, seconds):
         for topic, layout in LAYOUTS.items():
             if topic in well.topics:
                 well.put(topic, samples_at(layout, second), arrived)
-        objects = [("heartbeat", beat(second)), *(link_messages(second) if well.live.over_link else ())]
+        objects = [("heartbeat", beat(second)), *(link_messages(second) if well.live.parts.over_link else ())]
         for k, (topic, message) in enumerate(objects):
             key = f"{second} {k}".encode()
             waiting[key] = message

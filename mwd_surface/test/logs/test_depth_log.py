@@ -474,6 +474,23 @@ def test_a_log_without_depths_keeps_the_newest_samples_and_counts_the_others(mon
     assert log.curve("gamma", ALL).depth[0] == pytest.approx(1015.0 - OFFSET, abs=0.1)
 
 
+def test_a_log_with_a_short_history_of_depths_is_that_with_all():
+    """Samples that come in time find their depth, however few depths are kept; one without a depth is counted."""
+    whole, short = DepthLog(), DepthLog(history=100)
+    for at in range(3001):
+        for log in (whole, short):
+            log.add_depth(T0 + at * S, ream(at))
+            if at % 10 == 5 and at > 30:
+                log.add([sample(at - 20.0)])
+    for which in PASSES:
+        one, two = whole.curve("gamma", which), short.curve("gamma", which)
+        np.testing.assert_array_equal(one.value, two.value)
+        np.testing.assert_array_equal(one.counts, two.counts)
+    assert not short.unplaced
+    short.add([sample(100.0)])
+    assert (short.unplaced, short.disordered) == ({"gamma": 1}, 1)
+
+
 @pytest.mark.parametrize("most", [100, 1000])
 def test_a_long_log_drops_the_samples_it_has_placed_and_counts_those_it_cannot_put_in_order(monkeypatch, most):
     """No sample is lost; one that comes late is put in order only while all samples are kept."""
