@@ -176,12 +176,12 @@ def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
 
 
 class LiveColumns(NamedTuple):
-    """Places of time and pressure in a line, from 0; unit of the time, "" if unknown; factor of the pressure to Pa."""
+    """Places of time and pressure in a line, from 0, and their units; the unit of the time is "" if unknown."""
 
     time: int | None
     time_unit: str
     pressure: int
-    factor: float
+    unit: str
 
 
 def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumns | None:
@@ -223,7 +223,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     if place < 0 or unit not in PRESSURES:
         return None
     time, time_unit = places.get("time", (None, ""))
-    return LiveColumns(time, time_unit, place, PRESSURES[unit])
+    return LiveColumns(time, time_unit, place, unit)
 
 
 class _TableFile:
