@@ -264,8 +264,9 @@ class _Format:
         self._separator = _separator(lines)
         self.names = 0
         layout = pressure_table.live_columns([], said)
-        if layout is None:
-            layout, self.names = pressure_table.live_columns(self._cells(lines[0]), said), 1
+        while layout is None and self.names < len(lines):
+            layout = pressure_table.live_columns(self._cells(lines[self.names]), said)
+            self.names += 1
         if layout is None:
             raise ValueError(
                 f"the line {lines[0][:40]!r} does not name time and pressure with their units; say which columns they"
@@ -276,11 +277,16 @@ class _Format:
         every = [cell for row in rows for cell in row]
         decimal = said.get("decimal", "")
         self._mark = pressure_table.mark_of(_column(rows, layout.pressure), every, layout.unit, decimal)
+        self._time_mark = self._mark
         self._stamps: table_times.Stamps | None = None
         if layout.time is not None:
             cells = [cell for cell in _column(rows, layout.time) if cell]
+            # Where nothing tells the mark of the times, it is that of the pressure.
+            with contextlib.suppress(ValueError):
+                self._time_mark = pressure_table.mark_of(cells, every, layout.time_unit, decimal)
+            numbers = _numbers(cells, self._time_mark, layout.time_unit)
             try:
-                self._stamps = table_times.Stamps(cells, self._numbers(cells, layout.time_unit), layout.time_unit)
+                self._stamps = table_times.Stamps(cells, numbers, layout.time_unit)
             except table_times.UnknownUnitError as error:
                 at = layout.time + 1
                 raise ValueError(
@@ -290,18 +296,15 @@ class _Format:
     def samples(self, lines: list[str]) -> tuple[Array | None, Array]:
         """Return times since the first row, s, None if the lines have none, and pressures, Pa; NaN where unknown."""
         rows = [self._cells(line) for line in lines]
-        numbers = self._numbers(_column(rows, self._layout.pressure), self._layout.unit)
+        numbers = _numbers(_column(rows, self._layout.pressure), self._mark, self._layout.unit)
         pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit)
         if self._stamps is None or self._layout.time is None:
             return None, pressure
         cells = _column(rows, self._layout.time)
-        return self._stamps.seconds(cells, self._numbers(cells, self._layout.time_unit)), pressure
+        return self._stamps.seconds(cells, _numbers(cells, self._time_mark, self._layout.time_unit)), pressure
 
     def _cells(self, line: str) -> list[str]:
         return [cell.strip().strip('"') for cell in (line.split(self._separator) if self._separator else line.split())]
-
-    def _numbers(self, cells: list[str], unit: str) -> Array:
-        return np.array([_number(cell, self._mark, unit) for cell in cells])
 
 
 class WitsSource:
@@ -448,6 +451,10 @@ def _separator(lines: list[str]) -> str:
 
 def _column(rows: list[list[str]], place: int) -> list[str]:
     return [row[place] if place < len(row) else "" for row in rows]
+
+
+def _numbers(cells: list[str], mark: str, unit: str) -> Array:
+    return np.array([_number(cell, mark, unit) for cell in cells], dtype=float)
 
 
 def _number(cell: str, mark: str, unit: str) -> float:

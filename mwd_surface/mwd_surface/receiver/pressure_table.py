@@ -211,7 +211,9 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
                 raise ValueError(
                     f"--columns {key}={name}: the unit is not known; write for example pressure_bar={name}"
                 )
-            if name.isdecimal():
+            if name.isdecimal() and name not in names:
+                if int(name) < 1:
+                    raise ValueError(f"--columns {key}={name}: columns are counted from 1")
                 places[quantity] = int(name) - 1, unit
             elif name in names:
                 places[quantity] = list(names).index(name), unit

@@ -151,6 +151,15 @@ def test_the_times_of_lines_do_not_depend_on_how_the_lines_are_cut(sizes):
             np.testing.assert_allclose(times, 0.02 * np.arange(len(lines)), atol=1e-6)
 
 
+def test_titles_before_the_names_and_a_mark_of_each_column_are_read_as_in_files():
+    lines = ["Rig 7", "Zeit;SPP (bar)", *(f"{46082 + 0.02 * k / 86_400:.10f};203,8" for k in range(40))]
+    _, times, pressures = from_pieces([f"{line}\n" for line in lines], "")
+    np.testing.assert_allclose(times, 0.02 * np.arange(40), atol=1e-5)
+    np.testing.assert_allclose(pressures, 2.038e7)
+    with pytest.raises(ValueError, match="counted from 1"):
+        LineSource(Pieces(), columns_of("time_s=0,pressure_bar=2"), time.monotonic)
+
+
 def test_lines_whose_times_may_be_milliseconds_ask_for_the_unit():
     source, times, _ = from_pieces([f"{20 * k},203.8\n" for k in range(30)], "time=1,pressure_bar=2")
     assert not len(times)
