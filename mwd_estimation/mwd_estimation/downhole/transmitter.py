@@ -244,7 +244,8 @@ class Transmitter:
                 self._begin_sending(self._next_ns)
             elif self._begins_anew:
                 self._begins_anew = False
-                self._on_air = self._parts(with_survey=self._rotation.on)
+                # A tool of surveys only was in its survey, and sends it again.
+                self._on_air = self._parts(with_survey=self._rotation.on or not self.tool.toolfaces)
             part = next(self._on_air, None)
             if part is None:
                 muted = self.tool.toolfaces or self._commands.settings.mute

@@ -275,6 +275,20 @@ def test_a_tool_of_surveys_only_sends_one_after_each_flow_on_and_is_silent_betwe
     assert transmitter.state == TransmitterState.DONE
 
 
+@pytest.mark.parametrize("begins_rotating", [False, True])
+@pytest.mark.parametrize("turn_s", [33.0, 36.0, 40.0])
+def test_a_change_of_rotation_during_the_survey_of_a_tool_of_surveys_only_does_not_lose_it(begins_rotating, turn_s):
+    tool = dataclasses.replace(TOOL, header_bits=2, toolface_sequences=())
+    rows = np.concatenate([attitude(turn_s, begins_rotating), attitude(200.0 - turn_s, not begins_rotating)])
+    rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
+    settings = Transmit(rotation_switching_s=2.0)
+    transmitter, sent = run(tool, settings, rows, flow(200.0, [(20.0, 200.0)]), [survey()])
+    last = max(k for k, one in enumerate(sent) if one.kind == Kind.SYNC)
+    assert [one.kind for one in sent[last:]] == [Kind.SYNC, Kind.HEADER, *3 * [Kind.SURVEY]]
+    assert seconds(sent[last]) > turn_s
+    assert transmitter.state == TransmitterState.DONE
+
+
 def test_a_tool_of_surveys_only_on_a_wire_sends_each_survey_once():
     tool = dataclasses.replace(TOOL, code="serial", survey_sequences=("Inc:12 Azm:12",), toolface_sequences=())
     transmitter = Transmitter(tool, Transmit())

@@ -23,23 +23,29 @@ from typing import Any, Protocol
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.list_files.number_cells import NULL_NUMBERS
+from mwd_surface.list_files.number_cells import is_null, split, value
 from mwd_surface.receiver import pressure_table, table_times
 from mwd_surface.rig.wits import format as wits
 
 _RETRY_S = 2.0
 _MOST_AT_ONCE = 1 << 20  # bytes read per call
-_LONGEST_LINE = 4096  # characters; a longer line is not of a table
-_DAY_S = 86_400.0
+_LONGEST_LINE = 4096  # bytes; a longer line is not of a table
+_HEAD_LINES = 20  # lines by which the format is decided
+_LONGEST_HEAD = 2000  # lines kept while their format is not known
+_SILENT_LINES = 20  # lines without a pressure that are not single bad samples
+# Cells between spaces, of which those with a comma are numbers with a decimal comma.
+_CELL = r"(?:[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[^\s,]+)"
+_SPACED_DECIMALS = re.compile(rf"^{_CELL}(?:\s+{_CELL})+$")
 _KEEP_ALIVE_S = 30.0
 _SPPA = "0121"  # WITS item of the average standpipe pressure
 
 
 class _Bytes(Protocol):
-    """Interface of a stream of bytes; `failure` and `ended` as in `sources.Source`."""
+    """Interface of a stream of bytes; `failure` and `ended` as in `sources.Source`; `breaks` counts lost streams."""
 
     failure: str
     ended: bool
+    breaks: int
 
     def read(self) -> bytes:
         """Return the bytes since the last call."""
@@ -55,7 +61,7 @@ class Pipe:
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self.failure, self.ended = "", False
+        self.failure, self.ended, self.breaks = "", False, 0
 
     def read(self) -> bytes:
         """Return the bytes since the last call."""
@@ -86,7 +92,7 @@ class TcpClient:
         self._where, self._keep_alive = (host, port), keep_alive
         self._line: socket.socket | None = None
         self._next_try = self._next_sign = -math.inf
-        self.failure, self.ended = f"{host}:{port} has not answered yet", False
+        self.failure, self.ended, self.breaks = f"{host}:{port} has not answered yet", False, 0
 
     def read(self) -> bytes:
         """Return the bytes since the last call."""
@@ -120,6 +126,7 @@ class TcpClient:
     def _lose(self, reason: str, now: float) -> None:
         if self._line is not None:
             self._line.close()
+            self.breaks += 1
         self._line, self._next_try = None, now + _RETRY_S
         self.failure = f"{self._where[0]}:{self._where[1]} {reason}; connecting again"
 
@@ -167,10 +174,11 @@ class LineSource:
 
     def __init__(self, stream: _Bytes, columns: Mapping[str, str], clock: Callable[[], float]) -> None:
         self._stream, self._said, self._arrivals = stream, dict(columns), _Arrivals(clock)
-        self._open = ""
-        self._layout = pressure_table.live_columns([], self._said)
-        self._first = self._last = math.nan
-        self._wrong = ""
+        self._open, self._breaks = b"", 0
+        pressure_table.live_columns([], self._said)
+        self._head: list[str] = []
+        self._format: _Format | None = None
+        self._wrong, self._without, self._heard = "", 0, False
 
     @property
     def failure(self) -> str:
@@ -184,66 +192,119 @@ class LineSource:
 
     def read(self) -> tuple[Array, Array]:
         """Return times, s, and pressures, Pa, since the last call; a line without a pressure is left out."""
-        text = self._open + self._stream.read().decode("utf-8", errors="replace")
-        if self._stream.ended:
-            text += "\n"
-        *lines, self._open = re.split(r"[\r\n]+", text)
-        self._open = self._open[-_LONGEST_LINE:]
-        rows = [row for line in lines if (row := self._row(line.strip())) is not None]
-        if not rows:
-            return np.zeros(0), np.zeros(0)
-        values = np.array([value for _, value in rows])
-        if self._layout is None or self._layout.time is None:
-            return self._arrivals.times(len(rows)), values
-        times = self._seconds([cell for cell, _ in rows])
-        known = np.isfinite(times)
+        lines = self._lines()
+        if self._format is None:
+            self._head = [*self._head, *lines][-_LONGEST_HEAD:]
+            if not self._head or (len(self._head) < _HEAD_LINES and not self._stream.ended):
+                self._wrong = f"{len(self._head)} of the {_HEAD_LINES} lines have arrived that tell the format"
+                return np.zeros(0), np.zeros(0)
+            try:
+                self._format = _Format(self._head, self._said)
+            except ValueError as error:
+                self._wrong = str(error)
+                return np.zeros(0), np.zeros(0)
+            lines, self._head = self._head[self._format.names :], []
+        times, values = self._format.samples(lines)
+        self._tell(lines, np.isfinite(values))
+        known = np.isfinite(values) if times is None else np.isfinite(values) & np.isfinite(times)
+        if times is None:
+            return self._arrivals.times(int(known.sum())), values[known]
         return times[known], values[known]
 
     def close(self) -> None:
         """Close the stream."""
         self._stream.close()
 
-    def _row(self, line: str) -> tuple[str, float] | None:
-        """Return the cell of the time and the pressure, Pa, of a line; None if it has none."""
-        if not line or line.startswith(("#", "!", "%")) or len(line) > _LONGEST_LINE:
-            return None
-        cells = _cells(line)
-        if self._layout is None:
-            self._layout = pressure_table.live_columns(cells, self._said)
-            if self._layout is None:
-                self._wrong = (
-                    f"the line {line[:40]!r} does not name time and pressure with their units; say which columns they"
-                    " are with --columns time_s=1,pressure_bar=2"
-                )
-            return None
-        layout = self._layout
-        wanted = [layout.pressure, *([] if layout.time is None else [layout.time])]
-        if max(wanted) >= len(cells):
-            return None
-        value = _number(cells[layout.pressure])
-        if not math.isfinite(value):
-            return None
-        self._wrong = ""
-        return ("" if layout.time is None else cells[layout.time]), value * layout.factor
+    def _lines(self) -> list[str]:
+        """Return the complete lines since the last call, without comments; a lost stream ends its last line early."""
+        data = self._open + self._stream.read()
+        if self._stream.ended:
+            data += b"\n"
+        *lines, self._open = re.split(rb"[\r\n]+", data)
+        self._open = self._open[-_LONGEST_LINE:]
+        if self._stream.breaks != self._breaks:
+            self._open, self._breaks = b"", self._stream.breaks
+        texts = (line.decode("utf-8", errors="replace").strip() for line in lines if len(line) <= _LONGEST_LINE)
+        return [text for text in texts if text and not text.startswith(("#", "!", "%"))]
 
-    def _seconds(self, cells: list[str]) -> Array:
-        """Return times since the first one, s; a clock continues after midnight."""
-        import pyarrow as pa
+    def _tell(self, lines: list[str], known: Array) -> None:
+        """Say how many lines have been without a pressure since the last one with a pressure."""
+        last = int(np.flatnonzero(known)[-1]) + 1 if known.any() else 0
+        self._without = len(lines) - last + (0 if last else self._without)
+        self._heard = self._heard or last > 0
+        if last:
+            self._wrong = ""
+        if lines and (self._without >= _SILENT_LINES or (self._without and not self._heard)):
+            self._wrong = f"the last {self._without} lines have no pressure, such as {lines[-1][:40]!r}"
 
-        unit = "" if self._layout is None else self._layout.time_unit
-        numbers = np.array([_number(cell) for cell in cells])
-        if np.isfinite(numbers).all():
-            times = numbers * table_times.UNITS[unit] if unit else table_times.of_numbers(numbers, unit)
-        else:
-            times = table_times.of_text(pa.chunked_array([pa.array(cells, pa.string())]))
-        known = times[np.isfinite(times)]
-        if known.size:
-            if math.isnan(self._first):
-                self._first = self._last = float(known[0])
-            if known[0] < self._last - 0.5 * _DAY_S and self._last < 2.0 * _DAY_S:
-                times = times + _DAY_S * math.ceil((self._last - known[0] - 0.5 * _DAY_S) / _DAY_S)
-            self._last = float(np.nanmax(times))
-        return np.asarray(times - self._first)
+
+class _Format:
+    """
+    Format of lines, decided once by the first ones: separator, columns, decimal marks and times.
+
+    Parameters
+    ----------
+    lines : list of str
+        The first lines.
+    said : mapping of str
+        Columns as the caller says them.
+
+    Raises
+    ------
+    ValueError
+        The lines leave open what they mean; the message says how to name it.
+
+    Attributes
+    ----------
+    names : int
+        How many of the lines are above the first row.
+    """
+
+    def __init__(self, lines: list[str], said: Mapping[str, str]) -> None:
+        self._separator = _separator(lines)
+        self.names = 0
+        layout = pressure_table.live_columns([], said)
+        while layout is None and self.names < len(lines):
+            layout = pressure_table.live_columns(self._cells(lines[self.names]), said)
+            self.names += 1
+        if layout is None:
+            raise ValueError(
+                f"the line {lines[0][:40]!r} does not name time and pressure with their units; say which columns they"
+                " are with --columns time_s=1,pressure_bar=2"
+            )
+        self._layout = layout
+        rows = [self._cells(line) for line in lines[self.names :]]
+        every = [cell for row in rows for cell in row]
+        decimal = said.get("decimal", "")
+        self._mark = pressure_table.mark_of(_column(rows, layout.pressure), every, layout.unit, decimal)
+        self._time_mark = self._mark
+        self._stamps: table_times.Stamps | None = None
+        if layout.time is not None:
+            cells = [cell for cell in _column(rows, layout.time) if cell]
+            # Where nothing tells the mark of the times, it is that of the pressure.
+            with contextlib.suppress(ValueError):
+                self._time_mark = pressure_table.mark_of(cells, every, layout.time_unit, decimal)
+            numbers = _numbers(cells, self._time_mark, layout.time_unit)
+            try:
+                self._stamps = table_times.Stamps(cells, numbers, layout.time_unit)
+            except table_times.UnknownUnitError as error:
+                at = layout.time + 1
+                raise ValueError(
+                    f"the time (column {at}) has no unit and {error}; say it with --columns time_s={at} or time_ms={at}"
+                ) from error
+
+    def samples(self, lines: list[str]) -> tuple[Array | None, Array]:
+        """Return times since the first row, s, None if the lines have none, and pressures, Pa; NaN where unknown."""
+        rows = [self._cells(line) for line in lines]
+        numbers = _numbers(_column(rows, self._layout.pressure), self._mark, self._layout.unit)
+        pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit)
+        if self._stamps is None or self._layout.time is None:
+            return None, pressure
+        cells = _column(rows, self._layout.time)
+        return self._stamps.seconds(cells, _numbers(cells, self._time_mark, self._layout.time_unit)), pressure
+
+    def _cells(self, line: str) -> list[str]:
+        return [cell.strip().strip('"') for cell in (line.split(self._separator) if self._separator else line.split())]
 
 
 class WitsSource:
@@ -264,11 +325,11 @@ class WitsSource:
     """
 
     def __init__(self, stream: _Bytes, columns: Mapping[str, str], clock: Callable[[], float]) -> None:
-        code, self._factor = _named(columns, "a WITS item", _SPPA)
+        code, self._unit = _named(columns, "a WITS item", _SPPA)
         if not re.fullmatch(r"\d{4}", code):
             raise ValueError(f"--columns: a WITS item has four digits, such as pressure_psi={_SPPA}, got {code!r}")
         self._code, self._stream, self._arrivals = int(code), stream, _Arrivals(clock)
-        self._decoder = wits.Decoder()
+        self._decoder, self._breaks = wits.Decoder(), 0
         self._wrong = ""
 
     @property
@@ -284,12 +345,16 @@ class WitsSource:
     def read(self) -> tuple[Array, Array]:
         """Return times, s, and pressures, Pa, since the last call."""
         frames = self._decoder.feed(self._stream.read())
+        if self._stream.breaks != self._breaks:
+            self._decoder, self._breaks = wits.Decoder(), self._stream.breaks
         values = [number for frame in frames if (number := frame.number(self._code)) is not None]
         if values:
             self._wrong = ""
         elif frames and not self._wrong:
             self._wrong = f"the frames of WITS have no item {self._code:04d} yet"
-        return self._arrivals.times(len(values)), np.array(values) * self._factor
+        pressure, _ = pressure_table.in_pascal(np.array(values, dtype=float), self._unit)
+        known = np.isfinite(pressure)
+        return self._arrivals.times(int(known.sum())), pressure[known]
 
     def close(self) -> None:
         """Close the stream."""
@@ -315,7 +380,7 @@ class OpcUaSource:
     """
 
     def __init__(self, url: str, columns: Mapping[str, str], sampling_ms: float = 20.0) -> None:
-        self._node, self._factor = _named(columns, "a node of OPC UA", "")
+        self._node, self._unit = _named(columns, "a node of OPC UA", "")
         if not self._node:
             raise ValueError("--columns: name the node of the pressure, such as pressure_bar=ns=2;s=SPP")
         self._url, self._sampling_ms = url, sampling_ms
@@ -333,7 +398,9 @@ class OpcUaSource:
         table = np.array(rows, dtype=float).reshape(-1, 2)
         if len(table) and math.isnan(self._first):
             self._first = float(table[0, 0])
-        return table[:, 0] - self._first, table[:, 1] * self._factor
+        pressure, _ = pressure_table.in_pascal(table[:, 1], self._unit)
+        known = np.isfinite(pressure)
+        return table[known, 0] - self._first, pressure[known]
 
     def close(self) -> None:
         """Stop the thread and close the connection."""
@@ -372,26 +439,38 @@ class OpcUaSource:
                 await asyncio.wait_for(asyncio.to_thread(self._stop.wait, _RETRY_S), 2.0 * _RETRY_S)
 
 
-def _cells(line: str) -> list[str]:
-    """Return the cells of a line; a comma between digits is a decimal mark if another separator exists."""
-    for separator in (";", "\t"):
-        if separator in line:
-            return [cell.strip().strip('"') for cell in line.split(separator)]
-    if "," in line:
-        return [cell.strip().strip('"') for cell in line.split(",")]
-    return line.split()
+def _separator(lines: list[str]) -> str:
+    """Return what separates the cells of lines, "" for spaces; commas may be decimal marks between spaces."""
+    for separator in ";\t":
+        if sum(separator in line for line in lines) * 2 > len(lines):
+            return separator
+    with_comma = [line for line in lines if "," in line]
+    decimals = sum(bool(_SPACED_DECIMALS.match(line)) for line in with_comma)
+    return "," if len(with_comma) * 2 > len(lines) and decimals * 2 <= len(with_comma) else ""
 
 
-def _number(cell: str) -> float:
+def _column(rows: list[list[str]], place: int) -> list[str]:
+    return [row[place] if place < len(row) else "" for row in rows]
+
+
+def _numbers(cells: list[str], mark: str, unit: str) -> Array:
+    return np.array([_number(cell, mark, unit) for cell in cells], dtype=float)
+
+
+def _number(cell: str, mark: str, unit: str) -> float:
+    """Return the number of a cell, which may be followed by its unit; NaN if the cell has none."""
+    found = None if is_null(cell) else split(cell)
+    if found is None or found[1].lower().rstrip(".") not in ("", unit):
+        return math.nan
     try:
-        value = float(cell.replace(",", "."))
+        number = value(found[0], mark)
     except ValueError:
         return math.nan
-    return math.nan if value in NULL_NUMBERS else value
+    return math.nan if is_null(number) else number
 
 
-def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, float]:
-    """Return the name of the pressure and the factor of its unit to Pa."""
+def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, str]:
+    """Return the name of the pressure and its unit."""
     key, name = next(((key, name) for key, name in columns.items() if key.startswith("pressure")), ("", usual))
     unit = key.partition("_")[2]
     if unit not in pressure_table.PRESSURES:
@@ -399,4 +478,4 @@ def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, floa
             f"--columns: name {what} with the unit of its pressure, such as pressure_bar={name or 'ns=2;s=SPP'}; units:"
             f" {', '.join(pressure_table.PRESSURES)}"
         )
-    return name, pressure_table.PRESSURES[unit]
+    return name, unit

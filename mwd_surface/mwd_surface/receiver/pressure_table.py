@@ -12,7 +12,7 @@ import dataclasses
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,17 +24,14 @@ from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import check_regular, read_file
 from mwd_surface.list_files.grid_file import is_spreadsheet
 from mwd_surface.list_files.las_table import is_las, las_table
-from mwd_surface.list_files.number_cells import NULL_NUMBERS, decimal_mark, looks_like_number, split
+from mwd_surface.list_files.number_cells import NULL_NUMBERS, Cell, decimal_mark, looks_like_number, split
 from mwd_surface.list_files.table import Table, table_of
 from mwd_surface.receiver import table_times
 
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
 _FULL_SCALE = 1.0e7  # Pa of a gauge whose range is not known: 20 mA, or 1 in a WAV
-_LIVE_ZERO, _SPAN, _BROKEN = (
-    4e-3,
-    16e-3,
-    3.6e-3,
-)  # A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR)
+# A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR).
+_LIVE_ZERO, _SPAN, _BROKEN = 4e-3, 16e-3, 3.6e-3
 PRESSURES = {
     "pa": 1.0,
     "kpa": 1e3,
@@ -51,6 +48,7 @@ PRESSURES = {
     "mv": 1e-3,
     "ma": 1e-3,
 }
+_DECIMAL_MARKS = {"comma": ",", "point": "."}
 _TIME = re.compile(
     r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source )?"
     r"(?:time ?stamp|time|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|"
@@ -102,6 +100,12 @@ def columns_of(text: str) -> dict[str, str]:
                 " 1; rate_hz=50 for rows without times; decimal=comma or decimal=point"
             )
         pairs[quantity] = column.strip()
+        if quantity.startswith("decimal"):
+            if quantity != "decimal" or pairs[quantity].lower() not in _DECIMAL_MARKS:
+                raise ValueError(
+                    f"--columns {part}: the decimal mark is not known; write decimal=comma or decimal=point"
+                )
+            pairs[quantity] = pairs[quantity].lower()
     return pairs
 
 
@@ -144,11 +148,8 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     notes += said
     if file.skipped:
         notes.append(f"{file.skipped} lines have another number of cells, such as comments, and are left out")
-    if column.unit == "ma":
-        pressure, said = _of_current(pressure * 1e-3)
-        notes += said
-    else:
-        pressure = pressure * PRESSURES[column.unit]
+    pressure, said = in_pascal(pressure, column.unit)
+    notes += said
     if time.size and time[0] > 365.0 * 86_400.0:
         return time - time[0], pressure, f"first time of the file ({times[-1].name})", tuple(notes)
     return time, pressure, origin, tuple(notes)
@@ -175,12 +176,12 @@ def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
 
 
 class LiveColumns(NamedTuple):
-    """Places of time and pressure in a line, from 0; unit of the time, "" if unknown; factor of the pressure to Pa."""
+    """Places of time and pressure in a line, from 0, and their units; the unit of the time is "" if unknown."""
 
     time: int | None
     time_unit: str
     pressure: int
-    factor: float
+    unit: str
 
 
 def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumns | None:
@@ -210,7 +211,9 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
                 raise ValueError(
                     f"--columns {key}={name}: the unit is not known; write for example pressure_bar={name}"
                 )
-            if name.isdecimal():
+            if name.isdecimal() and name not in names:
+                if int(name) < 1:
+                    raise ValueError(f"--columns {key}={name}: columns are counted from 1")
                 places[quantity] = int(name) - 1, unit
             elif name in names:
                 places[quantity] = list(names).index(name), unit
@@ -222,7 +225,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     if place < 0 or unit not in PRESSURES:
         return None
     time, time_unit = places.get("time", (None, ""))
-    return LiveColumns(time, time_unit, place, PRESSURES[unit])
+    return LiveColumns(time, time_unit, place, unit)
 
 
 class _TableFile:
@@ -477,27 +480,12 @@ class _TableFile:
 
     def _mark(self, text: Any, column: _Column) -> str:
         """Return the decimal mark of a column of text: as said, as its numbers reveal it, or as a pressure allows."""
-        if said := self._said.get("decimal"):
-            return {"comma": ",", "point": "."}.get(said, said)
         every = max(1, len(text) // 5000)
-        own = [one[0] for cell in text[::every].to_pylist() if (one := split(cell)) is not None] if every else []
-        votes = [decimal_mark(number) for number in own]
-        if any(votes):
-            return max(",.", key=votes.count)
-        if not any(re.match(_GROUPED, number) for number in own):
-            return "."
-        others = (split(cell) for row in self._table.rows[:200] for cell in row.cells)
-        seen = [decimal_mark(one[0]) for one in others if one is not None]
-        if any(seen):
-            return max(",.", key=seen.count)
-        # The same digits with the mark between thousands: a thousand times more.
-        size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * PRESSURES.get(column.unit, 1.0)
-        if size > _HIGHEST:
-            return "," if "," in own[0] else "."
-        raise ValueError(
-            f"{self.path}: {own[0]} in column {column.name!r} may be {own[0].replace(',', '.')} or"
-            f" {re.sub(r'[.,]', '', own[0])}; add decimal=comma or decimal=point to --columns"
-        )
+        others = (cell for row in self._table.rows[:200] for cell in row.cells)
+        try:
+            return mark_of(text[::every].to_pylist(), others, column.unit, self._said.get("decimal", ""))
+        except ValueError as error:
+            raise ValueError(f"{self.path}: column {column.name!r}: {error}") from error
 
     def seconds(self, columns: Sequence[_Column], cells: Sequence[Any]) -> tuple[Array, str, list[str]]:
         """
@@ -543,6 +531,59 @@ class _TableFile:
                 f"{self.path}: time (column {column.name!r}) has no unit and {error}; say it with --columns"
                 f" time_ms={column.name} or time_s={column.name}"
             ) from error
+
+
+def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) -> str:
+    """
+    Return the decimal mark of a column of text: as said, as its numbers reveal it, or as a pressure allows.
+
+    Parameters
+    ----------
+    cells, others : iterable of str
+        Cells of the column, and of the whole table.
+    unit : str
+        Unit of the column.
+    said : str
+        "comma" or "point" as the caller says, "" if nothing was said.
+
+    Raises
+    ------
+    ValueError
+        Nothing tells whether 203,812 is 203.812 or 203 812.
+    """
+    if said:
+        return _DECIMAL_MARKS[said]
+    own = [one[0] for cell in cells if (one := split(cell)) is not None]
+    votes = [decimal_mark(number) for number in own]
+    if any(votes):
+        return max(",.", key=votes.count)
+    grouped = next((number for number in own if re.match(_GROUPED, number)), "")
+    if not grouped:
+        return "."
+    seen = [decimal_mark(one[0]) for cell in others if (one := split(cell)) is not None]
+    if any(seen):
+        return max(",.", key=seen.count)
+    # The same digits with the mark between thousands: a thousand times more.
+    size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * PRESSURES.get(unit, 1.0)
+    if size > _HIGHEST:
+        return "," if "," in grouped else "."
+    raise ValueError(
+        f"{grouped} may be {grouped.replace(',', '.')} or {re.sub(r'[.,]', '', grouped)}; add decimal=comma or"
+        " decimal=point to --columns"
+    )
+
+
+def in_pascal(values: Array, unit: str) -> tuple[Array, list[str]]:
+    """
+    Return pressures, Pa, of numbers in a unit of `PRESSURES`, and notes; NaN where there is no pressure.
+
+    A signal in V or mV keeps its shape as Pa; a current of 4 to 20 mA is one of a gauge of the usual range.
+    """
+    if unit == "ma":
+        return _of_current(values * PRESSURES["ma"])
+    with np.errstate(over="ignore"):
+        pressure = values * PRESSURES[unit]
+    return np.where(np.isfinite(pressure), pressure, math.nan), []
 
 
 def _line(table: Table) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,9 @@ _DAY_S = 86_400.0
 _EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
 # Days since 1900 (spreadsheets) or since year 0: large numbers with steps of less than 9 s.
 _SERIAL, _SERIAL_STEP = 2e4, 1e-4
+_SLOWEST_CLOCK_S = 10.0  # steps of a clock written as digits; slower rows show no pulses
+_RECENT = 20  # numbers among which the turn of a minute is looked for
+_LATE_S = 600.0  # rows of a clock may come this late
 _DAY = (
     r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
     r"|(?P<cy>\d{4}|\d{2})(?P<cm>\d{2})(?P<cd>\d{2})"
@@ -79,19 +83,82 @@ def of_numbers(numbers: Array, unit: str) -> Array:
     """
     if unit in UNITS:
         return numbers * UNITS[unit]
+    clock = clock_of_digits(numbers)
+    return numbers * _factor(numbers) if clock is None else clock + _DAY_S * _midnights(clock)
+
+
+def _factor(numbers: Array) -> float:
+    """Return the seconds that a number without a unit counts; see `of_numbers`."""
     known = numbers[np.isfinite(numbers)]
+    if known.size < 2:
+        raise UnknownUnitError("too few rows to tell s from ms")
     usual = float(np.median(known))
     for least, factor in _EPOCHS:
         if usual > least:
-            return numbers * factor
+            return factor
     steps = np.abs(np.diff(known))
     moving = steps[steps > 0.0]
     if usual > _SERIAL and moving.size and float(np.median(moving)) < _SERIAL_STEP:
-        return numbers * _DAY_S
-    step = float(np.median(steps)) if steps.size else math.nan
+        return _DAY_S
+    step = float(np.median(steps))
     if not step < 1.0:
         raise UnknownUnitError(f"steps by {step:g}, which may be s or ms")
-    return numbers
+    return 1.0
+
+
+def clock_of_digits(numbers: Array) -> Array | None:
+    """
+    Return the seconds of the day of numbers HHMMSS.ff; None unless their steps show that they are a clock.
+
+    Numbers are a clock if none has more than 59 minutes or seconds and the minute goes from 59 s to 100, as from
+    5959.99 to 10000, in the usual step of the clock. Within one minute a clock and plain seconds have the same steps.
+    """
+    known = np.isfinite(numbers)
+    own = numbers[known]
+    if own.size < 3 or not _may_be_clock(own):
+        return None
+    steps = np.abs(np.diff(_clock(own)))
+    steps = np.minimum(steps, _DAY_S - steps)
+    plain = np.abs(np.diff(own))
+    moving = steps[steps > 0.0]
+    usual = float(np.median(moving)) if moving.size else math.inf
+    turns = np.abs(plain - steps) > 1.0
+    even_as_clock, even_as_seconds = (int((turns & (one <= 2.0 * usual)).sum()) for one in (steps, plain))
+    if usual > _SLOWEST_CLOCK_S or even_as_clock <= even_as_seconds:
+        return None
+    return _clock(numbers)
+
+
+def _may_be_clock(numbers: Array) -> bool:
+    """Return whether all numbers are clocks HHMMSS.ff."""
+    parts = (numbers // 1e4 < 24.0, numbers // 100.0 % 100.0 < 60.0, numbers % 100.0 < 60.0, numbers >= 0.0)
+    return bool(np.all(parts))
+
+
+def _clock(numbers: Array) -> Array:
+    return np.asarray(numbers // 1e4 * 3600.0 + numbers // 100.0 % 100.0 * 60.0 + numbers % 100.0)
+
+
+def _midnights(clock: Array, last: float = math.nan) -> Array:
+    """
+    Return the midnights between the first of some clocks and each of them.
+
+    A fall by more than half a day is a midnight; a rise by nearly a day is a row of the day before that came late.
+
+    Parameters
+    ----------
+    clock : ndarray, shape (n,)
+        Seconds of the day; NaN where unknown.
+    last : float
+        Clock before the first one, from which the midnights then count.
+    """
+    known = np.flatnonzero(np.isfinite(clock))
+    days = np.zeros(clock.size)
+    if known.size:
+        own = clock[known]
+        steps = np.diff(own, prepend=own[0] if math.isnan(last) else last)
+        days[known] = np.cumsum((steps < -0.5 * _DAY_S).astype(float) - (steps > _DAY_S - _LATE_S))
+    return days
 
 
 def of_text(text: Any) -> Array:
@@ -100,6 +167,13 @@ def of_text(text: Any) -> Array:
 
     A clock without date continues after midnight. An offset from UTC in the cells counts.
     """
+    clock, ways = _moments(text)
+    order, _ = _order(ways)
+    return clock + _DAY_S * (_midnights(clock) if order is None else ways[order])
+
+
+def _moments(text: Any) -> tuple[Array, list[Array]]:
+    """Return the seconds of the day of an Arrow array of text, and its days since 1970 in each order of the parts."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -145,14 +219,121 @@ def of_text(text: Any) -> Array:
         _days(third, first, then),
         _days(np.where(third < 100.0, first, math.nan), then, third),
     ]
+    return clock, ways
+
+
+def _order(ways: list[Array]) -> tuple[int | None, bool]:
+    """Return the order of day, month and year that fits, None if there are no dates, and whether no other fits too."""
     most = max(int(np.isfinite(days).sum()) for days in ways)
-    if most:
-        good = [days for days in ways if np.isfinite(days).sum() == most]
-        return clock + _DAY_S * min(good, key=lambda days: float(np.nanmax(days) - np.nanmin(days)))
-    known = np.flatnonzero(np.isfinite(clock))
-    over = np.concatenate([[0.0], np.cumsum(np.diff(clock[known]) < -0.5 * _DAY_S)]) if known.size else np.zeros(0)
-    clock[known] += over * _DAY_S
-    return clock
+    if not most:
+        return None, True
+    spans = [float(np.nanmax(days) - np.nanmin(days)) if np.isfinite(days).sum() == most else math.inf for days in ways]
+    return int(np.argmin(spans)), spans.count(min(spans)) == 1
+
+
+class Stamps:
+    """
+    Times of rows that arrive one by one: what the cells are is decided once, by the first rows, and kept.
+
+    A clock without a date counts its midnights. The order of day and month is kept from the first row that tells it.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        Cells of the first rows.
+    numbers : ndarray, shape (n,)
+        The same cells as numbers; NaN where a cell is not a number.
+    unit : str
+        Unit of the numbers, "" if unknown.
+
+    Raises
+    ------
+    UnknownUnitError
+        The cells are numbers, and neither unit, size nor steps tell what they count.
+    ValueError
+        Most of the cells are neither numbers nor times.
+    """
+
+    def __init__(self, cells: Sequence[str], numbers: Array, unit: str) -> None:
+        self._first = self._last = math.nan
+        self._days = 0.0
+        self._factor = math.nan
+        self._order: int | None = None
+        self._start = ""
+        self._recent = np.zeros(0)
+        self._settled = bool(unit)
+        known = np.isfinite(numbers)
+        if known.sum() * 2 > len(cells):
+            self._is_clock = not unit and clock_of_digits(numbers) is not None
+            self._factor = UNITS[unit] if unit else 1.0 if self._is_clock else _factor(numbers)
+            self._settled = self._settled or self._is_clock or self._factor != 1.0
+            return
+        clock, ways = _moments(_text(cells))
+        order, _ = _order(ways)
+        times = clock if order is None else clock + ways[order]
+        if not np.isfinite(times).sum() * 2 > len(cells):
+            raise ValueError(
+                f"{next(iter(cells), '')!r} is not a time; expected seconds, 2026-03-01T12:00:00.020 or 12:00:00.02"
+            )
+        self._is_clock = order is None
+        self._start = "" if order is None else cells[int(np.flatnonzero(np.isfinite(times))[0])]
+
+    def seconds(self, cells: Sequence[str], numbers: Array) -> Array:
+        """Return seconds since the first time; NaN where a cell has none. Arguments as for the first rows."""
+        if math.isnan(self._factor):
+            if self._start:
+                return self._dated(cells)
+            return self._since_first(self._of_clock(_moments(_text(cells))[0]))
+        if not self._settled:
+            self._judge(numbers)
+        if self._is_clock:
+            return self._since_first(self._of_clock(_clock(numbers)))
+        return self._since_first(numbers * self._factor)
+
+    def _judge(self, numbers: Array) -> None:
+        """Take numbers as a clock HHMMSS.ff from the first minute that goes from 59 s to 100."""
+        known = numbers[np.isfinite(numbers)]
+        if not _may_be_clock(known):
+            self._settled = True
+            return
+        before = self._recent
+        self._recent = np.concatenate([before, known])
+        if clock_of_digits(self._recent) is not None:
+            self._is_clock = self._settled = True
+            if before.size:
+                self._first = float(_clock(np.array([self._first]))[0])
+                self._last = float(_clock(before)[-1])
+        self._recent = self._recent[-_RECENT:]
+
+    def _dated(self, cells: Sequence[str]) -> Array:
+        clock, ways = _moments(_text([self._start, *cells]))
+        if self._order is None:
+            order, sure = _order(ways)
+            if sure:
+                self._order = order
+        else:
+            order = self._order
+        times = clock + _DAY_S * ways[order or 0]
+        return np.asarray(times[1:] - times[0])
+
+    def _of_clock(self, clock: Array) -> Array:
+        days = self._days + _midnights(clock, self._last)
+        known = np.flatnonzero(np.isfinite(clock))
+        if known.size:
+            self._last, self._days = float(clock[known[-1]]), float(days[known[-1]])
+        return np.asarray(clock + _DAY_S * days)
+
+    def _since_first(self, times: Array) -> Array:
+        known = times[np.isfinite(times)]
+        if known.size and math.isnan(self._first):
+            self._first = float(known[0])
+        return times - self._first
+
+
+def _text(cells: Sequence[str]) -> Any:
+    import pyarrow as pa
+
+    return pa.chunked_array([pa.array(cells, pa.string())])
 
 
 def clock_text(text: Any) -> Any:
@@ -237,7 +418,11 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
         note = "the rows are not in the order of time and were sorted" if count else "the rows were in falling order"
         return times[order], rows[order], [note]
     if places.size > 1e-3 * times.size + 1:
-        return times, rows, []
+        note = (
+            f"the times fall back {places.size} times, first by {-steps[places[0] - 1]:.6g} s; that is too often for a"
+            " clock that was set back, and the rows are kept in their order: check the column of time"
+        )
+        return times, rows, [note]
     by = np.zeros(times.size)
     by[places] = usual - steps[places - 1]
     first = places[0]

@@ -2,6 +2,7 @@
 """Live pressure over lines, WITS 0 and OPC UA: the samples sent arrive in Pa, and what is missing is said."""
 
 import asyncio
+import datetime as dt
 import os
 import socket
 import threading
@@ -9,6 +10,8 @@ import time
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from serial_lines import until
 
 from mwd_surface.receiver import pressure_files
@@ -84,6 +87,159 @@ def test_lines_whose_columns_nothing_names_ask_for_them():
     assert "--columns time_s=1,pressure_bar=2" in source.failure
     with pytest.raises(ValueError, match="unit is not known"):
         LineSource(Pipe(0), columns_of("pressure_furlong=1"), time.monotonic)
+
+
+class Pieces:
+    """A stream that gives one piece of text a read; None is a lost connection."""
+
+    def __init__(self, *pieces):
+        self.pieces, self.failure, self.ended, self.breaks = list(pieces), "", False, 0
+
+    def read(self):
+        text = self.pieces.pop(0) if self.pieces else ""
+        if text is None:
+            self.breaks += 1
+        return (text or "").encode()
+
+    def close(self):
+        self.ended = True
+
+
+def from_pieces(pieces, columns):
+    stream = Pieces(*pieces)
+    source = LineSource(stream, columns_of(columns), time.monotonic)
+    rows = [source.read() for _ in pieces]
+    return source, *(np.concatenate(part) for part in zip(*rows, strict=True))
+
+
+HOUR_S = 3600.0
+
+
+def written_moment(form, seconds):
+    moment = dt.datetime(2026, 3, 4, 22, 59, 30, tzinfo=dt.UTC) + dt.timedelta(seconds=float(seconds))
+    digits = f"{moment:%H%M%S}".lstrip("0") or "0"
+    return moment.strftime(form) if form else f"{digits}.{moment.microsecond // 10_000:02d}"
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+@pytest.mark.parametrize("form", ["%H:%M:%S.%f", "%d.%m.%Y %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f", ""])
+def test_times_of_lines_go_on_over_any_number_of_midnights(form, size):
+    """A minute of 2 Hz, then a row every 9 hours for four days."""
+    times = np.concatenate([np.arange(120) * 0.5, 60.0 + 9.0 * HOUR_S * np.arange(1, 12)])
+    lines = [f"{written_moment(form, t)};203.8\n" for t in times]
+    pieces = ["".join(lines[k : k + size]) for k in range(0, len(lines), size)]
+    _, got, values = from_pieces(pieces, "time=1,pressure_bar=2")
+    np.testing.assert_allclose(got, times, atol=1e-6)
+    np.testing.assert_allclose(values, 2.038e7)
+
+
+def test_a_line_that_comes_late_at_midnight_is_not_a_day():
+    clocks = [f"23:59:{59.6 + 0.02 * k:05.2f}" for k in range(20)] + ["00:00:00.02", "23:59:59.98", "00:00:00.04"]
+    _, times, _ = from_pieces([f"{clock},200\n" for clock in clocks], "time=1,pressure_bar=2")
+    np.testing.assert_allclose(times[-3:], [0.42, 0.38, 0.44], atol=1e-6)
+
+
+@given(st.lists(st.integers(1, 60), min_size=3, max_size=30))
+def test_the_times_of_lines_do_not_depend_on_how_the_lines_are_cut(sizes):
+    """Unix ms and seconds without a unit; a read that holds one line is judged as the first lines were."""
+    for factor, first in ((1000.0, 1_772_000_000_000.0), (1.0, 5.0)):
+        lines = [f"{first + factor * 0.02 * k:.2f},203.8\n" for k in range(sum(sizes))]
+        ends = np.cumsum(sizes)
+        pieces = ["".join(lines[end - size : end]) for end, size in zip(ends, sizes, strict=True)]
+        _, times, _ = from_pieces(pieces, "time=1,pressure_bar=2")
+        if len(lines) >= 20:
+            np.testing.assert_allclose(times, 0.02 * np.arange(len(lines)), atol=1e-6)
+
+
+def test_titles_before_the_names_and_a_mark_of_each_column_are_read_as_in_files():
+    lines = ["Rig 7", "Zeit;SPP (bar)", *(f"{46082 + 0.02 * k / 86_400:.10f};203,8" for k in range(40))]
+    _, times, pressures = from_pieces([f"{line}\n" for line in lines], "")
+    np.testing.assert_allclose(times, 0.02 * np.arange(40), atol=1e-5)
+    np.testing.assert_allclose(pressures, 2.038e7)
+    with pytest.raises(ValueError, match="counted from 1"):
+        LineSource(Pieces(), columns_of("time_s=0,pressure_bar=2"), time.monotonic)
+
+
+def test_lines_whose_times_may_be_milliseconds_ask_for_the_unit():
+    source, times, _ = from_pieces([f"{20 * k},203.8\n" for k in range(30)], "time=1,pressure_bar=2")
+    assert not len(times)
+    assert "time_s=1 or time_ms=1" in source.failure
+
+
+@pytest.mark.parametrize(
+    ("unit", "cells"), [("ma", "12.0 3.0 4.0 20.0"), ("mv", "12.0 3.0"), ("v", "1 5"), ("bar", "1")]
+)
+def test_a_signal_is_the_same_pressure_in_lines_frames_and_files(tmp_path, unit, cells):
+    """A current below 3.6 mA is of a broken wire."""
+    values = 100 * cells.split()
+    rows = "".join(f"{0.02 * k:.2f},{value}\n" for k, value in enumerate(values))
+    (tmp_path / "p.csv").write_text("time_s,x\n" + rows)
+    read = pressure_files.read(tmp_path / "p.csv", columns=f"pressure_{unit}=x")
+    _, times, pressures = from_pieces([rows, *20 * ["9.9,Bad\n"]], f"time_s=1,pressure_{unit}=2")
+    np.testing.assert_allclose(pressures, read.pressure_pa, rtol=1e-12)
+    np.testing.assert_allclose(times, read.time_s + times[0], atol=1e-9)
+    frames = Pieces("")
+    source = WitsSource(frames, columns_of(f"pressure_{unit}=0121"), time.monotonic)
+    frames.pieces = [b"".join(wits.encode([(121, value)]) for value in [*values, "1"]).decode()]
+    np.testing.assert_allclose(source.read()[1][: len(read.pressure_pa)], read.pressure_pa, rtol=1e-12)
+
+
+def test_a_lost_connection_ends_the_line_and_the_frame_that_it_cut():
+    rows = [f"{0.02 * k:.2f},203\n" for k in range(40)]
+    _, times, pressures = from_pieces(
+        ["".join(rows), "1.02,20", None, "1.10,203\n1.12,203\n"], "time_s=1,pressure_bar=2"
+    )
+    np.testing.assert_allclose(times[-3:], [0.78, 1.10, 1.12])
+    np.testing.assert_allclose(pressures, 2.03e7)
+    frame = wits.encode([(121, "2900")]).decode()
+    source = WitsSource(Pieces(frame, frame[:-9], None, frame, frame), columns_of("pressure_pa=0121"), time.monotonic)
+    np.testing.assert_allclose(np.concatenate([source.read()[1] for _ in range(5)]), 2900.0)
+
+
+@pytest.mark.parametrize(
+    ("row", "bar"),
+    [
+        ("{t:.2f} {p:.1f}", 203.8),
+        ("{t:.2f},{p:.1f}", 203.8),
+        ('"{t:.2f}", "{p:.1f}"', 203.8),
+        ("{t:.2f}\t{p:.1f} bar", 203.8),
+        ("{t:.2f}  {p:.3e}", 203.8),
+        ("{t:.2f};1'{p:.1f}", 1203.8),
+        ("{t:.2f};1,{p:.1f}", 1203.8),
+        ("{t:.2f};1,203", 1203.0),
+    ],
+)
+@pytest.mark.parametrize("mark", [".", ","])
+def test_the_numbers_of_lines_have_any_marks_that_a_column_reveals(row, bar, mark):
+    lines = [row.format(t=0.02 * k, p=203.8) for k in range(40)]
+    if mark == ",":
+        lines = [line.translate(str.maketrans(".,", ",.")) for line in lines]
+        if "," in row:
+            pytest.skip("separator") if ";" not in row else None
+    source, times, pressures = from_pieces([f"{line}\n" for line in lines], "time_s=1,pressure_bar=2")
+    np.testing.assert_allclose(times, 0.02 * np.arange(40), atol=1e-9)
+    np.testing.assert_allclose(pressures, 1e5 * bar)
+    assert source.failure == ""
+
+
+def test_digits_of_lines_that_may_be_thousands_are_asked():
+    pieces = [f"{k};1,{234 + k}\n" for k in range(30)]
+    source, times, _ = from_pieces(pieces, "time_s=1,pressure_psi=2")
+    assert not len(times)
+    assert "decimal=comma or decimal=point" in source.failure
+    for mark, psi in (("point", 1234.0), ("Comma", 1.234)):
+        _, _, pressures = from_pieces(pieces, f"time_s=1,pressure_psi=2,decimal={mark}")
+        assert pressures[0] == pytest.approx(psi * 6894.757293168)
+
+
+@pytest.mark.parametrize("line", ["1.00", "1.00,Bad", "1.00,203.8,", "--", "1.00,-999.25"])
+def test_lines_without_a_pressure_are_reported_until_one_has_a_pressure(line):
+    good = "".join(f"{0.02 * k:.2f},203.8\n" for k in range(30))
+    source, _, _ = from_pieces([good, *30 * [f"{line}\n"]], f"time_s=1,pressure_bar={3 if '8,' in line else 2}")
+    assert f"such as {line!r}" in source.failure
+    source._stream.pieces = [good.replace(",203.8", ",203.8,203.8") if "8," in line else good]
+    source.read()
+    assert source.failure == ""
 
 
 def test_wits_frames_over_tcp_give_their_item_and_a_lost_connection_is_opened_again():

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.receiver import pressure_files
+from mwd_surface.receiver import pressure_files, table_times
 
 COUNT, STEP = 400, 0.02
 TIME = np.arange(COUNT) * STEP
@@ -292,3 +292,51 @@ def test_strokes_are_read_by_the_same_rules(tmp_path):
     got = pressure_files.read_strokes(tmp_path / "s.csv")
     np.testing.assert_allclose(got[1], [0.5, 1.2])
     np.testing.assert_allclose(got[2], [0.7])
+
+
+@pytest.mark.parametrize("said", ["comma", "Comma", "COMMA"])
+def test_the_decimal_mark_is_said_in_any_case_and_other_words_are_refused(tmp_path, said):
+    rows = [f"{t};{p}".replace(".", ",") for t, p in ROWS]
+    (tmp_path / "p.csv").write_text("\n".join(["time_s;pressure_pa", *rows]))
+    assert_same(pressure_files.read(tmp_path / "p.csv", columns=f"decimal={said}"))
+    for other in ("decimal=komma", "decimal=", "decimal=.", "decimal_mark=comma"):
+        with pytest.raises(ValueError, match="decimal=comma or decimal=point"):
+            pressure_files.read(tmp_path / "p.csv", columns=other)
+
+
+@pytest.mark.parametrize("start", ["00:59:57", "23:59:57", "09:41:58", "12:00:57"])
+@pytest.mark.parametrize("padded", [True, False])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_a_clock_in_digits_is_a_clock_without_a_date(tmp_path, start, padded, decimal):
+    first = dt.datetime.fromisoformat(f"2026-03-01T{start}")
+    cells = []
+    for t in TIME:
+        moment = first + dt.timedelta(seconds=float(t))
+        digits = f"{moment:%H%M%S}" if padded else str(int(f"{moment:%H%M%S}"))
+        cells.append(f"{digits}{decimal}{moment.microsecond // 10_000:02d}")
+    rows = [f"{c};{p.replace('.', decimal)}" for c, (_, p) in zip(cells, ROWS, strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join(["TIME;SPPA (Pa)", *rows]))
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+@given(st.floats(0.0, 90_000.0), st.floats(0.01, 0.5), st.booleans())
+def test_seconds_without_a_unit_are_seconds(first, step, paused):
+    """Also where they pause."""
+    seconds = first + step * np.arange(2000) + 3000.0 * paused * (np.arange(2000) > 1000)
+    np.testing.assert_allclose(table_times.of_numbers(seconds, ""), seconds)
+
+
+def test_a_clock_that_falls_back_often_is_named(tmp_path):
+    rows = [f"{float(t) % 0.1 + 100.0:.2f},{p}" for t, p in ROWS]
+    (tmp_path / "p.csv").write_text("\n".join(["time_s,pressure_pa", *rows]))
+    time, _, notes = table_times.in_order(np.array([float(row.split(",")[0]) for row in rows]))
+    falls = int((np.diff(time) < 0.0).sum())
+    assert (falls == 0 and notes) or f"fall back {falls} times" in notes[0]
+
+
+def test_a_pressure_too_large_for_a_number_of_pascal_is_a_missing_sample(tmp_path):
+    rows = [f"{t},{'1e308' if k % 10 == 3 else p}" for k, (t, p) in enumerate(ROWS)]
+    (tmp_path / "p.csv").write_text("\n".join(["time_s,pressure_bar", *rows]))
+    read = pressure_files.read(tmp_path / "p.csv")
+    assert np.isfinite(read.pressure_pa).all()
+    assert len(read.time_s) == COUNT - COUNT // 10

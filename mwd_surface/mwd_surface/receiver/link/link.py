@@ -267,7 +267,7 @@ class Link:
     def _state(self, silent: bool) -> tuple[int, str]:
         if silent or math.isinf(self.now_s):
             return NO_INPUT, _NO_INPUT[self._tool.medium]
-        frame, word, _ = self._heard()
+        frame, word, final = self._heard()
         if reason := self._tool_flow.silence(self.now_s):
             return NO_FLOW, reason
         if self._other is not None and self._other.found_s is not None:
@@ -276,11 +276,22 @@ class Link:
         longest = self._longest_s
         if word is not None and self.now_s - word.end_s < 4.0 * longest:
             return self._locked()
-        if word is not None and not self._tool.toolfaces:
-            return LOCKED, "the survey was received, and the tool sends nothing more until the next flow-on"
+        if final and not self._tool.toolfaces:
+            return self._survey_received([one for one in final if one.frame == final[-1].frame])
         if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
         return SEARCHING, self._nothing_found(on_since, frame)
+
+    def _survey_received(self, words: list[ReceivedWord]) -> tuple[int, str]:
+        """Return the state after the last pass of a tool of surveys only, by how many of its words are believed."""
+        count = max(len(words), min(len(items) for items in self._tool.surveys))
+        good = sum(one.usable for one in words)
+        if good == count:
+            return LOCKED, "the survey was received, and the tool sends nothing more until the next flow-on"
+        return (LOCKED if good * 2 > count else DOUBTFUL), (
+            f"{good} of the {count} words of the survey were received, and the tool sends nothing more until the next"
+            " flow-on"
+        )
 
     def _nothing_found(self, on_since: float, frame: FrameReport | None) -> str:
         """Return why no sync or word is found although the tool may send; on_since: flow-on, s, -inf if not seen."""

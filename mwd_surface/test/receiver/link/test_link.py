@@ -141,6 +141,25 @@ def test_a_flow_meter_that_contradicts_the_pressure_does_not_decide(run):
     assert states[50].reason.startswith("the rig reports a flow of 1200 l/min although there is no pressure")
 
 
+@pytest.mark.parametrize(("words", "state"), [(5, LOCKED), (4, LOCKED), (1, DOUBTFUL)])
+def test_a_survey_is_received_when_all_its_words_are_believed(words, state):
+    """The pulses end after some words of a tool of surveys only; then its silence is longer than a word."""
+    tool, flows = dataclasses.replace(TOOL, toolface_sequences=()), ((60.0, 400.0),)
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
+    run, silent = (link_run(channel, transmit(tool, sent, 3), 400.0, 3) for sent in (flows, ()))
+    last = run.sent.words[words - 1]
+    pressure = np.where(run.time_s < last.end_s + 2.0, run.pressure_pa, silent.pressure_pa)
+    _, _, states = pushed(link_of(tool), run.time_s, pressure)
+    assert states[-1].state == state
+    count = states[-1].reason.split(" of the 5 words")[0]
+    if words == 5:
+        assert states[-1].reason.startswith("the survey was received")
+    else:
+        assert 0 <= int(count) <= words
+    before = run.time_s[99::100] < last.end_s
+    assert not any("the survey was received" in one.reason for one, early in zip(states, before, strict=False) if early)
+
+
 @pytest.mark.parametrize("here", [0.3, 0.6])
 def test_another_pulse_width_in_the_tool_is_named(run, here):
     link = link_of(dataclasses.replace(TOOL, pulse_width_s=here))
@@ -214,3 +233,17 @@ def test_after_flow_on_the_state_says_nothing_of_before(run):
     assert found.state == SEARCHING
     assert np.isnan([found.ebn0_db, found.clock_error, found.word_error]).all()
     assert found.words_done == 0
+
+
+def test_a_survey_over_a_carrier_is_received_before_another_pass_begins():
+    tool = dataclasses.replace(
+        starting("psk"), transmit_delay_s=30.0, survey_sequences=TOOL.survey_sequences, toolface_sequences=()
+    )
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
+    heard = carrier_tool.siren_run(channel, carrier_tool.transmit(tool, FLOWS, 5), 260.0, 5)
+    # The last 40 s without a signal, again and again.
+    after = np.tile(heard.pressure_pa[heard.time_s >= 220.0], 15)
+    time_s = np.arange(len(heard.time_s) + len(after)) * (heard.time_s[1] - heard.time_s[0])
+    _, _, states = pushed(link_of(tool), time_s, np.concatenate([heard.pressure_pa, after]))
+    assert states[-1].state == LOCKED
+    assert states[-1].reason.startswith("the survey was received")
