@@ -75,7 +75,7 @@ def programme(table: SurveyTable) -> Section | None:
             typed(row.code),
             ", ".join(f"{method}: {code}" for method, code in row.methods.items()),
             typed(row.leg) or "every leg",
-            typed(row.run),
+            row.run if row.run == "all" else typed(row.run),
             row.angles,
         )
         for row in found.intervals

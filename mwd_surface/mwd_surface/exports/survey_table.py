@@ -25,6 +25,8 @@ from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
 from mwd_surface.signals.signal import SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
+from mwd_surface.surveys.imported_list import TOOL_CODES
+from mwd_surface.surveys.leg import MAIN
 from mwd_surface.surveys.survey_csv import beside_path
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
@@ -270,10 +272,10 @@ def _header(
         ("Position uncertainty", covariance_note),
         ("Vertical section azimuth", f"{fixed(path.section_azimuth * _DEG, 2, 360.0)} deg, {section}"),
         ("Sensor to bit", _metres(well.sensor_to_bit) or "not given: depths are those of the bit"),
-        ("Leg", typed(path.leg)),
+        ("Leg", path.leg if path.leg == MAIN else typed(path.leg)),
         ("Tie-on", _tied(surveys, path)),
         ("Coordinates", "assumed: " + "; ".join(sentences(path.assumptions)) if path.assumed else ""),
-        ("Tools", typed(", ".join(sorted({r.tool for r in own if r.tool}))) or unknown),
+        ("Tools", _tools(own) or unknown),
         ("Telemetry", _telemetry([r.survey for r in own if r.in_use])),
         ("Method", "minimum curvature"),
         ("Plan", typed(plan.name) if plan is not None else "none"),
@@ -282,6 +284,13 @@ def _header(
         ("Software", software),
     ]
     return tuple((label, value if isinstance(value, Typed) else plain(value)) for label, value in lines if value)
+
+
+def _tools(own: Sequence[SurveyRecord]) -> str:
+    """Return the tools of a leg: words of WITSML, or else names that people gave."""
+    tools = sorted({r.tool for r in own if r.tool})
+    text = ", ".join(tools)
+    return text if all(tool.lower() in TOOL_CODES for tool in tools) else typed(text)
 
 
 def _counted(own: Sequence[SurveyRecord]) -> str:
