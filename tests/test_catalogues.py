@@ -93,3 +93,20 @@ def test_the_enumerations_of_every_field_of_a_record_are_found(words):
     assert words.state_words(LinkWordState).keys() == {"believed", "erased", "by consistency", "survey", "toolface"}
     assert set(words.state_words(WellState)) > set(words.state_words(LinkWordState)) | {"no pressure", "no flow"}
     assert not any("_" in one for one in words.state_words(WellState))
+
+
+def test_of_a_reader_of_lists_only_the_remarks_are_texts(words, tmp_path):
+    """Remarks are printed in the report; errors end the command, which speaks English."""
+    path = tmp_path / "reader.py"
+    path.write_text(
+        '_HOW = "taken once"\n'
+        "def read(name, md):\n"
+        '    text = f"{name}: the station at {md} m is {_HOW}"\n'
+        "    if md < 0:\n"
+        '        raise ValueError(f"{name}: no station in it")\n'
+        "    return Remark(RemarkKind.STATION_REPEATED, text)\n"
+        "def other():\n"
+        '    return "not shown to anybody"\n',
+        encoding="utf-8",
+    )
+    assert words.texts_of(path, remarks=True) == ["{name}: the station at {md} m is taken once"]

@@ -160,7 +160,7 @@ class ControlAuthority:
         lease = _Lease(self.upcoming, request, limits, now, math.inf, now)
         self.upcoming += 1
         if stronger is None and self.settings.grant == "automatic":
-            self._grant(lease, now, "automatically")
+            self._grant(lease, now, "granted automatically")
             return Decision(Permission.GRANTED, lease.number, "granted")
         reasons = ["for a person to grant it"] if self.settings.grant == "operator" else []
         if stronger is not None:
@@ -195,7 +195,7 @@ class ControlAuthority:
                 return False, f"{which}; request {pending.number} of {pending.name} waits"
             self._pending = None
             if judgement == Judgement.GRANT:
-                self._grant(pending, now, f"by {operator}{because}")
+                self._grant(pending, now, f"granted by {operator}{because}")
                 return True, f"{pending.name} has control"
             self._reason = f"{operator} denied control to {pending.name}{because}"
             self._log(self._reason)
@@ -255,7 +255,7 @@ class ControlAuthority:
         self._rig.limit(lease.limits)
         self._sequence = self._acknowledged = 0
         self._refusal = self._reason = self._fault = ""
-        self._log(f"{lease.name} has control, granted {how}")
+        self._log(f"{lease.name} has control, {how}")
 
     def _end_lease(self, reason: str, reaction: Reaction) -> None:
         self._lease = None
@@ -370,7 +370,7 @@ class ControlAuthority:
             now = self._pass(now)
             if self._lease is None and self._pending is not None and self.settings.grant == "automatic":
                 pending, self._pending = self._pending, None
-                self._grant(pending, now, "automatically")
+                self._grant(pending, now, "granted automatically")
             return self._rig.due(self._newest, self._sequence, now)
 
     def _pass(self, now: float) -> float:

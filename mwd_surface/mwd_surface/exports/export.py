@@ -117,7 +117,7 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         raise ValueError(f"unknown format {kind!r}; did you mean {' or '.join(near)}?")
     made = FORMATS[kind]
     if wrong := not_a_file_name(name):
-        raise ValueError(f"name: {name!r} {wrong}")
+        raise ValueError(f"file name {name!r}: {wrong}")
     if name:
         first = next(key for key, other in FORMATS.items() if other.ending == made.ending)
         word = "" if name.endswith(made.ending) or kind == first else made.word

@@ -12,7 +12,7 @@ from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of,
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
-from mwd_surface.signals.cells import fixed
+from mwd_surface.signals.cells import fixed, typed
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
@@ -106,7 +106,7 @@ def ahead_sheet(near: WellClearance) -> Sheet:
 def _row(one: Clearance, part: str) -> tuple[str, ...]:
     k = one.least
     return (
-        one.name,
+        typed(one.name),
         part,
         fixed(float(one.md[k]), 1),
         fixed(float(one.offset_md[k]), 1),

@@ -9,7 +9,7 @@ from mwd_estimation.survey.survey import Verdict
 from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
 from mwd_surface.exports.report_section import Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.signals.cells import Printed, fixed, plain, utc
+from mwd_surface.signals.cells import Printed, Typed, fixed, plain, typed, utc
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch, yields
 
@@ -58,18 +58,21 @@ def decisions(table: SurveyTable) -> Section | None:
                 *(
                     (
                         utc(d.stamp_ns),
-                        d.operator_name,
+                        typed(d.operator_name),
                         Judgement(d.judgement).name.lower(),
                         fixed(d.measured_depth, 2),
-                        d.reason,
+                        typed(d.reason),
                     )
                     for d in record.decisions
                 ),
             ]
-            rows += [(number, *(cell if isinstance(cell, Printed) else plain(cell) for cell in line)) for line in lines]
+            rows += [
+                (number, *(cell if isinstance(cell, (Printed, Typed)) else plain(cell) for cell in line))
+                for line in lines
+            ]
             marks += ["", *[""] * (len(lines) - 2), row_mark(record)]
         if record.flags or record.comment:
-            remarks.append((number, plain("; ".join(record.flags)), plain(record.comment)))
+            remarks.append((number, plain("; ".join(record.flags)), typed(record.comment)))
     sheets = []
     if rows:
         columns = (("Survey", ""), ("UTC", ""), ("By", ""), ("Decision", ""), ("MD then", "m"), ("Why", ""))

@@ -17,7 +17,7 @@ import numpy as np
 
 from mwd_surface.exports.report_section import Drawing, Section, Sheet
 from mwd_surface.language.language import Language
-from mwd_surface.signals.cells import Printed, fixed
+from mwd_surface.signals.cells import Printed, Typed, fixed
 from mwd_surface.signals.units import FOOT, UNITS, Scale
 from mwd_surface.surveys.well import FIELD
 
@@ -40,9 +40,12 @@ class Edge(NamedTuple):
 
     language: Language
     field: bool
+    names: frozenset[str] = frozenset()  #: texts of the report that people have typed
 
     def text(self, text: str) -> str:
-        """Return a sentence of the report."""
+        """Return a sentence of the report; a text that people have typed as it is."""
+        if isinstance(text, Typed):
+            return text
         said = self.language.say(text)
         return _IN_TEXT.sub(self._converted, said) if self.field else said
 
@@ -67,10 +70,14 @@ class Edge(NamedTuple):
             cell = fixed(_FIELD[unit].of(_SI[unit].si(cell.number)), cell.decimals)
         return self.language.number(str(cell))
 
+    def drawn(self, text: str) -> str:
+        """Return a text of a drawing, which may be a name that the report has as well."""
+        return text if text in self.names else self.language.say(text)
+
 
 def for_people(content: Content, language: Language, units: str) -> Content:
     """Return a content in a language and in metric or field units."""
-    edge = Edge(language, units == FIELD)
+    edge = Edge(language, units == FIELD, frozenset(str(one) for one in content.words() if isinstance(one, Typed)))
     return dataclasses.replace(
         content,
         title=language.say(content.title),
@@ -151,7 +158,7 @@ def _translate(figure: Figure, edge: Edge) -> None:
     from mwd_surface.plots.fonts import families, lacking
 
     for item in figure.findobj(Text):
-        said = edge.language.say(item.get_text())
+        said = edge.drawn(item.get_text())
         if not lacking(said):
             item.set_text(said)
             item.set_fontfamily(list(families()))

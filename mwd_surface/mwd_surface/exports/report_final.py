@@ -13,7 +13,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Drawing, Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.plots.path_comparison import end_ellipses, figure_of
-from mwd_surface.signals.cells import fixed
+from mwd_surface.signals.cells import fixed, typed
 from mwd_surface.surveys.final_list import FinalList, Overlap
 from mwd_surface.trajectory.list_comparison import PathDifference
 
@@ -75,7 +75,7 @@ def final_sections(
         ),
         page=True,
     )
-    sources = [sheet_of("Input files", (("File", ""), ("SHA-256", "")), list(inputs))]
+    sources = [sheet_of("Input files", (("File", ""), ("SHA-256", "")), [(typed(name), sha) for name, sha in inputs])]
     if final.overlaps:
         sources.insert(
             0, sheet_of("Intervals that two sources cover", _OVERLAPS, [_overlap(one) for one in final.overlaps])
@@ -87,7 +87,7 @@ def _overlap(one: Overlap) -> tuple[str, ...]:
     metres = (fixed(one.from_m, 2), fixed(one.to_m, 2))
     sigmas = (fixed(one.sigma_used, 2), fixed(one.sigma_left_out, 2))
     apart = "nowhere" if not one.apart else f"at {', '.join(fixed(md, 1) for md in one.apart[:6])} m"
-    return *metres, one.used, one.left_out, *sigmas, apart
+    return *metres, typed(one.used), typed(one.left_out), *sigmas, apart
 
 
 def _last(table: SurveyTable) -> Array | None:

@@ -8,7 +8,7 @@ import math
 from mwd_sensors.core import earth
 from mwd_surface.exports.report_section import Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.signals.cells import fixed
+from mwd_surface.signals.cells import fixed, typed
 from mwd_surface.surveys.well_position import programme_of
 from mwd_surface.uncertainty.programme import ProgrammeError
 
@@ -72,10 +72,10 @@ def programme(table: SurveyTable) -> Section | None:
         (
             fixed(row.from_m, 2),
             "end" if row.to_m is None else fixed(row.to_m, 2),
-            row.code,
+            typed(row.code),
             ", ".join(f"{method}: {code}" for method, code in row.methods.items()),
-            row.leg or "every leg",
-            row.run,
+            typed(row.leg) or "every leg",
+            row.run if row.run == "all" else typed(row.run),
             row.angles,
         )
         for row in found.intervals

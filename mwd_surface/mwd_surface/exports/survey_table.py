@@ -22,9 +22,11 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.exports.report_section import Section
 from mwd_surface.list_files.remark import RemarkKind, sentences
-from mwd_surface.signals.cells import fixed, plain, utc
+from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
 from mwd_surface.signals.signal import SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
+from mwd_surface.surveys.imported_list import TOOL_CODES
+from mwd_surface.surveys.leg import MAIN
 from mwd_surface.surveys.survey_csv import beside_path
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
@@ -248,16 +250,16 @@ def _header(
         section = "along the plan"
     own = [r for r in surveys.records if r.leg == path.leg]
     lines = [
-        ("Well", well.name),
-        ("Wellbore", well.wellbore_name),
-        ("Company", well.company),
-        ("Field", well.field),
-        ("Rig", well.rig),
-        ("Survey company", well.service_company),
-        ("Job number", well.job_number),
-        ("Revision", well.revision),
+        ("Well", typed(well.name)),
+        ("Wellbore", typed(well.wellbore_name)),
+        ("Company", typed(well.company)),
+        ("Field", typed(well.field)),
+        ("Rig", typed(well.rig)),
+        ("Survey company", typed(well.service_company)),
+        ("Job number", typed(well.job_number)),
+        ("Revision", typed(well.revision)),
         *_placed(well),
-        ("Depth datum", well.depth_datum or not_given),
+        ("Depth datum", typed(well.depth_datum) or not_given),
         ("Datum elevation", _metres(well.datum_elevation, " above mean sea level") or not_given),
         ("Azimuth reference", f"{north} north" + (", assumed" if assumed_north else "")),
         ("Declination", _degrees(reference.declination if reference else None) or unknown),
@@ -270,18 +272,25 @@ def _header(
         ("Position uncertainty", covariance_note),
         ("Vertical section azimuth", f"{fixed(path.section_azimuth * _DEG, 2, 360.0)} deg, {section}"),
         ("Sensor to bit", _metres(well.sensor_to_bit) or "not given: depths are those of the bit"),
-        ("Leg", path.leg),
+        ("Leg", path.leg if path.leg == MAIN else typed(path.leg)),
         ("Tie-on", _tied(surveys, path)),
         ("Coordinates", "assumed: " + "; ".join(sentences(path.assumptions)) if path.assumed else ""),
-        ("Tools", ", ".join(sorted({r.tool for r in own if r.tool})) or unknown),
+        ("Tools", _tools(own) or unknown),
         ("Telemetry", _telemetry([r.survey for r in own if r.in_use])),
         ("Method", "minimum curvature"),
-        ("Plan", plan.name if plan is not None else "none"),
+        ("Plan", typed(plan.name) if plan is not None else "none"),
         ("Surveys", _counted(own)),
         ("Report made", utc(made_ns)),
         ("Software", software),
     ]
-    return tuple((label, plain(value)) for label, value in lines if value)
+    return tuple((label, value if isinstance(value, Typed) else plain(value)) for label, value in lines if value)
+
+
+def _tools(own: Sequence[SurveyRecord]) -> str:
+    """Return the tools of a leg: words of WITSML, or else names that people gave."""
+    tools = sorted({r.tool for r in own if r.tool})
+    text = ", ".join(tools)
+    return text if all(tool.lower() in TOOL_CODES for tool in tools) else typed(text)
 
 
 def _counted(own: Sequence[SurveyRecord]) -> str:

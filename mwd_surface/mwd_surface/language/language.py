@@ -47,11 +47,11 @@ TYPED = frozenset(
         "logo",
     )
 )
-_LEAST = 5  # letters of a template
+_LEAST = 4  # letters of a template
 _DEPTH = 6  # of sentences within sentences
 # Work for one sentence, in letters searched for templates: five times what any text of the sources needs (a test says
 # so). A longer search ends with the best translation found, so that a text of a stranger cannot hold up the page.
-_WORK = 60_000
+_WORK = 80_000
 _EACH = 100  # of a search in any text
 
 

@@ -185,7 +185,7 @@ class AlarmBook:
             return True, "there is nothing to acknowledge"
         for key in wanted:
             seen = dataclasses.replace(self._alarms[key], acknowledged=True, acknowledged_by=operator_name)
-            self._store(seen, "acknowledged", f"{seen.text} (by {operator_name})", stamp_ns)
+            self._store(seen, "acknowledged", f"{seen.text} (acknowledged by {operator_name})", stamp_ns)
             if not seen.active:
                 del self._alarms[key]
         return True, f"{operator_name} acknowledged {', '.join(wanted)}"

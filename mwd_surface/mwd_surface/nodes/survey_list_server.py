@@ -176,9 +176,9 @@ class SurveyListServer(SurveyBook):
         for record in self.surveys.records:
             if record.in_use and record.survey.uuid not in used:
                 self.publish_accepted(record)
-        text = f"survey {request.sequence} {word} by {request.operator_name}"
-        self._alarm_log.log_event("survey", text + (f": {request.reason}" if request.reason else ""))
-        response.success, response.message = True, text
+        because = f": {request.reason}" if request.reason else ""
+        self._alarm_log.log_event("survey", f"survey {request.sequence} {word} by {request.operator_name}{because}")
+        response.success, response.message = True, f"survey {request.sequence} {word} by {request.operator_name}"
         return response
 
     def set_depth(self, request: Any, response: Any) -> Any:

@@ -24,6 +24,15 @@ class Printed(str):
         return printed
 
 
+class Typed(str):
+    """A text that people have typed: a name, a comment, a reason. It is neither translated nor converted."""
+
+
+def typed(text: str) -> Typed:
+    """Return a text that people have typed, on one line."""
+    return Typed(plain(text))
+
+
 def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
     """
     Return a number with the given number of decimals (`Printed`); empty for None or if not finite.

@@ -18,6 +18,7 @@ from mwd_surface.exports.report_pdf import report_pdf
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.language.language import Language, language
 from mwd_surface.plots import fonts
+from mwd_surface.surveys.leg import Origin
 
 ENGLISH, CHINESE = language("en"), language("zh_CN")
 
@@ -73,6 +74,40 @@ def test_a_report_in_a_language_has_the_same_numbers(report):
     for old, new in zip(report.sheets, for_people(report, CHINESE, "metric").sheets, strict=True):
         for a, b in zip(old.rows, new.rows, strict=True):
             assert [sorted(numbers.findall(x)) for x in a] == [sorted(numbers.findall(x)) for x in b]
+
+
+# Texts of the catalogue, and a length, that people may have typed.
+TYPED = ("no data at all", "north", "stop: the tool turns", "seen at 12 m", "tool and rig")
+
+
+@pytest.mark.parametrize("typed", TYPED)
+@pytest.mark.parametrize("said", [ENGLISH, CHINESE])
+def test_what_people_typed_is_neither_translated_nor_converted(typed, said):
+    """Names of the head, people, their reasons and comments, in a report in another language and in feet."""
+    surveys = example.table().surveys
+    surveys = surveys.remark(1, typed).reject(2, typed, f"{typed} seen", 10**18)
+    names = dict.fromkeys(("name", "company", "field", "rig", "service_company", "job_number", "revision"), typed)
+    surveys = dataclasses.replace(surveys, well=dataclasses.replace(surveys.well, **names))
+    report = for_people(content(survey_table(surveys, 10**18)), said, "field")
+    assert sum(value == typed for _, value in report.header) == len(names)
+    cells = [cell for sheet in report.sheets for row in sheet.rows for cell in row]
+    assert cells.count(f"{typed} seen") == 1  # the reason
+    assert cells.count(typed) == 2  # the person, and the comment
+    assert typed in report.title
+
+
+def test_the_words_of_the_program_among_names_are_translated():
+    """The first leg, tools in the words of WITSML, and the source of the tie-on are no names that people gave."""
+    table = example.table()
+    words = {"gyro north seeking": "陀螺寻北", "north": "north"}
+    for tool, said in words.items():
+        records = [dataclasses.replace(record, tool=tool) for record in table.surveys.records]
+        surveys = dataclasses.replace(table.surveys, records=tuple(records))
+        header = for_people(content(survey_table(surveys, 10**18)), CHINESE, "metric").header
+        assert said in [value for _, value in header]
+    assert CHINESE.entries["main"] in [value for _, value in header]
+    for origin in Origin:
+        assert not CHINESE.unknown(f"{origin}, 300.00 m MD, 1.00 deg, 20.00 deg")
 
 
 def test_numbers_have_the_decimal_mark_of_the_language(report):

@@ -82,6 +82,14 @@ def test_what_a_person_typed_stays_even_where_the_catalogue_has_it(name):
     assert f": {name}" in CHINESE.say(f"Ann took control back: {name}")
 
 
+@pytest.mark.parametrize("template", [one for one in TEMPLATES if language_module.TYPED & set(names(one))])
+@pytest.mark.parametrize("typed", ["no data at all", "north", "tool or rig", "Salt and Pepper"])
+def test_every_sentence_keeps_what_people_typed_in_it(template, typed):
+    values = {name: typed if name in language_module.TYPED else "7.5" for name in names(template)}
+    said = CHINESE.say(template.format(**values))
+    assert said == CHINESE.entries[template].format(**values)
+
+
 @pytest.mark.parametrize("name", ["Salt and Pepper", "Salt at Pepper", "Ax, B or C", "north: Salt.csv", "tool; Ann's"])
 def test_a_list_is_split_only_where_every_piece_is_known(name):
     assert CHINESE.say(name) == name

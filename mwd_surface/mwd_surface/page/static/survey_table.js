@@ -187,7 +187,7 @@ export class SurveyTable {
       ...(row.disturbances.length ? [[t("May be disturbed by"), row.disturbances.map(([words, odds]) => `${say(words)} ${percent(odds)}`).join(", ")]] : []),
       [t("Judged by"), (row.accepted_by === "automatic" ? t("automatic") : row.accepted_by) + (row.judged_reason ? `: ${row.judged_reason}` : "")],
       [t("Leg, tool"), [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
-      [t("Comment"), say(row.comment) || "–"],
+      [t("Comment"), row.comment || "–"],
     ];
     const why = [...row.reasons, ...row.flags];
     const box = el("div", { class: "detail" },

@@ -72,8 +72,8 @@ const MARKS = ["; ", ": ", ", ", " or ", " and ", " · "];
 // Values that people have typed; they stay as typed.
 const TYPED = new Set(["name", "name1", "name2", "operator", "operator_name", "because", "plan", "well", "wellbore", "path", "file", "logo"]);
 const DEPTH = 6;
-const LEAST = 5; // letters of a template
-const WORK = 60000; // letters searched for one sentence
+const LEAST = 4; // letters of a template
+const WORK = 80000; // letters searched for one sentence
 const EACH = 100; // letters of a search in any text
 const KEPT = 2000; // sentences that are kept
 let kept = new Map();
