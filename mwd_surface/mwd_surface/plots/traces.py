@@ -142,7 +142,8 @@ def _stick_slip(samples: Samples) -> Array:
 
 def _count_rate(samples: Samples) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return (samples["counts"] / samples["duration"])[:, None]
+        rate: Array = samples["counts"] / samples["duration"]
+    return rate[:, None]
 
 
 _IMU = (
