@@ -72,11 +72,12 @@ def test_a_configuration_is_not_overwritten(folder):
 
 
 @pytest.mark.slow
-def test_no_word_is_said_with_its_reason(folder):
+def test_another_pulse_width_of_the_tool_is_said_and_used(folder):
     text = (folder / "tool.yaml").read_text().replace("pulse_width_s: 0.8", "pulse_width_s: 0.37")
     (folder / "other.yaml").write_text(text)
-    said = run("decode", folder / "well" / "pressure.csv", "--tool", folder / "other.yaml", "-o", folder / "none")
-    assert not [row for row in rows(folder / "none" / "words.csv") if row["status"] == "believed"]
+    said = run("decode", folder / "well" / "pressure.csv", "--tool", folder / "other.yaml", "-o", folder / "found")
+    sent = [row["raw"] for row in rows(folder / "well" / "sent.csv")]
+    assert [row["raw"] for row in rows(folder / "found" / "words.csv") if row["status"] == "believed"] == sent
     assert "the tool sends pulses of 0.8 s, not of 0.37 s as set here" in " ".join(said.split())
 
 
