@@ -108,3 +108,16 @@ def test_locked_packages_are_installed_with_their_hashes_required():
     lines = [line for path in users for line in path.read_text().splitlines() if '"-r"' in line or " -r .ci/" in line]
     assert len(lines) == 3
     assert all("--require-hashes" in line for line in lines)
+
+
+def test_no_file_holds_the_marks_of_an_unfinished_merge():
+    tops = (*PACKAGES, "mwd_msgs", "bags/scenarios", "docs", "tests", ".ci")
+    suffixes = {".py", ".md", ".js", ".css", ".html", ".po", ".yaml", ".msg", ".srv", ".action", ".csv", ".xml", ""}
+    paths = [path for top in tops for path in (ROOT / top).rglob("*") if path.is_file() and path.suffix in suffixes]
+    marks = re.compile(rb"^(<{7}|>{7}) ", re.MULTILINE)
+    held = [
+        str(path.relative_to(ROOT))
+        for path in paths
+        if "node_modules" not in path.parts and marks.search(path.read_bytes())
+    ]
+    assert held == []
