@@ -50,7 +50,7 @@ _SLIDES_S = 5.0  # a slide is under way for so long before it is photographed
 
 
 def _surveyed(s: Sections) -> bool:
-    return bool(s["survey_progress"]["active"])
+    return bool(s["survey_progress"] and s["survey_progress"]["active"])
 
 
 def _rotating(s: Sections) -> bool:

@@ -128,7 +128,7 @@ class Outages:
 
 def is_whole(sections: Mapping[str, Any]) -> bool:
     """Whether a page shows a recording and a live attitude."""
-    if not sections or sections["recorder"]["state"] != "recording":
+    if not sections or sections["recorder"] is None or sections["recorder"]["state"] != "recording":
         return False
     return bool(sections["attitude"]["inclination"]["state"] == LIVE)
 

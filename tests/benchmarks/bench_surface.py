@@ -116,7 +116,8 @@ def live(folder: Path, seconds: float) -> list[str]:
 def recorded(address: str) -> int:
     """Messages written so far."""
     with urllib.request.urlopen(f"{address}state.json", timeout=10) as answer:  # noqa: S310  (loopback)
-        return int(json.loads(answer.read())["sections"]["recorder"]["messages"])
+        recorder = json.loads(answer.read())["sections"]["recorder"]
+    return int(recorder["messages"]) if recorder else 0
 
 
 def share(pid: int, seconds: float, counts: list[int], address: str) -> tuple[float, float, float, float]:

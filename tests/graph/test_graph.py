@@ -186,7 +186,6 @@ def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
     sections = played["page"]["sections"]
     assert sections["plan"]["name"] == "plan.csv"
     assert len(sections["plan"]["north"]) > 20
-    assert sections["offset"]["known"]
     # The simulated hole starts at the wellhead of the plan.
     assert sections["offset"]["distance"] < 20.0
     assert sections["offset"]["dogleg_to_target"] > 0.0
@@ -204,7 +203,7 @@ def test_a_plan_that_cannot_be_read_is_an_alarm_and_the_page_goes_on_without(pla
     assert played["reported"]["bad plan"][0]
     sections = played["page without plan"]["sections"]
     assert sections["plan"]["name"] == ""
-    assert not sections["offset"]["known"]
+    assert sections["offset"] is None
     assert sections["toolface"]["advisory"] is None
     assert any(a["id"] == "plan.file" and "no/such.csv" in a["text"] for a in sections["alarms"]["rows"])
 
