@@ -59,12 +59,32 @@ def test_the_page_says_a_sentence_as_the_report_does(browser, forget):
     sentences = [re.sub(r"\{\w+\}", lambda m: f"{len(m[0])}.5", one) for one in templates]
     sentences += [f"{a}; {b}" for a, b in zip(sentences, sentences[7:], strict=False)]
     sentences += ["", "nobody wrote this", "survey 4: Ann's own words", "x is -y", "12.5 deg", "stop drilling"]
+    sentences += ["Salt and Pepper", "north: Salt.csv", "tool at 12:30", "A, B or C", "tool; Ann's", "recorder: stop"]
+    sentences += [f"accepted by {name} against the automatic verdict reject" for name in ("north", "tool; rig", "x: y")]
+    sentences += [
+        "no : is of at , ; " * 900,
+        "; ".join(sentences[:40]),
+        " and ".join([*templates[:80], "zz"]),
+        "a" * 99_999,
+    ]
     with rig_on(browser):
         in_chinese(browser)
         said = browser.execute_async_script(
             "const done = arguments[1]; import('./words.js').then(({ say }) => done(arguments[0].map(say)))", sentences
         )
     assert said == [CHINESE.say(one) for one in sentences]
+
+
+def test_what_a_person_typed_about_a_survey_is_shown_as_it_is(browser, forget):
+    """Comment, reason and name of a person are no texts of the catalogue, even where it has the same words."""
+    assert CHINESE.unknown("no data") == 0
+    with rig_on(browser) as rig:
+        rig.list = rig.list.remark(4, "no data").reject(4, "north", "stop", 9)
+        rig.publish()
+        in_chinese(browser)
+        click(browser, "[data-keep=row-4]")
+        wait(browser, lambda: "no data" in text(browser, ".detail"))
+        assert "north: stop" in text(browser, ".detail")
 
 
 def test_the_language_is_chosen_on_the_page_and_kept(browser, forget):
