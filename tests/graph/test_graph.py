@@ -192,7 +192,7 @@ def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
     assert math.degrees(sections["toolface"]["advisory"]["toolface"]) == pytest.approx(30.0)
     assert math.degrees(sections["well"]["section_azimuth"]) == pytest.approx(49.0, abs=2.0)
     assert 5.2e-5 < sections["well"]["field"]["total"] < 5.7e-5
-    assert "WMM" in sections["well"]["field_source"]
+    assert "WMM" in sections["well"]["field"]["source"]
     assert played["progress"] == "survey 1: accept"
     assert played["taking"]["remaining"] > 0.0
     assert played["taking"]["state"] in ("letting the string settle", "averaging")

@@ -23,6 +23,10 @@ class Printed(str):
         printed.number, printed.decimals = number, decimals
         return printed
 
+    def __getnewargs__(self) -> tuple[str, float, int]:  # type: ignore[override]
+        """Return what a copy, also one by pickle, is made of."""
+        return str(self), self.number, self.decimals
+
 
 class Typed(str):
     """A text that people have typed: a name, a comment, a reason. It is neither translated nor converted."""
