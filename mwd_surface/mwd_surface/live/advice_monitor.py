@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.survey_list import SurveyList
@@ -15,7 +17,7 @@ class AdviceMonitor:
     """Advice for one well."""
 
     def __init__(self, context: WellContext) -> None:
-        self._live, self._outlet = context.live, context.outlet
+        self._live, self._outlet, self._clock = context.live, context.outlet, context.clock
         self._advice: Advice | None = None
 
     def update(
@@ -37,6 +39,8 @@ class AdviceMonitor:
         if advice == self._advice:
             return
         self._advice = advice
+        # The page shows the stamp that the message has, as a viewer of its recording does.
+        advice = dataclasses.replace(advice, stamp_ns=self._clock.now_ns)
         self._live.show(now, advice=advice)
         self._outlet.on_advice(advice)
 
