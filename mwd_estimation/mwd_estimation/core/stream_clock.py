@@ -25,7 +25,7 @@ _MEMORY = 1000  # longest memory of the line, samples: the jitter of a stamp bec
 _FIRST = 50  # number of samples until the line is used
 _EVEN = 1e-4  # s, jitter below which stamps are left as they are: at 120 r/min 0.07 deg of toolface
 _FAR = 4.0  # sigmas beyond half a period: a stamp farther from the line is late, or samples are missing
-_CONFIRMED = 4  # so many samples in a row that far from the line show another clock, not late samples
+_CONFIRMED = 4  # this number of samples in a row, each that far from the line, shows another clock
 _SILENCE = 0.5  # s, a longer step is a data gap
 _LATE = 10.0  # periods; a sample farther from the line is behind a data gap
 

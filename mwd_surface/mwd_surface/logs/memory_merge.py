@@ -11,6 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -198,10 +199,7 @@ def rotation_of_rig(bag: Bag, well: str = "") -> Rotation:
     BagError
         It has none.
     """
-    name = topic_of(bag, RIG, wire.RIG_STATE.type_name, well)
-    if name is None:
-        raise BagError(f"{bag.path} has no rig data, {RIG}", "the clocks are compared by the rotation that it has")
-    samples, _ = wire.decode_messages(wire.RIG_STATE, [data for _, _, _, data in bag.messages([name])])
+    samples = _samples(bag, RIG, wire.RIG_STATE, well, "the clocks are compared by the rotation in the rig data")
     known = (samples["valid"] & wire.RIG_VALID["rotary_speed"]) != 0
     return _rising(samples["stamp_ns"][known], samples["rotary_speed"][known])
 
@@ -215,11 +213,16 @@ def rotation_of_memory(bag: Bag, well: str = "") -> Rotation:
     BagError
         It has none.
     """
-    name = topic_of(bag, GRAVITY, wire.GRAVITY.type_name, well)
-    if name is None:
-        raise BagError(f"{bag.path} has no rotary speed, {GRAVITY}", "is it a dump of a memory (`mwd memory dump`)?")
-    samples, _ = wire.decode_messages(wire.GRAVITY, [data for _, _, _, data in bag.messages([name])])
+    samples = _samples(bag, GRAVITY, wire.GRAVITY, well, "is it a dump of a memory (`mwd memory dump`)?")
     return _rising(samples["stamp_ns"], samples["rotary_speed"])
+
+
+def _samples(bag: Bag, topic: str, layout: wire.Layout, well: str, remedy: str) -> Samples:
+    """Return the samples of a topic; BagError with the remedy if the recording has none."""
+    name = topic_of(bag, topic, layout.type_name, well)
+    if name is None:
+        raise BagError(f"{bag.path} has no rotation, {topic}", remedy)
+    return wire.decode_messages(layout, [data for _, _, _, data in bag.messages([name])])[0]
 
 
 def _rising(stamps: np.ndarray, speed: np.ndarray) -> Rotation:

@@ -158,7 +158,24 @@ class _Arrivals:
         return np.asarray(np.linspace(last, now, count + 1)[1:])
 
 
-class LineSource:
+class _OfStream:
+    """What all sources that read a stream of bytes say of it."""
+
+    _stream: _Bytes
+    _wrong: str  # what is wrong with the bytes; empty: nothing
+
+    @property
+    def failure(self) -> str:
+        """Reason why no samples arrive."""
+        return self._stream.failure or self._wrong
+
+    @property
+    def ended(self) -> bool:
+        """Whether no more samples will come."""
+        return self._stream.ended
+
+
+class LineSource(_OfStream):
     """
     Pressure in lines of text: cells separated by commas, semicolons, tabs or spaces.
 
@@ -179,16 +196,6 @@ class LineSource:
         self._head: list[str] = []
         self._format: _Format | None = None
         self._wrong, self._without, self._heard = "", 0, False
-
-    @property
-    def failure(self) -> str:
-        """Reason why no samples arrive."""
-        return self._stream.failure or self._wrong
-
-    @property
-    def ended(self) -> bool:
-        """Whether no more samples will come."""
-        return self._stream.ended
 
     def read(self) -> tuple[Array, Array]:
         """Return times, s, and pressures, Pa, since the last call; a line without a pressure is left out."""
@@ -307,7 +314,7 @@ class _Format:
         return [cell.strip().strip('"') for cell in (line.split(self._separator) if self._separator else line.split())]
 
 
-class WitsSource:
+class WitsSource(_OfStream):
     """
     Pressure in frames of WITS level 0; the time of arrival counts, because the times of WITS have whole seconds.
 
@@ -331,16 +338,6 @@ class WitsSource:
         self._code, self._stream, self._arrivals = int(code), stream, _Arrivals(clock)
         self._decoder, self._breaks = wits.Decoder(), 0
         self._wrong = ""
-
-    @property
-    def failure(self) -> str:
-        """Reason why no samples arrive."""
-        return self._stream.failure or self._wrong
-
-    @property
-    def ended(self) -> bool:
-        """Whether no more samples will come."""
-        return self._stream.ended
 
     def read(self) -> tuple[Array, Array]:
         """Return times, s, and pressures, Pa, since the last call."""

@@ -7,30 +7,15 @@ from types import SimpleNamespace
 
 import example_surveys as example
 import pytest
+from example_alarms import Alarms
 
-from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.alarms import Severity
 from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.page.state_json import StateJson
 
 NEAR = "wells: [{name: A-3, file: beside.csv, north_m: -20.0}]"
-
-
-class Log:
-    """The alarm log without a node."""
-
-    def __init__(self):
-        self.book = AlarmBook()
-
-    def raise_alarm(self, alarm_id, severity, text, remedy=""):
-        self.book.raise_alarm(alarm_id, severity, text, remedy, 1)
-
-    def clear_alarm(self, alarm_id):
-        self.book.clear(alarm_id, 2)
-
-    def active(self):
-        return {alarm.id: alarm for alarm in self.book.alarms() if alarm.active}
 
 
 class Worker:
@@ -59,7 +44,7 @@ def surveys(folder):
 
 
 def monitor():
-    context = SimpleNamespace(clock=WellClock(), live=LiveState(), alarm_log=Log(), outlet=Worker())
+    context = SimpleNamespace(clock=WellClock(), live=LiveState(), alarm_log=Alarms(), outlet=Worker())
     return ClearanceMonitor(context, SimpleNamespace(plan=None)), context
 
 

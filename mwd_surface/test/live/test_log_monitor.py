@@ -6,31 +6,15 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from example_alarms import Alarms
 
 from mwd_sensors.telemetry.log_channels import LogSample
-from mwd_surface.live.alarms import AlarmBook
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.logs.depth_log import DepthLog
 
 S = 10**9
 T0 = 10**18
-
-
-class Log:
-    """The alarm log without a node."""
-
-    def __init__(self):
-        self.book = AlarmBook()
-
-    def raise_alarm(self, alarm_id, severity, text, remedy=""):
-        self.book.raise_alarm(alarm_id, severity, text, remedy, 1)
-
-    def clear_alarm(self, alarm_id):
-        self.book.clear(alarm_id, 2)
-
-    def active(self):
-        return {alarm.id: alarm.text for alarm in self.book.alarms() if alarm.active}
 
 
 def message(at_s=50.0, **more):
@@ -40,13 +24,13 @@ def message(at_s=50.0, **more):
 
 @pytest.mark.parametrize("offset", [math.inf, -math.inf, -1e9, 1e9])
 def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goes_on(offset):
-    alarms, live, logs = Log(), LiveState(), DepthLog()
+    alarms, live, logs = Alarms(), LiveState(), DepthLog()
     monitor = LogMonitor(SimpleNamespace(live=live, alarm_log=alarms), SimpleNamespace(logs=logs))
     for at in range(101):
         logs.add_depth(T0 + at * S, 1000.0)
     monitor.on_sample(message(sensor_to_bit=offset))
     monitor.update(1.0)
-    (text,) = alarms.active().values()
+    (text,) = (alarm.text for alarm in alarms.active().values())
     assert "sensor" in text
     monitor.on_sample(message())
     monitor.update(2.0)

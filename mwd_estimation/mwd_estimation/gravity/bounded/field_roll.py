@@ -173,7 +173,7 @@ def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> Non
     cosine, sine = math.cos(heading), math.sin(heading)
     for v in (s.vel, s.pos):
         v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]
-    # All samples share the error of the angle, so many samples do not give a better roll than one sample.
+    # All samples share the error of the angle: their mean gives no better roll than one of them.
     missing = variance - (nx * nx * P[TILT, TILT] + 2.0 * nx * ny * P[TILT, TILT + 1] + ny * ny * P[TILT + 1, TILT + 1])
     if missing > 0.0:
         for a in range(2):

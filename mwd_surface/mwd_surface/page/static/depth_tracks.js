@@ -1,5 +1,6 @@
 // Tracks over depth, deepest at the bottom: the values measured while the hole was drilled, with slides and surveys.
 
+import { EDGE, depthPlot, lines, range } from "./depth_axis.js";
 import { el, scale, svg } from "./dom.js";
 import { shadesOf, unwrapped } from "./charts.js";
 import * as units from "./units.js";
@@ -14,32 +15,10 @@ const TRACKS = [
   ["shocks", t("Shocks"), "count"],
 ];
 const LEAST_WIDTH = 84;
-const EDGE = { left: 66, mode: 26, top: 44, bottom: 8, gap: 12 };
-
-function range(values) {
-  if (!values.length) return [0, 1];
-  const [low, high] = [Math.min(...values), Math.max(...values)];
-  const room = Math.max((high - low) * 0.05, Math.abs(high) * 0.002, 0.05);
-  return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
-}
+const MODE = 26; // px of the column of slides
+const GAP = 12; // px between tracks
 
 const short = (v) => units.decimal(v.toFixed(Math.abs(v) < 10 ? 1 : 0));
-
-function nice(span, wanted) {
-  const raw = Math.max(span, 1e-6) / wanted;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= raw);
-}
-
-// Break lines where a step has no value.
-function runs(xs, ys) {
-  const parts = [[]];
-  xs.forEach((x, k) => {
-    if (x === null) parts.push([]);
-    else parts[parts.length - 1].push(`${x.toFixed(1)},${ys[k].toFixed(1)}`);
-  });
-  return parts.filter((part) => part.length);
-}
 
 export function depthTracks(log, steering, surveys, size) {
   const depths = log.rows.map((row) => row[0]);
@@ -50,32 +29,21 @@ export function depthTracks(log, steering, surveys, size) {
   // Show only the last drilled part of a long hole.
   const [bottom, top] = [Math.max(...all), Math.max(Math.min(...all), Math.max(...all) - 600)];
   const [width, height] = [Math.max(330, size.width / scale()), Math.max(220, size.height / scale())];
-  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": t`Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
-  const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
-  const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
-  const step = nice(deep - shallow, Math.max(2, height / 60));
-  for (let v = Math.ceil(shallow / step) * step; v <= deep; v += step) {
-    const at = y(top + ((v - shallow) / Math.max(deep - shallow, 1e-9)) * (bottom - top));
-    plot.append(
-      svg("line", { class: "grid", x1: EDGE.left, x2: width, y1: at, y2: at }),
-      svg("text", { class: "tick", x: EDGE.left - 6, y: at + 4, "text-anchor": "end" }, v.toFixed(0)),
-    );
-  }
-  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, t`MD, ${units.unit("depth")}`));
+  const { plot, y } = depthPlot({ width, height, top, bottom, label: t`Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
   modes(plot, stretches, y, top);
-  const first = EDGE.left + EDGE.mode + EDGE.gap;
+  const first = EDGE.left + MODE + GAP;
   // Show fewer tracks on a narrow screen instead of thinner ones.
   const tracks = TRACKS.slice(0, Math.max(1, Math.min(TRACKS.length, Math.floor((width - first) / LEAST_WIDTH))));
-  const wide = (width - first) / tracks.length - EDGE.gap;
+  const wide = (width - first) / tracks.length - GAP;
   const shades = shadesOf(depths, log.rows.map((row) => row[log.columns.indexOf("doubt")]));
   tracks.forEach(([column, title, kind], k) => {
-    const left = first + k * (wide + EDGE.gap);
+    const left = first + k * (wide + GAP);
     const index = log.columns.indexOf(column);
     const raw = log.rows.map((row) => (row[0] < top ? null : row[index]));
     const values = (kind === "bearing" ? unwrapped(raw) : raw).map((v) => (v === null ? null : units.plain(kind, v)));
     const points = column === "inclination" ? stations.filter((s) => s.measured_depth >= top) : [];
     const marks = points.map((s) => units.plain(kind, s.inclination));
-    const [low, high] = range([...values.filter((v) => v !== null), ...marks]);
+    const [low, high] = range([...values.filter((v) => v !== null), ...marks], 0.002);
     const x = (v) => left + ((v - low) / (high - low)) * wide;
     for (const [from, to, level] of shades) {
       if (to > top) plot.append(svg("rect", { class: level > 1 ? "shade-bad" : "shade-doubt", x: left, width: wide, y: y(Math.max(from, top)), height: Math.max(1, y(to) - y(Math.max(from, top))) }));
@@ -86,7 +54,7 @@ export function depthTracks(log, steering, surveys, size) {
       svg("text", { class: "tick", x: left, y: EDGE.top - 8 }, short(kind === "bearing" ? units.turn(low) : low)),
       svg("text", { class: "tick", x: left + wide, y: EDGE.top - 8, "text-anchor": "end" }, short(kind === "bearing" ? units.turn(high) : high)),
     );
-    for (const part of runs(values.map((v) => (v === null ? null : x(v))), depths.map(y))) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
+    for (const part of lines(values.map((v, i) => (v === null ? null : [x(v), y(depths[i])])))) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
     marks.forEach((v, n) => plot.append(svg("circle", { class: "station", cx: x(v), cy: y(points[n].measured_depth), r: 4 })));
   });
   return plot;
@@ -94,11 +62,11 @@ export function depthTracks(log, steering, surveys, size) {
 
 // Mark the mode with a letter as well as a colour: S slid, R rotated.
 function modes(plot, stretches, y, top) {
-  plot.append(svg("text", { class: "axis", x: EDGE.left + EDGE.mode / 2, y: 14, "text-anchor": "middle" }, t("S/R")));
+  plot.append(svg("text", { class: "axis", x: EDGE.left + MODE / 2, y: 14, "text-anchor": "middle" }, t("S/R")));
   for (const s of stretches) {
     if (s.to_depth <= top) continue;
     const [from, to] = [y(Math.max(s.from_depth, top)), y(s.to_depth)];
-    plot.append(svg("rect", { class: `mode-${s.mode}`, x: EDGE.left, y: from, width: EDGE.mode, height: Math.max(1, to - from) }));
-    if (to - from > 14) plot.append(svg("text", { class: "mode-letter", x: EDGE.left + EDGE.mode / 2, y: (from + to) / 2 + 4, "text-anchor": "middle" }, say(s.mode)[0].toUpperCase()));
+    plot.append(svg("rect", { class: `mode-${s.mode}`, x: EDGE.left, y: from, width: MODE, height: Math.max(1, to - from) }));
+    if (to - from > 14) plot.append(svg("text", { class: "mode-letter", x: EDGE.left + MODE / 2, y: (from + to) / 2 + 4, "text-anchor": "middle" }, say(s.mode)[0].toUpperCase()));
   }
 }

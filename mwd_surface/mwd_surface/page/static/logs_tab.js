@@ -1,5 +1,6 @@
 // Log channels over depth, first pass: a track for each channel, the gamma with its sigma, and the image of its sectors.
 
+import { EDGE, depthPlot, lines, range } from "./depth_axis.js";
 import { byId, el, scale, svg } from "./dom.js";
 import * as units from "./units.js";
 import { say, t } from "./words.js";
@@ -7,7 +8,7 @@ import { say, t } from "./words.js";
 // Kind of the numbers by the unit of a channel; another unit is shown as it comes.
 const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
 const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration") };
-const EDGE = { left: 66, top: 44, bottom: 8, gap: 14 };
+const GAP = 14; // px between tracks
 const MOST_SHOWN = 300; // m of hole at most
 const [SATURATED, ONE_SIDED] = [4, 16]; // qualities, as in mwd_msgs/LogSample
 const LEAST_ROW = 2; // px of one row of the image
@@ -15,29 +16,6 @@ const LEAST_ROW = 2; // px of one row of the image
 const title = (name) => TITLE[name] || say(name.replaceAll("_", " "));
 const plain = (unit, v) => (KIND[unit] ? units.plain(KIND[unit], v) : v);
 const symbol = (unit) => (KIND[unit] ? units.unit(KIND[unit]) : unit.replace("gAPI", "API"));
-
-function nice(span, wanted) {
-  const raw = Math.max(span, 1e-6) / wanted;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= raw);
-}
-
-function range(values) {
-  if (!values.length) return [0, 1];
-  const [low, high] = [Math.min(...values), Math.max(...values)];
-  const room = Math.max((high - low) * 0.05, Math.abs(high) * 0.01, 0.05);
-  return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
-}
-
-// Lines broken where a step has no value.
-function lines(points) {
-  const parts = [[]];
-  for (const point of points) {
-    if (point === null) parts.push([]);
-    else parts[parts.length - 1].push(`${point[0].toFixed(1)},${point[1].toFixed(1)}`);
-  }
-  return parts.filter((part) => part.length);
-}
 
 export function showLogs(sections) {
   const place = byId("tab-logs");
@@ -65,22 +43,11 @@ function tracks(channels, { width, height }) {
   const depths = channels.flatMap((c) => [c.rows[0][0], c.rows[c.rows.length - 1][0]]);
   const bottom = Math.max(...depths);
   const top = Math.max(Math.min(...depths), bottom - MOST_SHOWN);
-  const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width: `${width / 16}rem`, height: `${height / 16}rem`, role: "img", class: "plot", "aria-label": t`Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
-  const y = (depth) => EDGE.top + ((depth - top) / Math.max(bottom - top, 1)) * (height - EDGE.top - EDGE.bottom);
-  const [shallow, deep] = [units.plain("depth", top), units.plain("depth", bottom)];
-  const step = nice(deep - shallow, Math.max(2, height / 60));
-  for (let v = Math.ceil(shallow / step) * step; v <= deep; v += step) {
-    const at = y(top + ((v - shallow) / Math.max(deep - shallow, 1e-9)) * (bottom - top));
-    plot.append(
-      svg("line", { class: "grid", x1: EDGE.left, x2: width, y1: at, y2: at }),
-      svg("text", { class: "tick", x: EDGE.left - 6, y: at + 4, "text-anchor": "end" }, v.toFixed(0)),
-    );
-  }
-  plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, t`MD, ${units.unit("depth")}`));
+  const { plot, y } = depthPlot({ width, height, top, bottom, label: t`Logs to ${units.number("depth", bottom)} ${units.unit("depth")}` });
   const wanted = channels.flatMap((c) => [[curve, c], ...(c.sectors.some((row) => row.some((v) => v !== null)) ? [[image, c]] : [])]);
   const shown = wanted.slice(0, Math.max(1, Math.floor((width - EDGE.left) / 100)));
-  const wide = (width - EDGE.left) / shown.length - EDGE.gap;
-  shown.forEach(([draw, channel], k) => draw(plot, channel, { left: EDGE.left + EDGE.gap + k * (wide + EDGE.gap), wide: wide - EDGE.gap, height, y, top }));
+  const wide = (width - EDGE.left) / shown.length - GAP;
+  shown.forEach(([draw, channel], k) => draw(plot, channel, { left: EDGE.left + GAP + k * (wide + GAP), wide: wide - GAP, height, y, top }));
   return plot;
 }
 
@@ -101,7 +68,7 @@ function curve(plot, channel, room) {
   const rows = channel.rows.filter((row) => row[0] >= room.top);
   const known = rows.filter((row) => row[1] !== null);
   const sigma = (row) => (row[2] === null ? 0 : row[2]);
-  const [low, high] = range(known.flatMap((row) => [plain(channel.unit, row[1] - sigma(row)), plain(channel.unit, row[1] + sigma(row))]));
+  const [low, high] = range(known.flatMap((row) => [plain(channel.unit, row[1] - sigma(row)), plain(channel.unit, row[1] + sigma(row))]), 0.01);
   const x = (v) => room.left + ((plain(channel.unit, v) - low) / (high - low)) * room.wide;
   frame(plot, `${title(channel.name)}${symbol(channel.unit) ? `, ${symbol(channel.unit)}` : ""}`, room);
   const digits = high - low < 10 ? 1 : 0;

@@ -1,16 +1,11 @@
 // Plan view, vertical section and a rotatable 3D view of well path and plan, drawn to scale.
 
+import { niceStep } from "./depth_axis.js";
 import { el, svg } from "./dom.js";
 import * as units from "./units.js";
 import { say, t } from "./words.js";
 
 const EDGE = { left: 62, right: 10, top: 8, bottom: 38 };
-
-function niceStep(span, wanted) {
-  const raw = span / wanted;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= raw);
-}
 
 const scaled = (values) => values.map((v) => (v === null ? null : units.plain("depth", v)));
 
