@@ -49,11 +49,6 @@ def operate(address, name, **given):
         return json.load(refused)
 
 
-def told(state):
-    """Time of a state, s on the clock of its page: that of its newest part."""
-    return state["now"] if state["sections"]["recorder"] else None
-
-
 @pytest.fixture(scope="module", params=sorted(RUNS))
 def run(request, tmp_path_factory):
     """States of the page of a run, and its recording."""
@@ -92,8 +87,7 @@ def test_the_viewer_shows_what_the_page_showed(run):
         player = Player(bag, namespace_of(bag), plan=plan)
         page = StateJson(player.well.live.settings)
         for state in states:
-            at = told(state)
-            at_s = -1.0 if at is None else at - player.well.clock.seconds(bag.start_ns)
+            at_s = state["state_at"] - player.well.clock.seconds(bag.start_ns)
             if not 2.0 <= at_s <= player.length_s:
                 continue
             player.seek(at_s)

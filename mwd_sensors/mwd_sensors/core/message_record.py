@@ -66,7 +66,7 @@ class MessageRecord:
             value = getattr(message.header if in_header else message, theirs)
             if name.endswith("_ns"):
                 values[name] = stamp_of(value)
-            elif kind is None:
+            elif kind is None or kind is float:
                 values[name] = _plain(value)
             elif issubclass(kind, enum.IntEnum):
                 try:
@@ -89,6 +89,9 @@ class MessageRecord:
                 value = time_message(value, make)
             elif kind is None:
                 value = list(value) if isinstance(value, tuple) else value
+            elif kind is float:
+                # An integer in a field of floats would be sent as another number: ROS does not convert it.
+                value = [float(one) for one in value] if isinstance(value, tuple) else float(value)
             elif issubclass(kind, enum.IntEnum):
                 value = int(value)
             elif isinstance(value, tuple):
@@ -121,7 +124,7 @@ def time_message(stamp_ns: int, make: Make) -> Any:
 
 
 def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]]:
-    """Return by field: whether it is in the header, its name in the message, and its record or enumeration type."""
+    """Return by field: whether it is in the header, its name in the message, and its type if it is to be converted."""
     found: dict[str, tuple[bool, str, Any]] = {}
     for field in dataclasses.fields(record):  # type: ignore[arg-type]
         if field.name in record.NOT_SENT:
@@ -129,7 +132,7 @@ def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]
         hint = _hints(record)[field.name]
         parts = [hint, *typing.get_args(hint)]
         types = (one for one in parts if isinstance(one, type))
-        nested = next((one for one in types if issubclass(one, (MessageRecord, enum.IntEnum))), None)
+        nested = next((one for one in types if issubclass(one, (MessageRecord, enum.IntEnum, float))), None)
         in_header = field.name in ("stamp_ns", "frame_id")
         found[field.name] = in_header, field.name.removesuffix("_ns"), nested
     return found

@@ -131,6 +131,9 @@ class StateFeed:
         """
         Return the text of the sections that are new to a client, the state it then knows, and whether any is new.
 
+        `now` of the text is the time at which it was made, for the ages of values; `state_at` is that of the state,
+        which is earlier: without a browser the state is taken once a second.
+
         cached: whether to use the texts kept for all clients, whose ages are those at the first sending.
         """
         snapshot = self.snapshot
@@ -140,7 +143,8 @@ class StateFeed:
             "skipped": skipped,
             "ready": snapshot is not None,
         }
-        head = f'{{"now": {self._now():.3f}, "server": {json.dumps(own)}, "sections": {{'
+        state_at = json.dumps(None if snapshot is None else snapshot["now"])
+        head = f'{{"now": {self._now():.3f}, "state_at": {state_at}, "server": {json.dumps(own)}, "sections": {{'
         if snapshot is None:
             return head + "}}", Seen(), False
         parts, now_has, strips = [], snapshot["revisions"], dict(seen.strips)

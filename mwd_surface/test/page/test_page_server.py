@@ -127,7 +127,7 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
 
 def test_a_state_that_cannot_be_sent_ends_the_connection_and_the_next_one_serves():
     async def end(ws):
-        server.push({"revisions": {"a": 1}, "sections": {"a": {"value": float("nan")}}})
+        server.push({"now": 0.0, "revisions": {"a": 1}, "sections": {"a": {"value": float("nan")}}})
         while (message := await ws.receive()).type == aiohttp.WSMsgType.TEXT:
             assert "a" not in json.loads(message.data)["sections"]
         return message.type
@@ -137,7 +137,7 @@ def test_a_state_that_cannot_be_sent_ends_the_connection_and_the_next_one_serves
 
     with running() as server:
         assert watch(server, end) in (aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.ERROR)
-        server.push({"revisions": {"a": 2}, "sections": {"a": {"value": 1.0}}})
+        server.push({"now": 0.0, "revisions": {"a": 2}, "sections": {"a": {"value": 1.0}}})
         assert watch(server, begin) == {"a": {"value": 1.0}}
 
 
