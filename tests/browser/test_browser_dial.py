@@ -31,6 +31,8 @@ def test_a_wanted_toolface_is_a_sector_with_a_word_for_inside_and_outside(browse
         wait(browser, lambda: "OUTSIDE" in text(browser, ".dial-note"))
         rig.live(toolface_deg=160.0, status=4)
         wait(browser, lambda: text(browser, ".dial-note") == "ROTATING")
+        rig.live(toolface_deg=160.0, status=int(Status.TOOLFACE_UNSETTLED))
+        wait(browser, lambda: text(browser, ".dial-note") == "MAY TURN")
 
 
 def test_the_needle_leaves_the_words_of_the_dial_readable(browser):

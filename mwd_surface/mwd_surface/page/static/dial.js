@@ -123,7 +123,9 @@ export class Dial {
       setText(this.side, gravity ? sideOf(degrees) : "");
       const inside = toolface.advisory?.inside ?? null;
       const word = inside === null ? unusualAge(cell, now) : inside ? t("INSIDE") : t("OUTSIDE");
-      const note = state === "stale" ? t`STALE ${ageOf(cell, now)}` : toolface.rotating ? t("ROTATING") : word;
+      // A string that stands after it has turned may be sticking: the toolface is not yet one to steer by.
+      const turning = attitude?.status?.includes("toolface_unsettled") && !attitude.status.includes("rotating") ? t("MAY TURN") : t("ROTATING");
+      const note = state === "stale" ? t`STALE ${ageOf(cell, now)}` : toolface.rotating ? turning : word;
       setText(this.note, note);
       mark(this.svg, "aria-label", t`Toolface ${degrees} degrees, ${words}, ${note}`);
     }
