@@ -31,13 +31,25 @@ class Format:
     make: Callable[[SurveyTable], bytes]
 
 
+def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
+    """Return a table with its columns and head block in the units of its well."""
+    from mwd_surface.exports.report_edge import Edge
+    from mwd_surface.language.language import ENGLISH, language
+    from mwd_surface.signals.units import FIELD
+
+    units = table.surveys.well.units
+    edge = Edge(language(ENGLISH), units == FIELD)
+    header = tuple((label, edge.head(label, value)) for label, value in table.header)
+    return dataclasses.replace(table.in_units(units), header=header)
+
+
 # Each is imported only when it is written: listing the formats (command help, page) needs none of them.
 
 
 def _csv(table: SurveyTable) -> bytes:
     from mwd_surface.exports.export_csv import definitive_csv
 
-    return definitive_csv(table).encode()
+    return definitive_csv(_in_units_of_the_well(table)).encode()
 
 
 def _raw_csv(table: SurveyTable) -> bytes:
@@ -53,13 +65,13 @@ def _raw_csv(table: SurveyTable) -> bytes:
 def _las(table: SurveyTable) -> bytes:
     from mwd_surface.exports.export_las import las
 
-    return las(table).encode()
+    return las(_in_units_of_the_well(table)).encode()
 
 
 def _witsml(table: SurveyTable) -> bytes:
     from mwd_surface.exports.export_witsml import witsml
 
-    return witsml(table).encode()
+    return witsml(_in_units_of_the_well(table)).encode()
 
 
 def _html(table: SurveyTable) -> bytes:

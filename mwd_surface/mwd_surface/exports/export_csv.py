@@ -34,11 +34,11 @@ def definitive_csv(table: SurveyTable) -> str:
     lines = []
     for k in table.rows:
         record = table.records[k]
-        known = {"leg": path.leg} if record is None else survey_csv.cells(record, north)
+        known = {"leg": path.leg} if record is None else survey_csv.cells(record, north, table.system)
         placed = {column.key: column.cell(k) for column in table.columns}
         named = {"azimuth_reference": path.north.name.lower(), "station": path.kind[k]}
         lines.append({**known, **placed, **named, "coordinates": "assumed" if path.assumed else ""})
-    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines)
+    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, system=table.system)
 
 
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:

@@ -48,7 +48,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     rows, left_out = _increasing(table)
     md = table.column("md_m")
     used = [table.records[k] for k in rows]
-    stamps = [r.survey.stamp_ns for r in used if r is not None]
+    stamps = [r.survey.stamp_ns for r in used if r is not None and r.survey.stamp_ns > 0]
     reference = next((r.survey for r in reversed(used) if r is not None and r.survey.has_reference), None)
     ids = (_uid(well.name), _uid(well.wellbore_name), _uid(uid or f"{well.wellbore_name}-{table.path.leg}"))
     head = [
@@ -59,7 +59,8 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     if stamps:
         head += [_text("dTimTrajStart", utc(min(stamps))), _text("dTimTrajEnd", utc(max(stamps)))]
     if rows:
-        head += [_measure("mdMn", md.cell(rows[0]), "m"), _measure("mdMx", md.cell(rows[-1]), "m")]
+        uom = UNITS["m"].witsml_in(table.system)
+        head += [_measure("mdMn", md.cell(rows[0]), uom), _measure("mdMx", md.cell(rows[-1]), uom)]
     if well.service_company:
         head.append(_text("serviceCompany", well.service_company, _NAME))
     if reference is not None:
@@ -99,7 +100,7 @@ def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
     why = []
     for k in table.rows:
         if rows and float(md.cell(k)) <= float(md.cell(rows[-1])):
-            why.append(f"station at {md.cell(k)} m omitted: not deeper than the one before")
+            why.append(f"station at {md.cell(k)} {md.unit} omitted: not deeper than the one before")
         else:
             rows.append(k)
     return rows, why
@@ -108,14 +109,14 @@ def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
 def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
     record, kind = table.records[k], table.path.kind[k]
     parts = []
-    if record is not None:
+    if record is not None and record.survey.stamp_ns > 0:
         parts.append(_text("dTimStn", utc(record.survey.stamp_ns)))
     parts.append(_text("typeTrajStation", _type(table, record, kind)))
     parts.append(_text("calcAlgorithm", "minimum curvature"))
-    numbers = {
-        column.listed.witsml: _measure(column.listed.witsml, column.cell(k), UNITS[column.signal.unit].witsml)
-        for column in table.columns
-    }
+    numbers = {}
+    for column in table.columns:
+        tag, uom = column.listed.witsml, UNITS[column.signal.unit].witsml_in(table.system)
+        numbers[tag] = _measure(tag, column.cell(k), uom)
     parts += [numbers[tag] for tag in STATION]
     # Only the angles of an imported station are known.
     measured = record if record is not None and record.survey.has_readings else None
@@ -153,6 +154,8 @@ def _type(table: SurveyTable, record: SurveyRecord | None, kind: str) -> str:
         return "tie in point"
     if record.tool in ("gyro north seeking", "gyro MWD", "magnetic multi-shot"):
         return record.tool
+    if not record.survey.has_readings:
+        return "unknown"
     return "gyro MWD" if azimuth_source(record.survey).mostly_gyro else "magnetic MWD"
 
 

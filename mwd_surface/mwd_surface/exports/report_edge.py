@@ -18,8 +18,7 @@ import numpy as np
 from mwd_surface.exports.report_section import Drawing, Section, Sheet
 from mwd_surface.language.language import Language
 from mwd_surface.signals.cells import Printed, Typed, fixed
-from mwd_surface.signals.units import FOOT, UNITS, Scale
-from mwd_surface.surveys.well import FIELD
+from mwd_surface.signals.units import FIELD, FOOT, UNITS, Scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,8 +26,8 @@ if TYPE_CHECKING:
     from mwd_surface.exports.report_content import Content
 
 # Field unit of each quantity, by the symbol of the metric unit that the report shows.
-_FIELD: dict[str, Scale] = {UNITS[name].people.symbol: UNITS[name].fps for name in ("m", "rad/m", "degC", "m/s", "N")}
-_SI: dict[str, Scale] = {UNITS[name].people.symbol: UNITS[name].people for name in ("m", "rad/m", "degC", "m/s", "N")}
+_FIELD: dict[str, Scale] = {unit.people.symbol: unit.fps for unit in UNITS.values() if unit.endings[1]}
+_SI: dict[str, Scale] = {unit.people.symbol: unit.people for unit in UNITS.values() if unit.endings[1]}
 # The name of the scale is for data files; the report writes a space.
 _SYMBOLS = {"deg/100ft": "deg/100 ft"}
 # A length or a dogleg severity in a sentence; coordinates of a map grid (m E, m N) stay as the grid has them.
@@ -48,6 +47,10 @@ class Edge(NamedTuple):
             return text
         said = self.language.say(text)
         return _IN_TEXT.sub(self._converted, said) if self.field else said
+
+    def head(self, label: str, value: str) -> str:
+        """Return a value of the head block; coordinates of a map grid stay in metres."""
+        return self.language.say(value) if label == "Map grid" else self.text(value)
 
     def _converted(self, match: re.Match[str]) -> str:
         unit = match[3].replace("°", "deg")
@@ -81,16 +84,12 @@ def for_people(content: Content, language: Language, units: str) -> Content:
     return dataclasses.replace(
         content,
         title=language.say(content.title),
-        header=tuple((language.say(label), _value(edge, label, value)) for label, value in content.header),
+        header=tuple((language.say(label), edge.head(label, value)) for label, value in content.header),
         notes=tuple(map(edge.text, content.notes)),
         sections=tuple(_section(edge, section) for section in content.sections),
         certificate=edge.text(content.certificate),
         signatures=tuple(map(edge.text, content.signatures)),
     )
-
-
-def _value(edge: Edge, label: str, value: str) -> str:
-    return edge.language.say(value) if label == "Map grid" else edge.text(value)
 
 
 def _section(edge: Edge, section: Section) -> Section:

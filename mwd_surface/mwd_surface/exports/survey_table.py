@@ -25,6 +25,7 @@ from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
 from mwd_surface.signals.signal import SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
+from mwd_surface.signals.units import METRIC, UNITS
 from mwd_surface.surveys.imported_list import TOOL_CODES
 from mwd_surface.surveys.leg import MAIN
 from mwd_surface.surveys.survey_csv import beside_path
@@ -45,22 +46,23 @@ class Column:
     """
     One column of numbers: its signal, its place in files, and one value per station, None if unknown.
 
-    The values are in display units.
+    The values are in units for people, metric or field units by `system`.
     """
 
     signal: Signal
     listed: Listed
     values: tuple[float | None, ...]
+    system: str = METRIC
 
     @property
     def key(self) -> str:
         """Name in files."""
-        return self.listed.key
+        return UNITS[self.signal.unit].key_in(self.listed.key, self.system)
 
     @property
     def unit(self) -> str:
-        """Symbol of the display unit."""
-        return self.signal.people.symbol
+        """Symbol of the unit."""
+        return UNITS[self.signal.unit].shown_in(self.system).symbol
 
     def cell(self, k: int, paper: bool = False) -> str:
         """Return the number of a station as printed in files or on paper; empty if unknown."""
@@ -98,16 +100,31 @@ class SurveyTable:
         return sentences((*self.path.assumptions, *self.surveys.remarks, *planned))
 
     @property
+    def system(self) -> str:
+        """Units of the columns, metric or field."""
+        return self.columns[0].system
+
+    @property
     def rows(self) -> range:
         """Numbers of the stations."""
         return range(len(self.records))
 
     def column(self, key: str) -> Column:
-        """Return the column of that name; KeyError if there is none."""
+        """Return the column of that name in metric units; KeyError if there is none."""
         for column in self.columns:
-            if column.key == key:
+            if column.listed.key == key:
                 return column
         raise KeyError(key)
+
+    def in_units(self, system: str) -> SurveyTable:
+        """Return the table with its columns in metric or field units, as files have them."""
+
+        def converted(column: Column) -> Column:
+            here, there = (UNITS[column.signal.unit].shown_in(one) for one in (column.system, system))
+            values = tuple(None if v is None else there.of(here.si(v)) for v in column.values)
+            return dataclasses.replace(column, values=values, system=system)
+
+        return dataclasses.replace(self, columns=tuple(map(converted, self.columns)))
 
 
 def survey_table(

@@ -17,6 +17,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 FOOT = 0.3048  # m
 POUND_FORCE = 4.4482216152605  # N
 GALLON = 3.785411784e-3  # m^3
+METRIC, FIELD = "metric", "field"  # units of a well, for people and files
 PSI = 6894.757293168  # Pa
 _DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi
@@ -58,6 +59,11 @@ class Unit:
         Unit of a register, and of a WITS item in each unit system.
     witsml : str
         WITSML symbol of `people`; empty if no WITSML element that we write uses it.
+    endings : tuple of str
+        Ends of a column's name in metric and in field units; empty if the unit is the same in both. In field units
+        the unit for people is `fps`.
+    field_witsml : str
+        WITSML symbol in field units.
     """
 
     unece: str
@@ -68,6 +74,21 @@ class Unit:
     metric: Scale
     fps: Scale
     witsml: str = ""
+    endings: tuple[str, str] = ("", "")
+    field_witsml: str = ""
+
+    def shown_in(self, system: str) -> Scale:
+        """Return the unit in files and on paper of a well in metric or field units."""
+        return self.fps if system == FIELD and self.endings[1] else self.people
+
+    def key_in(self, key: str, system: str) -> str:
+        """Return the name of a column in metric or field units, from its name in metric units."""
+        metric, field = self.endings
+        return key.removesuffix(metric) + field if system == FIELD else key
+
+    def witsml_in(self, system: str) -> str:
+        """Return the WITSML symbol of the unit of a well in metric or field units."""
+        return self.field_witsml or self.witsml if system == FIELD else self.witsml
 
 
 def _same(unece: str, name: str, quantity: str, scale: Scale, witsml: str = "") -> Unit:
@@ -87,6 +108,8 @@ UNITS: dict[str, Unit] = {
         metric=Scale("deg/30m", 30.0 * _DEG),
         fps=Scale("deg/100ft", 100.0 * FOOT * _DEG),
         witsml="dega/30m",
+        endings=("deg_per_30m", "deg_per_100ft"),
+        field_witsml="dega/100ft",
     ),
     "rad/s": _same("2A", "radian per second", "AngularVelocityDrillingQuantity", Scale("rpm", _RPM)),
     "m": Unit(
@@ -98,6 +121,8 @@ UNITS: dict[str, Unit] = {
         metric=Scale("m", 1.0),
         fps=Scale("ft", 1.0 / FOOT),
         witsml="m",
+        endings=("_m", "_ft"),
+        field_witsml="ft",
     ),
     "m/s": Unit(
         "MTS",
@@ -107,6 +132,7 @@ UNITS: dict[str, Unit] = {
         modbus=Scale("m/h", 3600.0),
         metric=Scale("m/h", 3600.0),
         fps=Scale("ft/h", 3600.0 / FOOT),
+        endings=("_mph", "_ftph"),
     ),
     "m/s^2": Unit(
         "MSK",
@@ -126,6 +152,7 @@ UNITS: dict[str, Unit] = {
         modbus=Scale("degC", 1.0),
         metric=Scale("degC", 1.0),
         fps=Scale("degF", 1.8, 32.0),
+        endings=("_degc", "_degf"),
     ),
     # API units are relative to a calibration pit, and UNECE has no code for them.
     "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", Scale("gAPI", 1.0)),
@@ -138,6 +165,7 @@ UNITS: dict[str, Unit] = {
         modbus=Scale("kN", 1e-3),
         metric=Scale("kdaN", 1e-4),
         fps=Scale("klbf", 1e-3 / POUND_FORCE),
+        endings=("_kn", "_klbf"),
     ),
     "N m": Unit(
         "NU",

@@ -22,6 +22,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.signals.cells import fixed, quoted, utc
 from mwd_surface.signals.signal import PLAN, POSITION, Listed, Signal
 from mwd_surface.signals.table import SURVEY_TABLE
+from mwd_surface.signals.units import METRIC, UNITS
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
@@ -220,11 +221,16 @@ class _Limits:
     dip: float
 
 
-def cells(record: SurveyRecord, north: North = North.UNKNOWN) -> dict[str, str]:
-    """Return the column texts of a survey by name; columns of the position's sigma and of the plan are empty."""
+def cells(record: SurveyRecord, north: North = North.UNKNOWN, system: str = METRIC) -> dict[str, str]:
+    """
+    Return the column texts of a survey by name; columns of the position's sigma and of the plan are empty.
+
+    north : of the azimuths, if they can be converted to it.
+    system : metric or field units.
+    """
     line = Line(record, north)
     return {
-        listed.key: _cell(signal, listed, line.value(signal.record)) if signal.record else ""
+        _key(signal, listed, system): _cell(signal, listed, line.value(signal.record), system) if signal.record else ""
         for signal, listed in SURVEY_TABLE
     }
 
@@ -260,16 +266,26 @@ def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -
     return found
 
 
-def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = ()) -> str:
-    """Return a table with its header; more: names of additional columns at the end. Missing cells are empty."""
-    names = (*COLUMNS, *more)
+def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = (), system: str = METRIC) -> str:
+    """
+    Return a table with its header; missing cells are empty.
+
+    more : names of additional columns at the end.
+    system : metric or field units of the lines.
+    """
+    names = (*(_key(signal, listed, system) for signal, listed in SURVEY_TABLE), *more)
     quote = TEXTS | set(more)
     rows = [",".join(names)]
     rows += [",".join(quoted(line.get(n, "")) if n in quote else line.get(n, "") for n in names) for line in lines]
     return "\n".join(rows) + "\n"
 
 
-def _cell(signal: Signal, listed: Listed, value: Any) -> str:
+def _key(signal: Signal, listed: Listed, system: str) -> str:
+    """Return the name of a column in metric or field units."""
+    return UNITS[signal.unit].key_in(listed.key, system) if signal.unit else listed.key
+
+
+def _cell(signal: Signal, listed: Listed, value: Any, system: str = METRIC) -> str:
     """Return a value of a column as text, in the unit of its name."""
     if signal.type == "String":
         return "; ".join(value) if isinstance(value, tuple) else str(value)
@@ -279,7 +295,8 @@ def _cell(signal: Signal, listed: Listed, value: Any) -> str:
         return ""
     if signal.type == "Int64":
         return str(value)
-    number = signal.listed_scale.of(value)
+    scale = signal.listed_scale
+    number = (scale if scale is not signal.people else UNITS[signal.unit].shown_in(system)).of(value)
     return fixed(number % signal.wrap if signal.circle else number, listed.decimals, signal.wrap)
 
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_sensors.core.settings import setting
+from mwd_surface.signals.units import FIELD, METRIC
 
 NORTHS = ("magnetic", "true", "grid")
-METRIC, FIELD = "metric", "field"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Well:
     logo: str = setting("", "picture for the head of reports, a PNG or JPEG file")
     units: str = setting(
         METRIC,
-        "units of the report: metric (m, deg/30 m, degC) or field (ft, deg/100 ft, degF); other files stay metric",
+        "units of report and exports (csv, las, witsml): metric (m, deg/30 m, degC) or field (ft, deg/100 ft, degF)",
         choices=(METRIC, FIELD),
     )
     language: str = setting("en", "language of the report: en, zh_CN, or that of another catalogue")

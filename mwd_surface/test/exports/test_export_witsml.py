@@ -12,12 +12,15 @@ import pytest
 from lxml import etree
 
 from mwd_estimation.survey.survey import ROTARY
+from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.survey_table import survey_table, table_of
 from mwd_surface.list_files.list_file import list_of
+from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well import Well
 from project import REFERENCE_DATA
 
 XSD = REFERENCE_DATA / "witsml" / "xsd" / "obj_trajectory.xsd"
@@ -139,3 +142,16 @@ def test_what_is_exported_comes_back_as_a_list():
     assert read.north == "grid"
     np.testing.assert_allclose(read.positions, table.path.positions[surveyed], atol=2e-3)
     np.testing.assert_allclose(read.md, table.path.md[surveyed], atol=1e-3)
+
+
+@pytest.mark.parametrize("units", ["metric", "field"])
+def test_an_imported_list_without_times_is_valid_and_claims_no_tool(units):
+    rows = b"md_m,inclination_deg,azimuth_true\n0,0,45\n300,10,45\n330,12,46\n360,14.5,47\n"
+    surveys = survey_list(list_of(rows, "list.csv"), Well(units=units))
+    root = checked(FORMATS["witsml"].make(survey_table(surveys, example.MADE)).decode())
+    assert root.find(".//w:dTimTrajStart", NS) is None
+    assert root.find(".//w:dTimStn", NS) is None
+    assert text(station(root, -1), "typeTrajStation") == "unknown"
+    wanted = {"metric": ("m", "dega/30m"), "field": ("ft", "dega/100ft")}[units]
+    assert {s.get("uom") for s in root.iterfind(".//w:md", NS)} == {wanted[0]}
+    assert {s.get("uom") for s in root.iterfind(".//w:dls", NS)} == {wanted[1]}

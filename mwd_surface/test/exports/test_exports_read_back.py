@@ -18,6 +18,7 @@ from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.list_files.remark import RemarkKind
+from mwd_surface.signals.units import FIELD, METRIC
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_record import Judgement
@@ -94,10 +95,11 @@ def files(draw):
     return "\n".join(rows).encode(), Given(wellhead=(6_478_300.0, 431_200.0) if way == "map" else None)
 
 
-@given(files(), st.sampled_from(READABLE))
-def test_an_export_of_any_list_is_that_list_with_its_assumptions(file, kind):
+@given(files(), st.sampled_from(READABLE), st.sampled_from([METRIC, FIELD]))
+def test_an_export_of_any_list_is_that_list_with_its_assumptions(file, kind, units):
     data, said = file
-    surveys = survey_list(list_of(data, "list.csv", said), Well("A-1", depth_datum="RKB", datum_elevation=27.5))
+    well = Well("A-1", depth_datum="RKB", datum_elevation=27.5, units=units)
+    surveys = survey_list(list_of(data, "list.csv", said), well)
     assert_same_list(read_back(surveys, kind), surveys)
 
 
@@ -131,10 +133,10 @@ def test_an_export_of_a_sidetrack_has_the_whole_path(kind):
         list_of(exported(both, "raw_csv", leg))
 
 
-@given(files(), st.sampled_from(READABLE))
-def test_an_export_is_the_same_plan_and_offset_well_as_its_list(file, kind):
+@given(files(), st.sampled_from(READABLE), st.sampled_from([METRIC, FIELD]))
+def test_an_export_is_the_same_plan_and_offset_well_as_its_list(file, kind, units):
     data, said = file
-    surveys = survey_list(list_of(data, "list.csv", said))
+    surveys = survey_list(list_of(data, "list.csv", said), Well(units=units))
     plan, path = plan_from_list(list_of(exported(surveys, kind))), surveys.definitive()
     np.testing.assert_allclose(plan.positions, path.positions, atol=PLACE)
     assert {one.kind for one in surveys.remarks} <= {one.kind for one in plan.remarks}
