@@ -18,7 +18,7 @@ BIN := .venv/bin
 # anew, half of the time that it needs to find them.
 CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # A file of tests stays with one worker: its fixtures are made once. Four of them keep two cores busy, for two mostly
-# wait for real nodes; tests/work_order.py has their order. Nodes check the type of each field that they send: without the
+# wait for real nodes; conftest.py has their order. Nodes check the type of each field that they send: without the
 # check, ROS sends an integer in a field of floats as another number.
 PYTEST = $(CLEAN) ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
@@ -37,7 +37,7 @@ lint: setup
 	@$(BIN)/python .ci/config --check
 
 check: lint
-	@$(PYTEST) --numprocesses 2 -m "not slow and not ros"
+	@$(PYTEST) --numprocesses 2 -m "not slow and not ros" --durations 20 --durations-min 0.5
 
 test: lint
 	@$(PYTEST)

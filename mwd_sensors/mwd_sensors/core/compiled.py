@@ -7,7 +7,9 @@ import contextlib
 import enum
 import fcntl
 import functools
+import hashlib
 import os
+import shutil
 import sys
 import zlib
 from collections.abc import Callable, Iterator
@@ -15,17 +17,80 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
+import numba
 import numpy as np
-from numba import njit as _njit
-from numba import version_info as _version
-from numba.core import event as _event
-from numba.core.registry import CPUDispatcher as _Dispatcher
-from numba.core.types.misc import unliteral as _unliteral
+from numba import types
+from numba.core import event
+from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_OURS = "mwd_"
 
-class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
+
+class Kernel(CPUDispatcher):  # type: ignore[misc]
+    """
+    Compiled function that shares its machine code with other processes, through a cache on disk.
+
+    numba's own cache looks at the file of the function only, so it would keep the old machine code of a changed
+    function that the kernel calls. Here the folder of the cache is named by all the files that the kernel is made of.
+    """
+
+    folder: Path | None = None
+
+    def enable_caching(self) -> None:
+        """Keep the machine code in the folder of the kernel's module, if there is one that can be written."""
+        self.folder = _cache_folder(self.py_func.__module__)
+        if self.folder is not None:
+            before = numba.config.CACHE_DIR
+            numba.config.CACHE_DIR = str(self.folder)
+            try:
+                super().enable_caching()
+            finally:
+                numba.config.CACHE_DIR = before
+
+    def compile(self, sig: Any) -> Any:
+        """Return the machine code for these types, from the cache if another process has compiled it."""
+        with self._alone():
+            try:
+                return super().compile(sig)
+            except (ImportError, AttributeError, TypeError):
+                if self.folder is None:
+                    raise
+                # An entry of the cache names a type that no longer exists or has other fields.
+                shutil.rmtree(self.folder, ignore_errors=True)
+                return super().compile(sig)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Compile a called kernel for types only: for every literal argument (0, 1) costs a fifth of all the time."""
+        return super().get_call_template(
+            tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}
+        )
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """
+        Let only one process compile this kernel; others wait and then read it from the cache.
+
+        Without this, nodes and test workers that start together would each compile the same kernels for minutes.
+        """
+        # A kernel waits only for kernels that it calls, so processes cannot wait for each other in a circle. They could
+        # if two names share a lock byte; the system detects that deadlock and refuses the lock.
+        file = None if self.folder is None else _lock_file(self.folder)
+        place = zlib.crc32(self.py_func.__qualname__.encode())
+        locked = False
+        if file is not None:
+            with contextlib.suppress(OSError):
+                fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+                locked = True
+        try:
+            yield
+        finally:
+            if locked:
+                fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
+
+
+class OldKernel(Kernel):
     """
     Kernel for numba before 0.61, which compares named tuples by uninitialised memory (numba issue 9097).
 
@@ -33,7 +98,13 @@ class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
     therefore looks up the machine code of calls with named tuples itself.
     """
 
+    @functools.cached_property
+    def entries(self) -> dict[Any, Any]:
+        """Machine code by the types of the arguments."""
+        return {}
+
     def __call__(self, *args: Any, **keywords: Any) -> Any:
+        """Call the machine code for the types of these arguments."""
         if keywords or not any(isinstance(arg, tuple) for arg in args):
             return super().__call__(*args, **keywords)
         kinds = tuple(map(_kind, args))
@@ -41,9 +112,6 @@ class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
         if entry is None:
             entry = self.entries[kinds] = self.compile(tuple(map(self.typeof_pyval, args)))
         return entry(*args)
-
-
-_OURS = "mwd_"
 
 
 def compiled(function: F) -> F:
@@ -56,21 +124,9 @@ def compiled(function: F) -> F:
     the same bits as the same samples one by one. The kernel releases the interpreter lock; other threads must not touch
     the arrays of a call until it returns.
     """
-    kernel = _njit(cache=True, fastmath=False, nogil=True)(function)
-    # numba checks the kernel's own file only and would keep the old machine code of a changed function that it calls.
-    index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
-    if index is not None:
-        index._source_stamp = (index._source_stamp, _stamps(function.__module__))
-        index._load_index = _or_none(index._load_index)
-        kernel.compile = _one_at_a_time(kernel.compile, Path(index._cache_path), index._index_name)
-    # Without this, numba compiles a called kernel again for every literal argument (0, 1): a fifth of all compile time.
-    by_type = kernel.get_call_template
-    kernel.get_call_template = lambda args, keywords: by_type(
-        tuple(map(_unliteral, args)), {name: _unliteral(kind) for name, kind in keywords.items()}
-    )
-    if _version.short < (0, 61):
-        kernel.__class__ = _OldDispatcher
-        kernel.entries = {}
+    kind = Kernel if numba.version_info.short >= (0, 61) else OldKernel
+    kernel = kind(function, targetoptions={"nopython": True, "nogil": True, "fastmath": False})
+    kernel.enable_caching()
     return kernel  # type: ignore[no-any-return]
 
 
@@ -79,7 +135,7 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
     """Call `report` once, before the first kernel that is not in the cache is compiled within this context."""
     waiting = [report]
 
-    class First(_event.Listener):  # type: ignore[misc]
+    class First(event.Listener):  # type: ignore[misc]
         def on_start(self, _: object) -> None:
             if waiting:
                 waiting.pop()()
@@ -87,35 +143,33 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
         def on_end(self, _: object) -> None:
             """Ignore the end of a compilation."""
 
-    with _event.install_listener("numba:compile", First()):
+    with event.install_listener("numba:compile", First()):
         yield
 
 
-def _one_at_a_time(compile_: Callable[[Any], Any], folder: Path, name: str) -> Callable[[Any], Any]:
+@functools.cache
+def _cache_folder(module: str) -> Path | None:
     """
-    Wrap a compile function so that only one process compiles a kernel; others wait and then read it from the cache.
+    Return the folder of the machine code of a module's kernels, and remove the folders of its former versions.
 
-    Without this, nodes and test workers that start together would each compile the same kernels for minutes.
+    It is below NUMBA_CACHE_DIR, else next to the module, else in the cache of the user; None if all are read-only.
     """
-    # A kernel waits only for kernels that it calls, so processes cannot wait for each other in a circle. They could if
-    # two names share a lock byte; the system detects that deadlock and refuses the lock.
-    place = zlib.crc32(name.encode())
-
-    def compiled_once(signature: Any) -> Any:
-        file = _lock_file(folder)
-        if file is None:
-            return compile_(signature)
-        locked = False
-        with contextlib.suppress(OSError):
-            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
-            locked = True
+    stamp = hashlib.sha256(repr(_stamps(module)).encode()).hexdigest()[:16]
+    source = Path(getattr(sys.modules[module], "__file__", None) or "none.py")
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    given = numba.config.CACHE_DIR
+    for place in [Path(given)] if given else [source.parent / "__pycache__", user / "mwd"]:
+        folder = place / f"{module}-{stamp}"
         try:
-            return compile_(signature)
-        finally:
-            if locked:
-                fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
-
-    return compiled_once
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            for former in place.glob(f"{module}-*"):
+                if former != folder:
+                    shutil.rmtree(former, ignore_errors=True)
+            return folder
+    return None
 
 
 @functools.cache
@@ -130,18 +184,6 @@ def _lock_file(folder: Path) -> int | None:
         return os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError:
         return None
-
-
-def _or_none(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
-    """Load the cache's index, or an empty one if the index names a module or type that no longer exists or differs."""
-
-    def loaded() -> dict[Any, str]:
-        try:
-            return load()
-        except (ImportError, AttributeError, TypeError):
-            return {}
-
-    return loaded
 
 
 @functools.cache

@@ -112,7 +112,7 @@ class DeferredActionServer(ActionServer):
         cancel_goal: Callable[[DeferredGoal], None],
     ) -> None:
         self._goals: dict[bytes, DeferredGoal] = {}
-        self._start_goal, self._cancel_goal = start_goal, cancel_goal
+        self._owner, self._start_goal, self._cancel_goal = node, start_goal, cancel_goal
         super().__init__(node, action_type, name, lambda _handle: None, cancel_callback=self._on_cancel_request)
 
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:  # noqa: ARG002
@@ -131,5 +131,5 @@ class DeferredActionServer(ActionServer):
         if goal is None or goal.done:
             return CancelResponse.REJECT
         # The goal gets the state `canceling` only after this callback has returned.
-        self._node.executor.create_task(self._cancel_goal, goal)
+        self._owner.executor.create_task(self._cancel_goal, goal)
         return CancelResponse.ACCEPT

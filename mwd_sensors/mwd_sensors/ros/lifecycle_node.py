@@ -42,7 +42,7 @@ from mwd_sensors.ros.diagnostics import (
 from mwd_sensors.ros.heartbeat import Heartbeat
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
-from mwd_sensors.ros.parameters import SettingsParameters
+from mwd_sensors.ros.parameters import SettingsParameters, given_at_start
 from mwd_sensors.ros.qos import STATE, offered
 from mwd_sensors.ros.refused_entity import RefusedEntityError, is_enforced, named_refusal
 from mwd_sensors.ros.request_rules import refusal
@@ -90,7 +90,8 @@ class GraphNode(LifecycleNode, Generic[T]):
     """
 
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
-        super().__init__(name, **node_options)
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **node_options)
+        given = given_at_start(self)
         self.declare_parameter("autostart", True)
         words = "What the frames of this node begin with; auto: its namespace and a slash. Set at start only."
         fixed = ParameterDescriptor(description=words, read_only=True)
@@ -98,12 +99,12 @@ class GraphNode(LifecycleNode, Generic[T]):
         if not _FRAME_PREFIX.fullmatch(prefix):
             raise SettingsError(f"frame_prefix: {printable(prefix)[:80]!r} has characters that no frame has")
         self._parameter_set = SettingsParameters(
-            self, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
+            self, given, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
         )
         self._entities: list[tuple[Any, Callable[[], Any]]] = []
         self._retired: list[contextlib.ExitStack] = []
         self._buffers: list[MessageBuffer] = []
-        self.active = self._configured = False
+        self.active = self._configured = self._finalized = False
         self._failures = CallbackFailures()
         self.stop_requested: Future = Future()
         self._stop_timer: Timer | None = None
@@ -316,7 +317,14 @@ class GraphNode(LifecycleNode, Generic[T]):
     @property
     def finalized(self) -> bool:
         """Return whether the node is shut down for good."""
-        return bool(self._state_machine.current_state[1] == "finalized")
+        return self._finalized
+
+    @property
+    def state(self) -> str:
+        """State of the lifecycle, by its name in ROS."""
+        if self._finalized:
+            return "finalized"
+        return "active" if self.active else "inactive" if self._configured else "unconfigured"
 
     def request_stop(self) -> None:
         """End the process once subscribers have received the last messages; the caller must not publish after this."""
@@ -407,6 +415,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.deactivate()
         self._release()
         self._stop()
+        self._finalized = True
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -454,7 +463,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         super().destroy_node()
 
     def _publish_diagnostics(self) -> None:
-        state = self._state_machine.current_state[1]
+        state = self.state
         if self.active:
             own, _ = self._guarded("diagnostics", lambda: [*self.diagnostics(), *self._middleware.diagnostics()])
             found = [Diagnostic("lifecycle", OK, state), *(own or ())]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -20,14 +20,31 @@ from mwd_sensors.core.settings import Rule, SettingsError
 T = TypeVar("T")
 
 
+_OF_ROS = ("use_sim_time", "start_type_description_service")  # every node of rclpy declares them
+
+
+def given_at_start(node: Node) -> dict[str, Any]:
+    """
+    Return the parameters that were given at start, by name, and leave them to be declared.
+
+    The node must have declared them by itself (`automatically_declare_parameters_from_overrides`). Those that ROS
+    itself reads stay declared and are not returned.
+    """
+    found = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
+    given = {k: value for k, value in found.items() if k not in _OF_ROS and not k.startswith("qos_overrides.")}
+    for name in given:
+        node.undeclare_parameter(name)
+    return given
+
+
 class SettingsParameters(Generic[T]):
     """
     The settings of a node, kept equal to its ROS parameters.
 
     Every field of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
     change is checked as a whole, by the rules of a configuration file and by `check`, which raises ValueError for
-    settings that the node cannot work with. A refused change leaves everything as it was. `live` decides which names
-    can change at run time; the others are read-only.
+    settings that the node cannot work with. A refused change leaves everything as it was. `given` are the values given
+    at start, see `given_at_start`. `live` decides which names can change at run time; the others are read-only.
 
     Raises
     ------
@@ -38,15 +55,16 @@ class SettingsParameters(Generic[T]):
     def __init__(
         self,
         node: Node,
+        given: Mapping[str, Any],
         default: T,
         changed: Callable[[T], None],
         live: Callable[[str], bool],
         check: Callable[[T], None],
     ) -> None:
-        self._given = node._parameter_overrides  # rclpy offers no public way to see what was given at start
+        self._given = given
         # A choice may bring its own settings, so it is made before the names are declared.
         choices = [name for name, (_, rule) in settings.flat(default).items() if rule.choices]
-        default = settings.changed(default, {name: self._given[name].value for name in choices if name in self._given})
+        default = settings.changed(default, {name: self._given[name] for name in choices if name in self._given})
         self.value = default
         self._changed, self._accept = changed, check
         self._names = settings.flat(default)
@@ -66,7 +84,7 @@ class SettingsParameters(Generic[T]):
 
     def _refuse_unknown(self, node: Node) -> None:
         for name in self._given:
-            if name not in self._names and not node.has_parameter(name) and not name.startswith("qos_overrides."):
+            if name not in self._names and not node.has_parameter(name):
                 raise SettingsError(settings.unknown_key(name, self._names, ""))
 
     def _declare(self, node: Node, name: str, value: Any, rule: Rule) -> Any:
@@ -77,12 +95,11 @@ class SettingsParameters(Generic[T]):
         plain = math.nan if plain is None else plain
         try:
             if plain == []:
-                given = self._given.get(name)
-                node.declare_parameter(name, (given.value if given else None) or [""], descriptor)
+                node.declare_parameter(name, self._given.get(name) or [""], descriptor)
                 return [item for item in node.get_parameter(name).value if item != ""]
             return node.declare_parameter(name, plain, descriptor).value
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
-            given = self._given[name].value
+            given = self._given[name]
             settings.changed(self.value, {name: given})  # raises the more precise error if there is one
             raise SettingsError(f"{name}: {given!r} is not allowed; {rule.text()}") from error
 

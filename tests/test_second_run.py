@@ -36,6 +36,7 @@ def test_what_computes_has_one_run(graph):
 
 def test_a_second_run_has_a_new_graph_and_what_computes_has_none(tmp_path):
     (tmp_path / "test_module.py").write_text(MODULE)
+    (tmp_path / "conftest.py").write_text((ROOT / "conftest.py").read_text())
     words = [sys.executable, "-m", "pytest", "-c", ROOT / "pyproject.toml", "-p", "no:xdist", "-s", tmp_path]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert "1 failed, 3 passed, 1 rerun" in done.stdout, done.stdout + done.stderr

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How pytest runs the tests of all packages: the same input each time, one thread each, the longest files first."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import os
+import signal
+from collections.abc import Generator, Iterator
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from mwd_sensors.core.linear_algebra import use_one_thread
+
+# Before anything imports numpy: the linear algebra of each worker would start a thread for each core, which wait for
+# each other longer than they work.
+use_one_thread()
+
+# A shell without job control lets a program in the background ignore SIGINT, and the programs that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+settings.register_profile("gate", deadline=None, derandomize=True)
+# `make fuzz`: other input each time, and much more of it.
+settings.register_profile(
+    "fuzz",
+    deadline=None,
+    max_examples=int(os.environ.get("FUZZ_INPUTS", "5000")),
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "gate"))
+
+
+def pytest_collection() -> None:
+    """Collect the tests without the garbage collector: a third of the time, walking through what stays anyway."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Leave the collected modules out of the garbage collector, which runs again for the tests."""
+    gc.freeze()
+    gc.set_threshold(21_000)
+    gc.enable()
+
+
+# A test of real nodes or of the browser that fails is run a second time and reported as RERUN, because a busy machine
+# gives no process the time that discovery and the screen need. Tests that only compute have one run.
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Allow a second run where real time decides."""
+    if item.get_closest_marker("ros") or "browser" in getattr(item, "fixturenames", ()):
+        item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any], request: pytest.FixtureRequest) -> None:
+    """Note the graphs that the tests of a module share."""
+    if fixturedef.scope == "module":
+        _shared[fixturedef] = request
+
+
+_shared: dict[pytest.FixtureDef[Any], pytest.FixtureRequest] = {}
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """End the shared graphs before a second run, which would else read what the first run left there."""
+    report = yield
+    if report.when == "call" and report.failed and item.get_closest_marker("flaky") and item.execution_count == 1:
+        for fixture, request in _shared.items():
+            fixture.finish(request)
+    return report
+
+
+# Each worker of pytest-xdist gets whole files. The longest come first, so that no worker is left alone with one at the
+# end, and the files that mostly wait for real nodes are spread evenly among those that compute.
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Order the files where workers share them."""
+    if hasattr(config, "workerinput"):
+        files = [list(tests) for _, tests in itertools.groupby(items, lambda item: item.nodeid.partition("::")[0])]
+        waiting = [file for file in files if any(item.get_closest_marker("ros") for item in file)]
+        rest = [file for file in files if file not in waiting]
+        ordered = sorted([*_with_place(waiting), *_with_place(rest)], key=lambda placed: placed[0])
+        items[:] = itertools.chain.from_iterable(file for _, file in ordered)
+
+
+def _with_place(files: list[list[pytest.Item]]) -> Iterator[tuple[float, list[pytest.Item]]]:
+    """Yield each file with its place in the order, from 0 to 1: the share of the time of the longer ones."""
+    whole, done = sum(map(_seconds, files)), 0.0
+    for file in sorted(files, key=_seconds, reverse=True):
+        yield done / whole, file
+        done += _seconds(file)
+
+
+def _seconds(file: list[pytest.Item]) -> float:
+    """Return the time of a file: a test marked `slow(20)` takes twenty, one marked `slow` a second."""
+    markers = [item.get_closest_marker("slow") for item in file]
+    return sum(0.03 if one is None else float(one.args[0]) if one.args else 1.0 for one in markers)
