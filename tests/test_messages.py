@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(p for p in (ROOT / "mwd_msgs").glob("*/*") if p.suffix in (".msg", ".srv", ".action"))
 # A unit of the SI or of the wire, or words that say why there is none.
 UNIT = re.compile(
-    r"\b(m|s|rad|T|Pa|N|kg|Hz|V|Nm|dB|degC|1/s|m3/s|bits?|bytes?|probabilit(y|ies)|SI|ratio|fraction|share|"
+    r"\b(m|s|rad|T|Pa|N|kg|Hz|V|A|C|Nm|dB|degC|1/s|m3/s|bits?|bytes?|probabilit(y|ies)|SI|ratio|fraction|share|"
     r"words?|chips?|samples?|times|times real time|unit vector|quaternion|no unit|level)\b|"
     r"(m|rad|T|s|Pa)(\^|/)|%|`unit`"
 )

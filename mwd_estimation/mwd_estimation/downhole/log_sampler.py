@@ -13,7 +13,9 @@ a Poisson rate with Jeffreys' prior has the variance (N + 1/2) / T^2, which is n
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from collections import deque
 from collections.abc import Mapping
 
@@ -22,6 +24,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import (
+    FLAGS,
     GAMMA,
     INCOMPLETE,
     NO_TOOLFACE,
@@ -94,7 +97,7 @@ class LogSampler:
 
     def push(self, stream: str, samples: Samples) -> None:
         """
-        Add samples of a stream in order: counts, temperature or dynamics, of `wire.COUNTS` and so on.
+        Add samples of a stream in order: counts, temperature, dynamics or status, of `wire.COUNTS` and so on.
 
         Push them before the attitude of the same time.
         """
@@ -215,6 +218,9 @@ def _sums(second: int, channel: LogChannel, samples: Samples, attitude: Samples 
     if known.any():
         # One value per second: the samples of a second are not independent.
         sums.seconds, sums.samples = 1.0, 1
+        if channel.unit == FLAGS:
+            sums.total = float(np.bitwise_or.reduce(values[known].astype(np.int64)))
+            return sums
         sums.total = float(np.mean(values[known]))
         sums.squares = sums.total**2
     return sums
@@ -267,13 +273,20 @@ def _sample(name: str, channel: LogChannel, parts: list[_Second], end_s: int | N
     quality = INCOMPLETE if seconds < 0.5 * span else 0
     if channel.source == GAMMA:
         return _gamma_sample(name, channel, parts, (middle_ns, seconds, quality))
+    if channel.unit == FLAGS:
+        found = functools.reduce(operator.or_, (int(part.total) for part in parts))
+        return LogSample(
+            middle_ns, name, FLAGS, seconds, float(span), float(found), 0.0, quality=quality, source=channel.source
+        )
     count = sum(part.samples for part in parts)
     mean = math.fsum(part.total for part in parts) / count
     sigma = math.fsum(part.sigmas for part in parts) / count
     if math.isnan(sigma) and count > 1:
         scatter = max(math.fsum(part.squares for part in parts) / count - mean**2, 0.0)
         sigma = math.sqrt(scatter / (count - 1))
-    return LogSample(middle_ns, name, channel.unit, seconds, float(span), mean, sigma, quality=quality)
+    return LogSample(
+        middle_ns, name, channel.unit, seconds, float(span), mean, sigma, quality=quality, source=channel.source
+    )
 
 
 def _gamma_sample(name: str, channel: LogChannel, parts: list[_Second], frame: tuple[int, float, int]) -> LogSample:
@@ -306,6 +319,7 @@ def _gamma_sample(name: str, channel: LogChannel, parts: list[_Second], frame: t
         sigma_sectors=tuple(sectors[1].tolist()),
         sector_durations=tuple(sectors[2].tolist()),
         quality=quality,
+        source=channel.source,
     )
 
 

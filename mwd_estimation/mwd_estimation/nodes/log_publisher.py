@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log channels of the estimator node: subscribes to the counts of the detector and publishes `log`."""
+"""Log channels of the estimator node: subscribes to detector and tool status, and publishes `log`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from mwd_msgs.msg import DetectorCounts
+from mwd_msgs.msg import DetectorCounts, ToolStatus
 from mwd_msgs.msg import LogSample as LogMessage
 
 from mwd_estimation.downhole.log_sampler import LogSampler
@@ -28,6 +28,7 @@ class LogPublisher:
         self._sampler = LogSampler(channels)
         self._frame = ""
         self._counts = node.add_buffered_subscription(DetectorCounts, wire.GAMMA_TOPIC, qos.buffered(qos.STREAM))
+        self._status = node.add_buffered_subscription(ToolStatus, wire.STATUS_TOPIC, qos.buffered(qos.STREAM))
         self._publisher = node.add_publisher(LogMessage, "log", qos.EVENT)
 
     def push_temperature(self, samples: Samples) -> None:
@@ -37,8 +38,11 @@ class LogPublisher:
     def take(self, output: Output, frame: str) -> Running:
         """Publish the samples that a block of results completes; return the running means for words of the link."""
         self._frame = frame
-        counts, _ = wire.decode_messages(wire.COUNTS, [message.data for message in self._counts.take()])
-        self._sampler.push("counts", counts)
+        for stream, layout, buffer in (
+            ("counts", wire.COUNTS, self._counts),
+            ("status", wire.TOOL_STATUS, self._status),
+        ):
+            self._sampler.push(stream, wire.decode_messages(layout, [message.data for message in buffer.take()])[0])
         self._sampler.push("dynamics", output.dynamics)
         self._publish(self._sampler.advance(output.attitude))
         running, self._sampler.running = self._sampler.running, []

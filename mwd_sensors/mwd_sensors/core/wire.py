@@ -328,6 +328,19 @@ COUNTS = Layout(
     ),
 )
 TOOL_FLOW = Layout("mwd_msgs/msg/ToolFlow", (("flow", "float64", 1), ("sigma", "float64", 1)))
+TOOL_STATUS = Layout(
+    "mwd_msgs/msg/ToolStatus",
+    (
+        ("battery_voltage", "float64", 1),
+        ("battery_current", "float64", 1),
+        ("consumed_charge", "float64", 1),
+        ("run_time", "float64", 1),
+        ("self_tests", "uint32", 1),
+        ("failed_self_tests", "uint32", 1),
+    ),
+)
+#: Self-tests by their bit in TOOL_STATUS.
+SELF_TESTS = {1: "sensors", 2: "magnetometer", 4: "detector", 8: "memory", 16: "clock", 32: "battery"}
 
 #: A vector whose message does not say what it means; no topic of the graph uses it.
 VECTOR = Layout("geometry_msgs/msg/Vector3Stamped", (("vector", "float64", 3),))
@@ -335,6 +348,7 @@ LAYOUTS = {
     layout.type_name: layout
     for layout in (
         *(IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH, COUNTS, TOOL_FLOW),
+        TOOL_STATUS,
     )
 }
 # Topics of the sonde and the rig, relative to the well's namespace, with their layouts.
@@ -348,6 +362,8 @@ SONDE_TOPICS = {
 }
 #: Counts of the gamma detector, of a sonde that has one.
 GAMMA_TOPIC = "gamma/counts"
+#: State of the tool, of a sonde that has a battery.
+STATUS_TOPIC = "tool/status"
 # Frame names; a node puts its prefix in front of them in headers and transforms (`GraphNode.frame`).
 SONDE_FRAME = "sonde_link"  # x down the hole, z the scribe line
 BIT_FRAME = "bit"  # axes of the sonde, at the bit

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_msgs.msg import DetectorCounts, ImuBurst, RigState, Truth
+from mwd_msgs.msg import DetectorCounts, ImuBurst, RigState, ToolStatus, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 
@@ -47,10 +47,15 @@ _TYPES = {
     "truth": Truth,
     "rig/state": RigState,
     wire.GAMMA_TOPIC: DetectorCounts,
+    wire.STATUS_TOPIC: ToolStatus,
 }
 # At equal stamps the AHRS comes last, so that the other samples that the estimator needs are already published.
-_ORDER = ("rig/state", "imu/temperature", wire.GAMMA_TOPIC, "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
+_ORDER = (
+    *("rig/state", "imu/temperature", wire.GAMMA_TOPIC, wire.STATUS_TOPIC),
+    *("gyro/data_raw", "imu/mag", "truth", "imu/data_raw"),
+)
 
+_NO_SAMPLES = wire.TRUTH.empty(0)
 _THINNED = ("imu/mag", "truth")
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
@@ -131,11 +136,12 @@ class SondeNode(GraphNode[SondeSettings]):
         with contents_hidden(file, "`mwd simulate`"):
             self._scenario = read(file, changes)
         # Compile the simulator now, so that the run does not start late.
-        next(Sonde(self._scenario).blocks(_BLOCK_S))
+        example = Sonde(self._scenario)
+        next(example.blocks(_BLOCK_S))
         self._topic_publishers = {
             topic: self.add_publisher(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
             for topic in _ORDER
-            if topic in wire.SONDE_TOPICS or self._scenario.gamma is not None
+            if topic in example.topics
         }
         if self.settings.burst:
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
@@ -248,7 +254,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self._truth_file is not None:
             self._truth_file.take(block["truth"])
         for order, topic in enumerate(_ORDER):
-            samples = self._thinned(topic, block.get(topic, wire.COUNTS.empty(0)))
+            samples = self._thinned(topic, block.get(topic, _NO_SAMPLES))
             if len(samples):
                 self._pending += self._messages(sonde, order, topic, samples)
         self._pending.sort(key=lambda item: item[:2])

@@ -19,6 +19,7 @@ import yaml
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
+from mwd_sensors.simulator.battery import Battery
 from mwd_sensors.simulator.faults import Fault, Link, check
 from mwd_sensors.simulator.gamma import Gamma
 from mwd_sensors.simulator.instrument_grade import grade
@@ -109,6 +110,7 @@ class Scenario:
     ahrs: Unit = setting(Unit, "conventional unit: gyros, accelerometers, magnetometers")
     precision: Unit | None = setting(Unit(grade="tactical_north"), "high-precision unit: gyros, accelerometers")
     gamma: Gamma | None = setting(None, "natural gamma detector and the rock around the hole; none: no detector")
+    battery: Battery | None = setting(None, "battery and self-tests of the sonde; none: it does not report them")
     temperature: Temperature = setting(Temperature, "temperature of the sensors")
     clock: Clock = setting(Clock, "errors of the sonde's clock")
     string: str = setting(

@@ -17,6 +17,7 @@ import numpy as np
 from mwd_sensors.core import earth, frames, wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps, joined
 from mwd_sensors.simulator import faults, instrument, interference, motion, steering
+from mwd_sensors.simulator.battery import BatteryModel
 from mwd_sensors.simulator.gamma import GammaDetector
 from mwd_sensors.simulator.kinematics import Place, sensed
 from mwd_sensors.simulator.measuring_unit import MeasuringUnit
@@ -45,6 +46,7 @@ _STREAMS = (
     "link",
     "steering",
     "gamma",
+    "battery",
 )
 # Streams that are drawn anew when the same tool is started again: no two runs of a real sensor have the same noise.
 _NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
@@ -76,8 +78,10 @@ class Sonde:
         Top drive and string, if the scenario has steering.
     gamma : GammaDetector or None
         Detector of natural gamma, if the scenario has one.
+    battery : BatteryModel or None
+        Battery, if the scenario has one.
     topics : dict of str to Layout
-        Topics of the blocks: those of `wire.SONDE_TOPICS`, and the counts of the detector if there is one.
+        Topics of the blocks: those of `wire.SONDE_TOPICS`, the counts of the detector and the state of the tool.
     link : TelemetryLink or None
         Telemetry link to the surface, if the scenario has one.
     """
@@ -137,7 +141,13 @@ class Sonde:
         self._temperature_error = self.ahrs.grade.temperature_c * float(self._rng["temperature"].standard_normal())
         item = scenario.gamma
         self.gamma = None if item is None else GammaDetector(item, self.motion.path, self._rng["gamma"])
-        self.topics = dict(wire.SONDE_TOPICS) if item is None else {**wire.SONDE_TOPICS, wire.GAMMA_TOPIC: wire.COUNTS}
+        cells = scenario.battery
+        self.battery = None if cells is None else BatteryModel(cells, self._rng["battery"])
+        self.topics = dict(wire.SONDE_TOPICS)
+        if self.gamma is not None:
+            self.topics[wire.GAMMA_TOPIC] = wire.COUNTS
+        if self.battery is not None:
+            self.topics[wire.STATUS_TOPIC] = wire.TOOL_STATUS
         self.faults = faults.start(scenario.faults, self._rng["faults"])
         names = sorted(topic for topic in wire.SONDE_TOPICS if topic not in ("truth", "rig/state"))
         self._links = {
@@ -281,6 +291,10 @@ class Sonde:
             bit = md + self.scenario.well.sensor_to_bit_m
             counts, picked = self.gamma.samples(index, stamps, truth["gravity_toolface"], bit, rate)
             out[wire.GAMMA_TOPIC] = (counts, t[picked])
+        if self.battery is not None:
+            pumping = self.motion.timeline.flow(t[whole])[0] > 0.0
+            status = self.battery.samples(t[whole], stamps[whole], celsius[whole], pumping)
+            out[wire.STATUS_TOPIC] = (status, t[whole])
         gauge = index % (rate // scenario.rig_hz) == 0
         out["rig/state"] = (self._rig(index[gauge], t[gauge], drive[gauge]), t[gauge])
         return out

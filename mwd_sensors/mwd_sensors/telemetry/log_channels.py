@@ -20,7 +20,9 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import Word
 
-GAMMA = "gamma"
+GAMMA, BATTERY_VOLTAGE = "gamma", "battery_voltage"
+#: Unit of a channel whose values are sums of bits: they have no mean, and no depth.
+FLAGS = "flags"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MOST_SECTORS = 16
 # Bits of the quality, as in mwd_msgs/LogSample.
@@ -47,6 +49,12 @@ SOURCES = {
     "rotary_speed": Source("rad/s", "dynamics", "rotary_speed"),
     "stick_slip": Source("", "dynamics", "stick_slip_index"),
     "shocks": Source("", "dynamics", "shocks"),
+    "shock_peak": Source("m/s^2", "dynamics", "shock_peak"),
+    BATTERY_VOLTAGE: Source("V", "status", "battery_voltage"),
+    "battery_current": Source("A", "status", "battery_current"),
+    "consumed_charge": Source("C", "status", "consumed_charge"),
+    "run_time": Source("s", "status", "run_time"),
+    "failed_self_tests": Source(FLAGS, "status", "failed_self_tests"),
 }
 
 
@@ -129,6 +137,9 @@ CHANNELS = {
     "inclination": LogChannel("inclination", word="RINC"),
     "temperature": LogChannel("temperature", word="Temp"),
     "lateral_vibration": LogChannel("lateral_vibration", word="LRMS"),
+    "battery_voltage": LogChannel("battery_voltage", word="BatV"),
+    "consumed_charge": LogChannel("consumed_charge", interval_s=60),
+    "failed_self_tests": LogChannel("failed_self_tests", interval_s=60),
 }
 
 
@@ -219,4 +230,6 @@ class LogSample(MessageRecord):
     sigma_sectors: tuple[float, ...] = ()
     sector_durations: tuple[float, ...] = ()
     quality: int = 0
+    source: str = ""
+    link: str = ""
     frame_id: str = ""

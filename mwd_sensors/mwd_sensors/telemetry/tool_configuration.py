@@ -37,6 +37,7 @@ from mwd_sensors.telemetry.log_channels import LogChannel
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.serial_frames import SerialLine
+from mwd_sensors.telemetry.tool_limits import ToolLimits
 from mwd_sensors.telemetry.words import COMMON, Word
 
 PULSE_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
@@ -106,7 +107,10 @@ class ToolConfiguration:
     channels: dict[str, LogChannel] = setting(
         {},
         "Log channels by name: what the tool measures against depth, and the words that carry it. Without any, the "
-        "usual ones: gamma, inclination, temperature and lateral vibration.",
+        "usual ones: gamma, inclination, temperature, lateral vibration, battery and self-tests.",
+    )
+    health: ToolLimits = setting(
+        ToolLimits, "Limits and parts of the tool: battery, temperature, vibration, calibration."
     )
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
     toolface_sequences: tuple[str, ...] = setting(

@@ -13,7 +13,10 @@ from project import MESSAGES
 
 def _typestore():
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name in ("Gravity", "Attitude", "Interference", "Dynamics", "RigState", "ToolFlow", "Truth", "DetectorCounts"):
+    for layout in wire.LAYOUTS.values():
+        name = layout.type_name.rpartition("/")[2]
+        if not (MESSAGES / f"{name}.msg").exists():
+            continue
         store.register(get_types_from_msg((MESSAGES / f"{name}.msg").read_text(), f"mwd_msgs/msg/{name}"))
     return store
 
@@ -62,7 +65,7 @@ def test_an_independent_serialiser_reads_and_writes_the_same_bytes(layout):
 
 
 @pytest.mark.parametrize(
-    "name", ["Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth", "DetectorCounts"]
+    "name", ["Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth", "DetectorCounts", "ToolStatus"]
 )
 def test_layout_lists_the_fields_of_the_message_in_order(name):
     fields = []
@@ -116,3 +119,8 @@ def test_some_fields_of_messages_that_lie_apart_are_those_of_the_whole(layout):
 def test_a_field_that_no_message_has_is_named_with_those_it_has():
     with pytest.raises(ValueError, match=r"no 'angle'; it has magnetic_field"):
         wire.MAG.dtype_of(("angle",))
+
+
+def test_the_bits_of_the_self_tests_are_those_of_the_message():
+    bits = re.findall(r"^uint32 (\w+)=(\d+)", (MESSAGES / "ToolStatus.msg").read_text(), re.MULTILINE)
+    assert {int(bit): name.lower() for name, bit in bits} == wire.SELF_TESTS

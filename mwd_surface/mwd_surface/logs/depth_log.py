@@ -24,7 +24,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_sensors.telemetry.log_channels import LogSample, is_channel_name
+from mwd_sensors.telemetry.log_channels import FLAGS, LogSample, is_channel_name
 from mwd_surface.surveys.list_rules import DEEPEST as DEEPEST_M
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
@@ -321,7 +321,7 @@ class DepthLog:
         self.version += bool(samples)
 
     def _place(self, sample: LogSample) -> None:
-        if not any(map(math.isfinite, (sample.value, *sample.sectors))):
+        if sample.unit == FLAGS or not any(map(math.isfinite, (sample.value, *sample.sectors))):
             return
         channel = self._channels.setdefault(sample.channel, _Channel(sample))
         channel.newest_ns = max(channel.newest_ns, sample.stamp_ns)

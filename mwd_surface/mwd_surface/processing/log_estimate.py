@@ -52,9 +52,15 @@ def computed_samples(
     """
     topics = find_topics(bag, given)
     namespace = topics.imu.removesuffix("imu/data_raw").strip("/")
-    counts = topic_of(bag, wire.GAMMA_TOPIC, wire.COUNTS.type_name, namespace)
     sampler, found = LogSampler(channels), list[LogSample]()
-    beside = {"counts": _all(bag, counts, wire.COUNTS), "temperature": _all(bag, topics.temperature, wire.TEMPERATURE)}
+    beside = {
+        stream: _all(bag, topic_of(bag, name, layout.type_name, namespace), layout)
+        for stream, name, layout in (
+            ("counts", wire.GAMMA_TOPIC, wire.COUNTS),
+            ("status", wire.STATUS_TOPIC, wire.TOOL_STATUS),
+        )
+    }
+    beside["temperature"] = _all(bag, topics.temperature, wire.TEMPERATURE)
     beside["temperature"] = InputGate(derivation.input_ranges(estimator)).temperature(beside["temperature"])
 
     def take(output: Output) -> None:

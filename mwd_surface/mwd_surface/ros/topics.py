@@ -39,6 +39,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "rig/earth_voltage": (msg.VoltageBurst, EVENT),
     "rig/serial": (msg.SerialBurst, EVENT),
     "tool/flow": (msg.ToolFlow, EVENT),
+    "tool/status": (msg.ToolStatus, STREAM),
     "tool/transmission": (msg.Transmission, EVENT),
     "link/word": (msg.LinkWord, EVENT),
     "link/frame": (msg.LinkFrame, EVENT),
@@ -87,7 +88,7 @@ OF_SURFACE = frozenset(
 # Topics of the tool; a surface that receives the tool over a telemetry link does not subscribe to them.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
-    *("gamma/counts", "log"),
+    *("gamma/counts", "log", "tool/status"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
     *("survey/revised", "used_samples", "/tf"),
 )

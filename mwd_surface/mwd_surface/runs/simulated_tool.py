@@ -88,6 +88,7 @@ class SimulatedTool:
         pipeline.push_temperature(block["imu/temperature"])
         self._logs.push("temperature", pipeline.gate.temperature(block["imu/temperature"]))
         self._logs.push("counts", block.get(wire.GAMMA_TOPIC, wire.COUNTS.empty(0)))
+        self._logs.push("status", block.get(wire.STATUS_TOPIC, wire.TOOL_STATUS.empty(0)))
         self._take_output(pipeline.push_imu(imu))
         self._done = until_s
         return flow, self._link.advance(until_s - _LAG_S)

@@ -8,7 +8,15 @@ from collections.abc import Callable, Iterable, Iterator
 
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
-from mwd_sensors.telemetry.log_channels import FROM_WORD, GAMMA, SETTLE_S, Carried, LogSample, carried
+from mwd_sensors.telemetry.log_channels import (
+    BATTERY_VOLTAGE,
+    FROM_WORD,
+    GAMMA,
+    SETTLE_S,
+    Carried,
+    LogSample,
+    carried,
+)
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.words import ReceivedWord
 
@@ -34,13 +42,16 @@ def log_samples(
         item = by_word.get(word.name)
         if item is None or not word.revision or not word.usable or not math.isfinite(word.value):
             continue
+        if item.channel.source == BATTERY_VOLTAGE and word.value <= 0.0:
+            # A tool that sends has a voltage: many tools send 0 for a missing measurement.
+            continue
         # A word with a meaning of its own carries a value of the moment; of a survey, that moment is not known here.
         running = not meanings.meaning_of(word.name)
         if running or word.kind == "toolface":
-            yield _sample(word, item, stamp_of(word.start_s), running=running)
+            yield _sample(word, item, stamp_of(word.start_s), link=tool.link, running=running)
 
 
-def _sample(word: ReceivedWord, item: Carried, sent_ns: int, *, running: bool) -> LogSample:
+def _sample(word: ReceivedWord, item: Carried, sent_ns: int, *, link: str, running: bool) -> LogSample:
     channel, factor = item.channel, item.channel.factor(word.unit)
     span = float(channel.interval_s) if running else 0.0
     stamp_ns = sent_ns - round((_ENDED_S + 0.5 * span) * NANOSECONDS) if running else sent_ns
@@ -62,6 +73,8 @@ def _sample(word: ReceivedWord, item: Carried, sent_ns: int, *, running: bool) -
         sigma if whole else math.nan,
         sensor_to_bit=channel.sensor_to_bit,
         quality=FROM_WORD,
+        source=channel.source,
+        link=link,
         sectors=tuple(value if one else math.nan for one in seen),
         sigma_sectors=tuple(sigma if one else math.nan for one in seen),
         sector_durations=tuple(span / channel.sectors if one else 0.0 for one in seen),

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Battery of the sonde and the state that its electronics report.
+
+A charge drawn at a temperature uses the share of the capacity that the battery has at that temperature, so that the
+cold and the heat shorten its life. The voltage is that of lithium thionyl chloride cells: nearly constant until the
+charge is almost used, less the drop over the internal resistance, which grows in the cold. The tool counts its charge
+with an error of scale that stays the same for a tool.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.settings import setting
+from mwd_sensors.telemetry.tool_limits import Rows, capacity_share
+
+_VOLTS_OF_CELL = 3.6
+# Share of the charge after which the voltage of a cell falls, and its fall until the charge is used, V.
+_KNEE, _FALL_V = 0.9, 1.6
+_DOUBLES_C = 20.0  # K of cooling below 25 degC that double the resistance
+_VOLT_SIGMA, _AMPERE_SIGMA = 0.02, 0.005  # of the meters, V and A
+_BITS = {name: bit for bit, name in wire.SELF_TESTS.items()}
+
+
+@dataclasses.dataclass(frozen=True)
+class Battery:
+    """Battery, consumption by duty, and self-tests of the sonde."""
+
+    capacity_ah: float = setting(26.0, "capacity of the new battery at 25 degC", unit="A h", low=0.01, high=10000.0)
+    by_temperature: Rows = setting(
+        ((-20.0, 0.6), (25.0, 1.0), (100.0, 0.95), (150.0, 0.8)),
+        "share of the capacity by temperature: rows of degC and share",
+    )
+    used_ah: float = setting(0.0, "charge used before the run, at 25 degC", unit="A h", low=0.0)
+    cells: int = setting(8, "number of cells in series", low=1, high=100)
+    resistance_ohm: float = setting(1.5, "internal resistance at 25 degC", unit="ohm", low=0.0, high=1000.0)
+    active_a: float = setting(0.4, "current while the pumps are on", unit="A", low=0.0, high=100.0)
+    idle_a: float = setting(0.06, "current while the pumps are off", unit="A", low=0.0, high=100.0)
+    counter_error: float = setting(0.02, "1 sigma of the scale of the charge counter", low=0.0, high=0.5)
+    run_h: float = setting(0.0, "run time of the electronics before the run", unit="h", low=0.0)
+    failures: tuple[tuple[float, str], ...] = setting(
+        (), "self-tests that fail: rows of the time from which on (s) and the name of the test"
+    )
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if there is no such self-test."""
+        for _, name in self.failures:
+            if name not in _BITS:
+                raise ValueError(f"failures: unknown self-test {name!r}; choose of {', '.join(_BITS)}")
+
+
+class BatteryModel:
+    """
+    Battery of a run.
+
+    Parameters
+    ----------
+    settings : Battery
+    rng : Generator
+        Draws the errors of the meters.
+
+    Attributes
+    ----------
+    used : float
+        Used share of the charge: 1 means that the battery is empty.
+    """
+
+    def __init__(self, settings: Battery, rng: np.random.Generator) -> None:
+        self.settings, self._rng = settings, rng
+        self._scale = 1.0 + settings.counter_error * float(rng.standard_normal())
+        self.used = settings.used_ah / settings.capacity_ah
+        self._charge = settings.used_ah * 3600.0
+
+    def samples(self, t: Array, stamps: Stamps, celsius: Array, active: Array, step_s: float = 1.0) -> Samples:
+        """
+        Return the state of the tool at the ends of steps.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Time of the run, s, step after step. Call it for all steps in order.
+        stamps : ndarray of int64, shape (n,)
+            ns.
+        celsius : ndarray, shape (n,)
+            Temperature, degC.
+        active : ndarray of bool, shape (n,)
+            Whether the pumps are on.
+        step_s : float
+            Length of a step, s.
+
+        Returns
+        -------
+        ndarray of dtype `wire.TOOL_STATUS`
+        """
+        item = self.settings
+        samples = wire.TOOL_STATUS.empty(len(t))
+        for k, (at, warm, on) in enumerate(zip(t.tolist(), celsius.tolist(), active.tolist(), strict=True)):
+            current = item.active_a if on else item.idle_a
+            self._charge += current * step_s
+            self.used += current * step_s / (3600.0 * item.capacity_ah * capacity_share(item.by_temperature, warm))
+            volt, ampere = self._rng.standard_normal(2)
+            samples["battery_voltage"][k] = max(0.0, self._voltage(current, warm) + _VOLT_SIGMA * volt)
+            samples["battery_current"][k] = current + _AMPERE_SIGMA * ampere
+            samples["consumed_charge"][k] = self._charge * self._scale
+            failed = sum({_BITS[name] for begin, name in item.failures if at >= begin})
+            samples["self_tests"][k], samples["failed_self_tests"][k] = sum(_BITS.values()), failed
+            samples["run_time"][k] = item.run_h * 3600.0 + at
+        samples["stamp_ns"] = stamps
+        return samples
+
+    def _voltage(self, current: float, celsius: float) -> float:
+        fall = _FALL_V * min(1.0, max(0.0, (self.used - _KNEE) / (1.0 - _KNEE)))
+        resistance = self.settings.resistance_ohm * math.pow(2.0, max(0.0, 25.0 - celsius) / _DOUBLES_C)
+        return self.settings.cells * (_VOLTS_OF_CELL - fall) - current * resistance

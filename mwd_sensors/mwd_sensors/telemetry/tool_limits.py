@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Limits of a tool: its battery, what temperature and vibration it stands for how long, its parts and their calibration.
+
+They are the section `health` of a tool configuration. Without a file the figures below count as assumed: they are those
+of a usual kit, and no data sheet.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import itertools
+import math
+
+import numpy as np
+
+from mwd_sensors.core.settings import setting
+from mwd_sensors.telemetry.log_channels import SOURCES
+
+Rows = tuple[tuple[float, float], ...]
+
+
+def _check_rising(name: str, rows: Rows, *, least: float) -> None:
+    if not rows or any(b[0] <= a[0] for a, b in itertools.pairwise(rows)):
+        raise ValueError(f"{name}: at least one row is needed, and the first column must rise, got {list(rows)}")
+    if not all(math.isfinite(x) and math.isfinite(y) and y > least for x, y in rows):
+        raise ValueError(f"{name}: the second column must be finite and above {least:g}, got {list(rows)}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Battery:
+    """Battery of a tool, from its data sheet."""
+
+    capacity_ah: float = setting(26.0, "Capacity of the new battery at 25 degC.", unit="A h", low=0.01, high=10000.0)
+    capacity_sigma: float = setting(
+        0.05, "1 sigma of the capacity as a share of it: batteries of a kind differ.", low=0.0, high=1.0
+    )
+    by_temperature: Rows = setting(
+        ((-20.0, 0.6), (25.0, 1.0), (100.0, 0.95), (150.0, 0.8)),
+        "Share of the capacity that the battery gives at a temperature: rows of degC and share.",
+    )
+    active_a: float = setting(0.4, "Mean current while the pumps are on.", unit="A", low=0.0, high=100.0)
+    idle_a: float = setting(0.06, "Mean current while the pumps are off.", unit="A", low=0.0, high=100.0)
+    current_sigma: float = setting(0.1, "1 sigma of these currents as a share of them.", low=0.0, high=1.0)
+    counter_sigma: float = setting(
+        0.02, "1 sigma of the charge that the tool counts, as a share of it.", low=0.0, high=1.0
+    )
+    used_ah: float = setting(
+        0.0, "Charge used before this run; a tool that counts its charge tells it itself.", unit="A h", low=0.0
+    )
+    least_v: float = setting(22.0, "Voltage below which the tool stops.", unit="V", low=0.0, high=1000.0)
+    warning_h: float = setting(24.0, "Remaining time below which an alarm is raised.", unit="h", low=0.0, high=10000.0)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if the temperatures do not rise or a share is not above 0."""
+        _check_rising("by_temperature", self.by_temperature, least=0.0)
+
+    def share(self, celsius: float) -> float:
+        """Return the share of the capacity at a temperature; outside the table, that of its end."""
+        return capacity_share(self.by_temperature, celsius)
+
+
+def capacity_share(rows: Rows, celsius: float) -> float:
+    """Return the share of a battery's capacity at a temperature, degC, between the rows of a table."""
+    at, share = np.array(rows, dtype=float).T
+    return float(np.interp(celsius, at, share))
+
+
+@dataclasses.dataclass(frozen=True)
+class ExposureLimit:
+    """Time that a tool stands at each level of a quantity."""
+
+    hours: Rows = setting(doc="Rows of the level, in the unit of the quantity, and the time that the tool stands, h.")
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if the levels do not rise, or a time is not above 0 or grows with the level."""
+        _check_rising("hours", self.hours, least=0.0)
+        if any(b[1] > a[1] for a, b in itertools.pairwise(self.hours)):
+            raise ValueError(f"hours: the time must not grow with the level, got {list(self.hours)}")
+
+    def allowed_h(self, level: float) -> float:
+        """Return the time that the tool stands at a level, h: infinite below the first, by ratio between two rows."""
+        if level < self.hours[0][0]:
+            return math.inf
+        at, hours = np.array(self.hours, dtype=float).T
+        return math.exp(float(np.interp(level, at, np.log(hours))))
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """A part of the tool."""
+
+    serial_number: str = setting("", "Serial number.")
+    calibrated: str = setting("", "Day of the last calibration, as 2026-03-01; empty: none.")
+    valid_days: int = setting(365, "Days for which a calibration holds.", unit="d", low=1, high=10000)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if the day is not a date."""
+        if self.calibrated:
+            try:
+                datetime.date.fromisoformat(self.calibrated)
+            except ValueError as error:
+                raise ValueError(f"calibrated: {self.calibrated!r} is not a day such as 2026-03-01") from error
+
+    def overdue_days(self, day: datetime.date) -> int:
+        """Return for how many days the calibration has been too old; 0 if it holds or there is none."""
+        if not self.calibrated:
+            return 0
+        return max(0, (day - datetime.date.fromisoformat(self.calibrated)).days - self.valid_days)
+
+
+#: Limits of a tool whose configuration states none: levels of severity of a usual kit.
+EXPOSURES = {
+    "temperature": ExposureLimit(((125.0, 2000.0), (150.0, 500.0), (175.0, 20.0))),
+    "lateral_vibration": ExposureLimit(((20.0, 100.0), (40.0, 20.0), (80.0, 1.0))),
+    "axial_vibration": ExposureLimit(((20.0, 100.0), (40.0, 20.0), (80.0, 1.0))),
+    "shock_peak": ExposureLimit(((500.0, 20.0), (1000.0, 2.0), (2000.0, 0.2))),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolLimits:
+    """Limits and parts of a tool."""
+
+    battery: Battery | None = setting(None, "The battery; none: assumed figures of a usual kit.")
+    exposures: dict[str, ExposureLimit] = setting(
+        {},
+        "Time that the tool stands, by quantity: temperature (degC), lateral_vibration, axial_vibration and shock_peak "
+        "(m/s^2) or any other source of a log channel. Without any, assumed figures of a usual kit.",
+    )
+    parts: dict[str, Part] = setting({}, "Parts by name, with serial number and calibration.")
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if there is no such quantity."""
+        for name in self.exposures:
+            if name not in SOURCES:
+                raise ValueError(f"exposures.{name}: unknown quantity; choose of {', '.join(SOURCES)}")
