@@ -30,15 +30,15 @@ def definitive_csv(table: SurveyTable) -> str:
     head = [f"# {label}: {value}" for label, value in table.header]
     head += [f"# {why}" for why in (*table.left_out, *map(plain, table.remarks))]
     head += [f"# {line}" for line in provenance_of(table.surveys, table.path.leg).lines()]
-    path, north = table.path, table.surveys.north
+    path, north, convention = table.path, table.surveys.north, table.surveys.well.angles
     lines = []
     for k in table.rows:
         record = table.records[k]
-        known = {"leg": path.leg} if record is None else survey_csv.cells(record, north)
+        known = {"leg": path.leg} if record is None else survey_csv.cells(record, north, convention)
         placed = {column.key: column.cell(k) for column in table.columns}
         named = {"azimuth_reference": path.north.name.lower(), "station": path.kind[k]}
         lines.append({**known, **placed, **named, "coordinates": "assumed" if path.assumed else ""})
-    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines)
+    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, convention=convention)
 
 
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
@@ -48,4 +48,6 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: 
     header, notes: labels and values of the head block, and comment lines below it.
     """
     head = [f"# {label}: {value}" for label, value in header] + [f"# {plain(note)}" for note in notes]
-    return "".join(f"{line}\n" for line in head) + survey_csv.text(survey_csv.list_cells(surveys))
+    convention = surveys.well.angles
+    lines = survey_csv.list_cells(surveys, convention)
+    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, convention=convention)

@@ -18,6 +18,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from mwd_estimation.survey.survey import Survey, Verdict
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.exports.survey_table import SurveyTable, degrees
 from mwd_surface.signals.cells import fixed, plain, utc
 from mwd_surface.signals.units import UNITS
@@ -44,6 +45,8 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     uid : str
         Uid of the trajectory; made from the names if empty.
     """
+    # The standard defines incl from the vertical.
+    table = table.in_convention(AngleConvention.INCLINATION)
     well = table.surveys.well
     rows, left_out = _increasing(table)
     md = table.column("md_m")

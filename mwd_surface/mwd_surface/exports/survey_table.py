@@ -18,6 +18,7 @@ import numpy as np
 
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import earth
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.exports.report_section import Section
@@ -102,6 +103,11 @@ class SurveyTable:
         """Numbers of the stations."""
         return range(len(self.records))
 
+    def in_convention(self, convention: AngleConvention) -> SurveyTable:
+        """Return the table with its columns in another angle convention than that of the well."""
+        columns = _columns(self.path, self.covariance, self.plan, convention)
+        return dataclasses.replace(self, columns=columns)
+
     def column(self, key: str) -> Column:
         """Return the column of that name; KeyError if there is none."""
         for column in self.columns:
@@ -175,29 +181,35 @@ def table_of(
     reference = next((s for s in reversed(used) if s.has_reference), None)
     known = uncertain(surveys, path, records)
     covariance, note = known.covariance, known.note
-    columns = _columns(path, covariance, plan)
+    columns = _columns(path, covariance, plan, surveys.well.angles)
     header = _header(surveys, path, reference, made_ns, note, plan, software)
     return SurveyTable(
         surveys, path, records, columns, header, covariance, note, plan, left_out, made_ns, tuple(stretches)
     )
 
 
-def _columns(path: Definitive, covariance: Array | None, plan: Plan | None) -> tuple[Column, ...]:
-    """Return the columns of the signal table whose source is available."""
+def _columns(
+    path: Definitive, covariance: Array | None, plan: Plan | None, convention: AngleConvention
+) -> tuple[Column, ...]:
+    """Return the columns of the signal table whose source is available, in an angle convention."""
     stations = range(len(path.md))
     sources: dict[str, Sequence[Any]] = {
         SURVEY: [{s.field: getattr(path, s.field)[k] for s, _ in LISTED if s.source == SURVEY} for k in stations],
         **beside_path(path, covariance, plan),
     }
     return tuple(
-        Column(signal, listed, tuple(_people(signal, one.get(signal.field)) for one in sources[signal.source]))
+        Column(
+            signal,
+            signal.column_for_people(convention) or listed,
+            tuple(_people(signal, one.get(signal.field), convention) for one in sources[signal.source]),
+        )
         for signal, listed in LISTED
         if signal.source in sources
     )
 
 
-def _people(signal: Signal, value: float | None) -> float | None:
-    return None if value is None else signal.people.of(float(value))
+def _people(signal: Signal, value: float | None, convention: AngleConvention) -> float | None:
+    return None if value is None else signal.for_people(float(value), convention)
 
 
 def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
@@ -262,6 +274,7 @@ def _header(
         ("Depth datum", typed(well.depth_datum) or not_given),
         ("Datum elevation", _metres(well.datum_elevation, " above mean sea level") or not_given),
         ("Azimuth reference", f"{north} north" + (", assumed" if assumed_north else "")),
+        ("Hole angle", well.angles.meaning if well.angles.points else ""),
         ("Declination", _degrees(reference.declination if reference else None) or unknown),
         ("Grid convergence", _degrees(reference.convergence if reference else None) or "no grid given"),
         ("Total azimuth correction", _degrees(_correction(reference, north)) or unknown),
@@ -314,11 +327,11 @@ def _placed(well: Well) -> tuple[tuple[str, str], ...]:
 
 def _tied(surveys: SurveyList, path: Definitive) -> str:
     """Return the tie-on of the leg of a path in words; its numbers only if they were given."""
-    t = surveys.find_leg(path.leg).tie_on
+    t, angles = surveys.find_leg(path.leg).tie_on, surveys.well.angles
     if path.kind[0] == ASSUMED:
         return "not given"
     return (
-        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(t.inclination * _DEG, 2)} deg,"
+        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(angles.shown(t.inclination) * _DEG, 2)} deg,"
         f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
     )
 

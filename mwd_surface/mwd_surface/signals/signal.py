@@ -6,11 +6,14 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.signals.units import DEG_PER_H, UNITS, Scale
 
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
 CONTROL, ADVICE, INPUT, SURFACE, LOG = "control", "advice", "input", "surface", "log"
 TYPES = ("Double", "UInt32", "Int64", "Boolean", "String")
+# Signals whose value is the vertical angle of the hole, not a difference of it.
+INCLINATIONS = frozenset(("survey_inclination", "inclination", "projected_inclination"))
 _ON_PAPER = 2  # decimals in printed reports
 
 
@@ -178,6 +181,22 @@ class Signal:
     def listed_scale(self) -> Scale:
         """Unit in the tables of surveys: the unit for people, or deg/h for the rate of a gyro at rest."""
         return DEG_PER_H if self.listed and self.listed.key.endswith("_degph") else self.people
+
+    @property
+    def is_inclination(self) -> bool:
+        """Whether the signal is the vertical angle of the hole, which people of some wells read as a dip."""
+        return self.name in INCLINATIONS
+
+    def for_people(self, value: float, convention: AngleConvention) -> float:
+        """Return an SI value in the unit for people, a vertical angle of the hole in their convention."""
+        return self.people.of(convention.shown(value) if self.is_inclination else value)
+
+    def column_for_people(self, convention: AngleConvention) -> Listed | None:
+        """Return the column in tables of surveys under the name that the convention of the well gives it."""
+        if self.listed is None or not self.is_inclination or not convention.points:
+            return self.listed
+        las = convention.value.upper()
+        return self.listed._replace(key=convention.column, title=convention.title, las=las)
 
     @property
     def wrap(self) -> float:

@@ -18,6 +18,7 @@ import numpy as np
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.arrays import Array
 from mwd_surface.signals.cells import fixed, quoted, utc
 from mwd_surface.signals.signal import PLAN, POSITION, Listed, Signal
@@ -220,16 +221,25 @@ class _Limits:
     dip: float
 
 
-def cells(record: SurveyRecord, north: North = North.UNKNOWN) -> dict[str, str]:
+def columns(convention: AngleConvention = AngleConvention.INCLINATION) -> tuple[str, ...]:
+    """Return the names of the columns for a well of an angle convention."""
+    return tuple(listed.key for _, listed in _table(convention))
+
+
+def cells(
+    record: SurveyRecord,
+    north: North = North.UNKNOWN,
+    convention: AngleConvention = AngleConvention.INCLINATION,
+) -> dict[str, str]:
     """Return the column texts of a survey by name; columns of the position's sigma and of the plan are empty."""
     line = Line(record, north)
     return {
-        listed.key: _cell(signal, listed, line.value(signal.record)) if signal.record else ""
-        for signal, listed in SURVEY_TABLE
+        listed.key: _cell(signal, listed, line.value(signal.record), convention) if signal.record else ""
+        for signal, listed in _table(convention)
     }
 
 
-def list_cells(surveys: SurveyList) -> list[dict[str, str]]:
+def list_cells(surveys: SurveyList, convention: AngleConvention = AngleConvention.INCLINATION) -> list[dict[str, str]]:
     """Return the texts of every survey of a list, in order of their numbers, each from its own north."""
     beside: dict[int, dict[str, str]] = {}
     for leg in surveys.legs:
@@ -246,7 +256,7 @@ def list_cells(surveys: SurveyList) -> list[dict[str, str]]:
                     if signal.source in values
                 }
     ordered = sorted(surveys.records, key=lambda record: record.survey.sequence)
-    return [cells(record) | beside.get(record.survey.sequence, {}) for record in ordered]
+    return [cells(record, convention=convention) | beside.get(record.survey.sequence, {}) for record in ordered]
 
 
 def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -> dict[str, list[Mapping[str, Any]]]:
@@ -260,16 +270,29 @@ def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -
     return found
 
 
-def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = ()) -> str:
-    """Return a table with its header; more: names of additional columns at the end. Missing cells are empty."""
-    names = (*COLUMNS, *more)
+def text(
+    lines: Iterable[Mapping[str, str]],
+    more: Sequence[str] = (),
+    convention: AngleConvention = AngleConvention.INCLINATION,
+) -> str:
+    """
+    Return a table with its header.
+
+    more: names of additional columns at the end. convention: that with which the lines were made. Missing cells are
+    empty.
+    """
+    names = (*columns(convention), *more)
     quote = TEXTS | set(more)
     rows = [",".join(names)]
     rows += [",".join(quoted(line.get(n, "")) if n in quote else line.get(n, "") for n in names) for line in lines]
     return "\n".join(rows) + "\n"
 
 
-def _cell(signal: Signal, listed: Listed, value: Any) -> str:
+def _table(convention: AngleConvention) -> list[tuple[Signal, Listed]]:
+    return [(signal, signal.column_for_people(convention) or listed) for signal, listed in SURVEY_TABLE]
+
+
+def _cell(signal: Signal, listed: Listed, value: Any, convention: AngleConvention = AngleConvention.INCLINATION) -> str:
     """Return a value of a column as text, in the unit of its name."""
     if signal.type == "String":
         return "; ".join(value) if isinstance(value, tuple) else str(value)
@@ -279,7 +302,7 @@ def _cell(signal: Signal, listed: Listed, value: Any) -> str:
         return ""
     if signal.type == "Int64":
         return str(value)
-    number = signal.listed_scale.of(value)
+    number = signal.for_people(value, convention) if signal.is_inclination else signal.listed_scale.of(value)
     return fixed(number % signal.wrap if signal.circle else number, listed.decimals, signal.wrap)
 
 
