@@ -36,7 +36,7 @@ DRILLED_S = 100.0
 
 def played(name):
     story = scenario.read(SCENARIOS / f"{name}.yaml")
-    cycles = min(story.cycles, CYCLES) if name == "connections" else story.cycles
+    cycles = min(story.cycles, CYCLES) if name in ("connections", "mine_hole") else story.cycles
     return dataclasses.replace(story, cycles=cycles, schedule=tuple(map(faster, story.schedule)))
 
 

@@ -37,6 +37,7 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.page import access
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_store import SurveyStore
+from mwd_surface.surveys.well import Well
 from project import ROOT
 
 LOGGERS = tuple(f"get_logger().{level}" for level in ("debug", "info", "warning", "error", "fatal"))
@@ -57,7 +58,7 @@ SECRET = "hunter2-correct-horse"  # noqa: S105
 def test_a_secret_named_as_the_plan_is_in_no_alarm_and_on_no_terminal(tmp_path, text, capfd):
     file = tmp_path / "plan.csv"
     file.write_text(text)
-    found = PlanMonitor.read(PlanSettings(file=str(file)), "true")
+    found = PlanMonitor.read(PlanSettings(file=str(file)), Well())
     assert isinstance(found, ListFileError)
     assert SECRET not in str(found)
     assert str(file) in str(found)
@@ -83,13 +84,13 @@ def test_a_recording_with_thousands_of_topics_names_the_first_of_them(tmp_path):
 def test_a_line_and_an_error_of_the_disk_are_still_named(tmp_path):
     file = tmp_path / "plan.csv"
     file.write_text("md_m,inc_deg,azi_deg\n0,0,0\nx,1,2\n")
-    assert "line 3" in str(PlanMonitor.read(PlanSettings(file=str(file)), "true"))
-    assert "No such file" in str(PlanMonitor.read(PlanSettings(file=str(tmp_path / "none.csv")), "true"))
+    assert "line 3" in str(PlanMonitor.read(PlanSettings(file=str(file)), Well()))
+    assert "No such file" in str(PlanMonitor.read(PlanSettings(file=str(tmp_path / "none.csv")), Well()))
     assert "not a regular file" in without_contents("x", OSError(22, "is not a regular file"))
 
 
 def plan(file):
-    return str(PlanMonitor.read(PlanSettings(file=str(file)), "true"))
+    return str(PlanMonitor.read(PlanSettings(file=str(file)), Well()))
 
 
 def offset_wells(file):

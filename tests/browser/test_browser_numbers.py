@@ -11,6 +11,7 @@ import pytest
 from browser_page import SIZES, click, rig_on, show, state_of, text, wait
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ReferenceField
 from mwd_surface.trajectory.plan import Offset
@@ -41,6 +42,22 @@ def test_a_value_that_never_came_is_no_data_and_not_zero(browser):
         assert "no data" in box
         assert "0" not in box
         assert state_of(browser, "drilling.temperature") == "none"
+
+
+def test_the_page_converts_the_vertical_angle_as_the_program_does(browser):
+    inclinations = [0.0, 0.7788, math.pi / 2, 1.66, math.pi]
+    with rig_on(browser):
+        for convention in AngleConvention:
+            said = browser.execute_async_script(
+                "const [angles, name, done] = arguments; import('./units.js').then((u) => { u.setConvention(name);"
+                "done(angles.map((v) => [u.plain('inclination', v), Number(u.size('inclination', v))])) })",
+                inclinations,
+                convention.value,
+            )
+            shown = np.degrees([convention.shown(angle) for angle in inclinations])
+            np.testing.assert_allclose([value for value, _ in said], shown, atol=1e-9)
+            # A sigma has no direction.
+            np.testing.assert_allclose([size for _, size in said], np.degrees(inclinations), atol=0.006)
 
 
 def test_one_switch_changes_every_unit_and_is_remembered(browser):

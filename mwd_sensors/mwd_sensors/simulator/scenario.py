@@ -14,9 +14,12 @@ import pathlib
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import yaml
 
 from mwd_sensors.core import budgets
+from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 from mwd_sensors.simulator.battery import Battery
@@ -43,8 +46,14 @@ class Place:
 class Well:
     """The hole, and the position in it at the start of the run."""
 
+    convention: str = setting(
+        AngleConvention.INCLINATION.value,
+        "vertical angle of the rows: inclination from the vertical, or dip from the horizontal, positive up or down",
+        choices=CONVENTIONS,
+    )
     stations: tuple[tuple[float, float, float], ...] = setting(
-        ((0.0, 30.0, 45.0),), "rows of measured depth (m), inclination (deg), azimuth from true north (deg)"
+        ((0.0, 30.0, 45.0),),
+        "rows of measured depth (m), inclination or dip (deg, see convention), azimuth from true north (deg)",
     )
     plan: tuple[tuple[float, float, float], ...] = setting(
         (), "planned path, rows like `stations`, which `mwd run` loads; empty for no plan"
@@ -52,6 +61,12 @@ class Well:
     bit_m: float = setting(30.0, "measured depth of the bit at the start", unit="m", low=0.0, high=20000.0)
     sensor_to_bit_m: float = setting(3.0, "distance from the sonde to the bit", unit="m", low=0.0, high=100.0)
     toolface_deg: float = setting(0.0, "gravity toolface at the start", unit="deg", low=-360.0, high=360.0)
+
+    @property
+    def hole(self) -> tuple[Array, Array, Array]:
+        """Measured depth, m, inclination and azimuth, rad, of the stations, each of shape (n,)."""
+        md, angle, azimuth = np.array(self.stations, dtype=float).T
+        return md, AngleConvention(self.convention).inclination(np.radians(angle)), np.radians(azimuth)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -407,7 +407,6 @@ def reference_of(scenario: Scenario) -> earth.ReferenceField:
 def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[motion.Motion, CommandedFlow | None]:
     """Return the motion of a run, and its pumps if they obey commands."""
     well, vibration = scenario.well, scenario.vibration
-    table = np.array(well.stations, dtype=float)
     line = timeline(
         scenario.schedule * scenario.cycles,
         scenario.rig,
@@ -422,7 +421,7 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[mo
         line = dataclasses.replace(line, flow=pumps)
     active = {when: line.active(when) for when in {item.when for item in vibration.shocks}}
     moved = motion.Motion(
-        path=motion.well_path(table[:, 0], np.radians(table[:, 1]), np.radians(table[:, 2])),
+        path=motion.well_path(*well.hole),
         timeline=line,
         sensor_to_bit=well.sensor_to_bit_m,
         vibrations=vibration,

@@ -65,7 +65,7 @@ def clearance(
         raise ValueError(f"{source} is a list of stations: first run mwd path {source} -o DIR, then give DIR")
     surveys, remarks = surveys_of(source)
     surveys = _with_model(surveys, programme, code)
-    planned = read_plan_option(plan, plan_set, surveys.well.north_reference)
+    planned = read_plan_option(plan, plan_set, surveys.well)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
     for remark in dict.fromkeys((*remarks, *sentences(near.remarks))):
         terminal.warn(remark)

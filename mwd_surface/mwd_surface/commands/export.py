@@ -174,7 +174,7 @@ def _table(
         terminal.warn(note)
     if not surveys.records:
         raise ValueError(f"{source}: the list has no survey")
-    planned = read_plan_option(*plan, surveys.well.north_reference)
+    planned = read_plan_option(*plan, surveys.well)
     if planned is not None:
         surveys = surveys.along(planned)
     sections, remarks = clearance_sections(surveys, surveys.plan, bit_depth, leg)

@@ -11,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from mwd_surface.list_files.list_settings import ListSettings
+    from mwd_surface.surveys.well import Well
     from mwd_surface.trajectory.plan import Plan
 
 _LIST = "List"
@@ -108,11 +109,11 @@ def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
     return list_settings(table, f"{option} ")
 
 
-def read_plan_option(path: Path | None, changes: Sequence[str] | None, north: str = "") -> Plan | None:
+def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Well | None = None) -> Plan | None:
     """
     Return the plan of --plan, read with the settings of --plan-set; None if --plan is not given.
 
-    north: required north of its azimuths; empty: any.
+    well: its north is required of the azimuths, and its angle convention is that of dips; None: any north.
 
     Raises
     ------
@@ -123,12 +124,12 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, north: st
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.trajectory.plan_file import read_plan
 
-    given = assigned(changes, "--plan-set").given()
+    given = assigned(changes, "--plan-set").given().with_dip(well.angles.points if well is not None else "")
     if path is None:
         if changes:
             raise ValueError("--plan-set: there is no --plan to read")
         return None
     try:
-        return read_plan(path, north, given)
+        return read_plan(path, well.north_reference if well is not None else "", given)
     except ListFileError as error:
         raise asked(error, "--plan-set {}={}") from error

@@ -190,7 +190,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     terminal.facts(lines)
     if summary.surveys:
         records = sorted(summary.listed.records, key=lambda one: one.survey.sequence)
-        show_surveys(console, records)
+        show_surveys(console, records, summary.listed.well.angles)
         for sentence in revision_sentences(records):
             console.print(sentence, markup=False)
         # For a recording without depths, the line above reports it.

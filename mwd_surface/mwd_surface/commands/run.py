@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
@@ -124,7 +125,7 @@ def run(
     truth = Path(parameters["sonde"]["truth_file"]) if story.telemetry is not None else None
     recorded_in, recorded = folder / namespace.replace("/", "_") / "bags", parameters["surface"]["record.enabled"]
     for bag in recordings_named(recorded_in, parameters["surface"]["record.name"]) if recorded else ():
-        _conclude(console, bag, truth)
+        _conclude(console, bag, truth, AngleConvention(parameters["surface"].get("well.convention", "inclination")))
     console.print(f"surveys and logs: {folder}", markup=False)
 
 
@@ -156,9 +157,10 @@ def _drop_tie_on_from_true_north(surface: dict[str, Any], from_true_north: Mappi
 
 def _written_plan(story: Scenario, folder: Path) -> Path:
     """Write the planned path of a scenario as the file that the surface node reads."""
-    lines = [f"{md},{inclination},{azimuth}" for md, inclination, azimuth in story.well.plan]
+    lines = [f"{md},{angle},{azimuth}" for md, angle, azimuth in story.well.plan]
+    column = AngleConvention(story.well.convention).column
     file = folder / f"{story.name}.csv"
-    file.write_text("\n".join(["# north: true", "md_m,inc_deg,azi_deg", *lines, ""]), encoding="utf-8")
+    file.write_text("\n".join(["# north: true", f"md_m,{column},azi_deg", *lines, ""]), encoding="utf-8")
     return file
 
 
@@ -227,7 +229,7 @@ def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
     return folder
 
 
-def _conclude(console: Console, bag: Path, truth: Path | None) -> None:
+def _conclude(console: Console, bag: Path, truth: Path | None, convention: AngleConvention) -> None:
     import datetime
 
     from mwd_surface.bags.bag_reader import Bag, BagError
@@ -237,7 +239,7 @@ def _conclude(console: Console, bag: Path, truth: Path | None) -> None:
 
     try:
         with Bag(bag) as opened:
-            _show_scores(console, score(opened, truth=truth))
+            _show_scores(console, score(opened, truth=truth), convention)
             for one in unlisted(opened) if truth is not None else ():
                 flow_on = datetime.datetime.fromtimestamp(one.start_ns * 1e-9, tz=datetime.UTC)
                 terminal.warn(f"not in the list: the survey sent after flow-on at {flow_on:%H:%M:%S} UTC: {one.reason}")
@@ -248,7 +250,7 @@ def _conclude(console: Console, bag: Path, truth: Path | None) -> None:
         terminal.warn(str(error))
 
 
-def _show_scores(console: Console, scored: list[Scored]) -> None:
+def _show_scores(console: Console, scored: list[Scored], convention: AngleConvention) -> None:
     import math
 
     from rich.table import Table
@@ -266,7 +268,8 @@ def _show_scores(console: Console, scored: list[Scored]) -> None:
         padding=(0, 1, 0, 0),
         header_style="dim",
     )
-    columns = ("no", "depth m", "incl", "error", "azi", "error", "sigma", "true", "uncorr", "corr")
+    angle = convention.title if convention.points else "incl"
+    columns = ("no", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr")
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
@@ -279,8 +282,8 @@ def _show_scores(console: Console, scored: list[Scored]) -> None:
         table.add_row(
             str(row.sequence),
             f"{row.measured_depth:.1f}",
-            deg(row.measured_inclination),
-            deg(row.inclination_error, "+"),
+            deg(convention.shown(row.measured_inclination)),
+            deg(convention.sign * row.inclination_error, "+"),
             deg(row.chosen),
             deg(row.azimuth_error, "+"),
             deg(row.sigma_azimuth),

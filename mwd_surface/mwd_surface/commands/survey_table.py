@@ -14,6 +14,7 @@ from rich.text import Text
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import best_north, north_correction
 from mwd_estimation.survey.survey import Survey, Verdict
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.surveys.station_checks import NO_DEPTH
 from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
@@ -28,13 +29,18 @@ COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12
 
 
-def show_surveys(console: Console, records: Sequence[SurveyRecord]) -> None:
+def show_surveys(
+    console: Console,
+    records: Sequence[SurveyRecord],
+    convention: AngleConvention = AngleConvention.INCLINATION,
+) -> None:
     """Print surveys with their depths, in the order given; of a long list only the last ones."""
     first = max(len(records) - _MOST, 0)
     title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
     # With the widest numbers it just fits the 80 columns of a plain terminal.
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
-    for name in ("no", "depth m", "inclination", "azimuth", "", "toolface", "nT", "dip"):
+    angle = convention.title if convention.points else "inclination"
+    for name in ("no", "depth m", angle, "azimuth", "", "toolface", "nT", "dip"):
         table.add_column(name, justify="left" if not name else "right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for record in records[first:]:
@@ -43,7 +49,7 @@ def show_surveys(console: Console, records: Sequence[SurveyRecord]) -> None:
         table.add_row(
             str(survey.sequence),
             f"{depth:.1f}" if math.isfinite(depth) else "-",
-            f"{degrees(survey.inclination)} ±{degrees(survey.sigma_inclination)}",
+            f"{degrees(convention.shown(survey.inclination))} ±{degrees(survey.sigma_inclination)}",
             _azimuth(survey),
             North(survey.north).name.lower() if survey.has_azimuth else "",
             direction(survey.gravity_toolface),

@@ -32,15 +32,15 @@ class Format:
 
 
 def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
-    """Return a table with its columns and head block in the units of its well."""
+    """Return a table with its columns and head block as people of its well read them."""
     from mwd_surface.exports.report_edge import Edge
     from mwd_surface.language.language import ENGLISH, language
     from mwd_surface.signals.units import FIELD
 
-    units = table.surveys.well.units
-    edge = Edge(language(ENGLISH), units == FIELD)
+    display = table.surveys.well.display
+    edge = Edge(language(ENGLISH), display.units == FIELD)
     header = tuple((label, edge.head(label, value)) for label, value in table.header)
-    return dataclasses.replace(table.in_units(units), header=header)
+    return dataclasses.replace(table.shown(display), header=header)
 
 
 # Each is imported only when it is written: listing the formats (command help, page) needs none of them.

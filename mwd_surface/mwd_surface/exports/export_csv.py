@@ -34,11 +34,11 @@ def definitive_csv(table: SurveyTable) -> str:
     lines = []
     for k in table.rows:
         record = table.records[k]
-        known = {"leg": path.leg} if record is None else survey_csv.cells(record, north, table.system)
+        known = {"leg": path.leg} if record is None else survey_csv.cells(record, north, table.display)
         placed = {column.key: column.cell(k) for column in table.columns}
         named = {"azimuth_reference": path.north.name.lower(), "station": path.kind[k]}
         lines.append({**known, **placed, **named, "coordinates": "assumed" if path.assumed else ""})
-    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, system=table.system)
+    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, display=table.display)
 
 
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
@@ -48,4 +48,5 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: 
     header, notes: labels and values of the head block, and comment lines below it.
     """
     head = [f"# {label}: {value}" for label, value in header] + [f"# {plain(note)}" for note in notes]
-    return "".join(f"{line}\n" for line in head) + survey_csv.text(survey_csv.list_cells(surveys))
+    lines = survey_csv.list_cells(surveys, surveys.well.display)
+    return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, display=surveys.well.display)

@@ -18,6 +18,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from mwd_estimation.survey.survey import Survey, Verdict
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.exports.survey_table import SurveyTable, degrees
 from mwd_surface.signals.cells import fixed, plain, utc
 from mwd_surface.signals.units import UNITS
@@ -44,6 +45,8 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     uid : str
         Uid of the trajectory; made from the names if empty.
     """
+    # The standard defines incl from the vertical.
+    table = table.shown(table.display._replace(angles=AngleConvention.INCLINATION))
     well = table.surveys.well
     rows, left_out = _increasing(table)
     md = table.column("md_m")
@@ -59,7 +62,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     if stamps:
         head += [_text("dTimTrajStart", utc(min(stamps))), _text("dTimTrajEnd", utc(max(stamps)))]
     if rows:
-        uom = UNITS["m"].witsml_in(table.system)
+        uom = UNITS["m"].witsml_in(table.display.units)
         head += [_measure("mdMn", md.cell(rows[0]), uom), _measure("mdMx", md.cell(rows[-1]), uom)]
     if well.service_company:
         head.append(_text("serviceCompany", well.service_company, _NAME))
@@ -115,7 +118,7 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
     parts.append(_text("calcAlgorithm", "minimum curvature"))
     numbers = {}
     for column in table.columns:
-        tag, uom = column.listed.witsml, UNITS[column.signal.unit].witsml_in(table.system)
+        tag, uom = column.listed.witsml, UNITS[column.signal.unit].witsml_in(table.display.units)
         numbers[tag] = _measure(tag, column.cell(k), uom)
     parts += [numbers[tag] for tag in STATION]
     # Only the angles of an imported station are known.

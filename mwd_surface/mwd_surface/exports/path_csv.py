@@ -20,7 +20,6 @@ from mwd_surface.uncertainty.position_covariance import ellipse
 _DECIMALS = 10
 _ELLIPSE = ("ellipse_major_m", "ellipse_minor_m", "ellipse_azimuth_deg")
 _WORDS = ("azimuth_reference", "station", "sequence", "tool", "coordinates")
-COLUMNS = (*(listed.key for _, listed in LISTED), *_ELLIPSE, *_WORDS)
 
 
 def path_csv(table: SurveyTable) -> str:
@@ -42,7 +41,8 @@ def path_csv(table: SurveyTable) -> str:
             "coordinates": "assumed" if path.assumed else "",
         }
         lines.append({**numbers, **_ellipse(table, k), **words})
-    return cells.table(COLUMNS, lines)
+    listed = (signal.column_for_people(column, table.display) for signal, column in LISTED)
+    return cells.table((*(column.key for column in listed), *_ELLIPSE, *_WORDS), lines)
 
 
 def _ellipse(table: SurveyTable, k: int) -> dict[str, str]:

@@ -32,13 +32,13 @@ _TINTS = {check_shots.PASS: GOOD, check_shots.DOUBTFUL: DOUBTFUL, check_shots.FA
 def repeated(table: SurveyTable) -> Section | None:
     """Return rotation shots and check shots of the list; None if nothing was repeated."""
     rows: list[tuple[str, ...]] = []
-    tints = {}
+    tints, convention = {}, table.surveys.well.angles
     for shot, numbers in shots_of(table.surveys.records, table.surveys.well.error_model):
         tints[len(rows), 11] = _TINTS[shot.verdict]
         angles = (
             fixed(math.degrees(value), 3, 360.0)
             for value in (
-                shot.inclination,
+                convention.shown(shot.inclination),
                 shot.spread_inclination,
                 shot.expected_inclination,
                 shot.azimuth,
@@ -56,5 +56,11 @@ def repeated(table: SurveyTable) -> Section | None:
         "Spread and expected are standard deviations of the repeated surveys, uncorrected for interference; expected is"
         " that of the tool code. Doubtful or fail: such differences occur by chance once in 100 or in 1000 times."
     )
-    sheet = sheet_of("Rotation shots and check shots", _COLUMNS, rows, tints=tints, legend=legend)
+    sheet = sheet_of(
+        "Rotation shots and check shots",
+        [(convention.title if title == "Inc" else title, unit) for title, unit in _COLUMNS],
+        rows,
+        tints=tints,
+        legend=legend,
+    )
     return Section(sheet.heading, sheets=(sheet,))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Drawing, Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
@@ -43,12 +44,13 @@ def final_sections(
     changes: final path minus the path as first decided. tables: of the first and of the final list. inputs: name and
     SHA-256 of each input file.
     """
+    angles = tables[1].surveys.well.angles
     rows = [
         tuple(
             fixed(float(value), 2, wrap)
             for value, wrap in (
                 (changes.md[k], 0.0),
-                *((changes.inclination[k, one] * _DEG, 0.0) for one in (1, 0)),
+                *((angles.shown(float(changes.inclination[k, one])) * _DEG, 0.0) for one in (1, 0)),
                 *((changes.azimuth[k, one] * _DEG, 360.0) for one in (1, 0)),
                 (changes.turn[k, 1] * _DEG, 0.0),
                 *((axis, 0.0) for axis in changes.position[k]),
@@ -68,7 +70,7 @@ def final_sections(
 
     differences = Section(
         "Final list against the list as first decided",
-        sheets=(sheet_of("Changes by station", _CHANGES, rows),),
+        sheets=(sheet_of("Changes by station", _titled(angles), rows),),
         drawings=(
             Drawing("Differences along the hole", along, wide=True),
             Drawing("End of the path in plan view, ellipses at 2 sigma", at_the_end),
@@ -81,6 +83,12 @@ def final_sections(
             0, sheet_of("Intervals that two sources cover", _OVERLAPS, [_overlap(one) for one in final.overlaps])
         )
     return differences, Section("Sources of the final list", final.remarks, tuple(sources))
+
+
+def _titled(angles: AngleConvention) -> list[tuple[str, str]]:
+    """Return titles and units of the changes, with the vertical angle of the well's convention."""
+    first = {"Inc first": f"{angles.title}, first", "Inc final": f"{angles.title}, final"} if angles.points else {}
+    return [(first.get(title, title), unit) for title, unit in _CHANGES]
 
 
 def _overlap(one: Overlap) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def stations(table: SurveyTable) -> Section | None:
     records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
-    rows, tints = [], {}
+    rows, tints, angles = [], {}, table.surveys.well.angles
     for i, record in enumerate(records):
         s = record.survey
         found = totals(s)
@@ -86,7 +86,7 @@ def stations(table: SurveyTable) -> Section | None:
             str(s.sequence),
             utc(s.stamp_ns)[:19].replace("T", " "),
             _depth(record),
-            fixed(s.inclination * _DEG, 2),
+            fixed(angles.shown(s.inclination) * _DEG, 2),
             fixed(s.sigma_inclination * _DEG, 2),
             fixed(s.azimuth * _DEG, 2, 360.0) if s.has_azimuth else "",
             North(s.north).name.lower() if s.has_azimuth else "",
@@ -103,7 +103,7 @@ def stations(table: SurveyTable) -> Section | None:
         rows.append((*cells, *verdicts, "yes" if record.in_use else "no"))
     sheet = sheet_of(
         "Quality control of every survey taken",
-        _STATION,
+        [(angles.title if title == "Inc" else title, unit) for title, unit in _STATION],
         rows,
         [row_mark(record) for record in records],
         tints=tints,

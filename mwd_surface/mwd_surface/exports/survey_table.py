@@ -23,7 +23,7 @@ from mwd_sensors.core.unknown import or_none
 from mwd_surface.exports.report_section import Section
 from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
-from mwd_surface.signals.signal import SURVEY, Listed, Signal
+from mwd_surface.signals.signal import AS_STORED, SURVEY, Display, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.signals.units import METRIC, UNITS
 from mwd_surface.surveys.imported_list import TOOL_CODES
@@ -46,23 +46,23 @@ class Column:
     """
     One column of numbers: its signal, its place in files, and one value per station, None if unknown.
 
-    The values are in units for people, metric or field units by `system`.
+    The values are as `SurveyTable.display` says.
     """
 
     signal: Signal
     listed: Listed
     values: tuple[float | None, ...]
-    system: str = METRIC
+    units: str = METRIC
 
     @property
     def key(self) -> str:
         """Name in files."""
-        return UNITS[self.signal.unit].key_in(self.listed.key, self.system)
+        return self.listed.key
 
     @property
     def unit(self) -> str:
         """Symbol of the unit."""
-        return UNITS[self.signal.unit].shown_in(self.system).symbol
+        return UNITS[self.signal.unit].shown_in(self.units).symbol
 
     def cell(self, k: int, paper: bool = False) -> str:
         """Return the number of a station as printed in files or on paper; empty if unknown."""
@@ -92,6 +92,7 @@ class SurveyTable:
     made_ns: int
     stretches: tuple[Stretch, ...] = ()
     sections: tuple[Section, ...] = ()
+    display: Display = AS_STORED
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -100,31 +101,21 @@ class SurveyTable:
         return sentences((*self.path.assumptions, *self.surveys.remarks, *planned))
 
     @property
-    def system(self) -> str:
-        """Units of the columns, metric or field."""
-        return self.columns[0].system
-
-    @property
     def rows(self) -> range:
         """Numbers of the stations."""
         return range(len(self.records))
 
+    def shown(self, display: Display) -> SurveyTable:
+        """Return the table with its columns in other units, or in another angle convention."""
+        columns = _columns(self.path, self.covariance, self.plan, display)
+        return dataclasses.replace(self, columns=columns, display=display)
+
     def column(self, key: str) -> Column:
-        """Return the column of that name in metric units; KeyError if there is none."""
+        """Return the column of that name in the signal table; KeyError if there is none."""
         for column in self.columns:
-            if column.listed.key == key:
+            if column.signal.listed is not None and column.signal.listed.key == key:
                 return column
         raise KeyError(key)
-
-    def in_units(self, system: str) -> SurveyTable:
-        """Return the table with its columns in metric or field units, as files have them."""
-
-        def converted(column: Column) -> Column:
-            here, there = (UNITS[column.signal.unit].shown_in(one) for one in (column.system, system))
-            values = tuple(None if v is None else there.of(here.si(v)) for v in column.values)
-            return dataclasses.replace(column, values=values, system=system)
-
-        return dataclasses.replace(self, columns=tuple(map(converted, self.columns)))
 
 
 def survey_table(
@@ -192,14 +183,26 @@ def table_of(
     reference = next((s for s in reversed(used) if s.has_reference), None)
     known = uncertain(surveys, path, records)
     covariance, note = known.covariance, known.note
-    columns = _columns(path, covariance, plan)
+    display = Display(angles=surveys.well.angles)
+    columns = _columns(path, covariance, plan, display)
     header = _header(surveys, path, reference, made_ns, note, plan, software)
     return SurveyTable(
-        surveys, path, records, columns, header, covariance, note, plan, left_out, made_ns, tuple(stretches)
+        surveys,
+        path,
+        records,
+        columns,
+        header,
+        covariance,
+        note,
+        plan,
+        left_out,
+        made_ns,
+        tuple(stretches),
+        display=display,
     )
 
 
-def _columns(path: Definitive, covariance: Array | None, plan: Plan | None) -> tuple[Column, ...]:
+def _columns(path: Definitive, covariance: Array | None, plan: Plan | None, display: Display) -> tuple[Column, ...]:
     """Return the columns of the signal table whose source is available."""
     stations = range(len(path.md))
     sources: dict[str, Sequence[Any]] = {
@@ -207,14 +210,19 @@ def _columns(path: Definitive, covariance: Array | None, plan: Plan | None) -> t
         **beside_path(path, covariance, plan),
     }
     return tuple(
-        Column(signal, listed, tuple(_people(signal, one.get(signal.field)) for one in sources[signal.source]))
+        Column(
+            signal,
+            signal.column_for_people(listed, display),
+            tuple(_people(signal, one.get(signal.field), display) for one in sources[signal.source]),
+            display.units,
+        )
         for signal, listed in LISTED
         if signal.source in sources
     )
 
 
-def _people(signal: Signal, value: float | None) -> float | None:
-    return None if value is None else signal.people.of(float(value))
+def _people(signal: Signal, value: float | None, display: Display) -> float | None:
+    return None if value is None else signal.for_people(float(value), display)
 
 
 def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
@@ -279,6 +287,7 @@ def _header(
         ("Depth datum", typed(well.depth_datum) or not_given),
         ("Datum elevation", _metres(well.datum_elevation, " above mean sea level") or not_given),
         ("Azimuth reference", f"{north} north" + (", assumed" if assumed_north else "")),
+        ("Hole angle", well.angles.meaning if well.angles.points else ""),
         ("Declination", _degrees(reference.declination if reference else None) or unknown),
         ("Grid convergence", _degrees(reference.convergence if reference else None) or "no grid given"),
         ("Total azimuth correction", _degrees(_correction(reference, north)) or unknown),
@@ -331,11 +340,11 @@ def _placed(well: Well) -> tuple[tuple[str, str], ...]:
 
 def _tied(surveys: SurveyList, path: Definitive) -> str:
     """Return the tie-on of the leg of a path in words; its numbers only if they were given."""
-    t = surveys.find_leg(path.leg).tie_on
+    t, angles = surveys.find_leg(path.leg).tie_on, surveys.well.angles
     if path.kind[0] == ASSUMED:
         return "not given"
     return (
-        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(t.inclination * _DEG, 2)} deg,"
+        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(angles.shown(t.inclination) * _DEG, 2)} deg,"
         f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
     )
 

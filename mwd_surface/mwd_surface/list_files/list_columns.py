@@ -27,6 +27,11 @@ ANGLES = (
 TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station", "coordinates", "in_use", "leg")
 NORTHS = ("true", "grid", "magnetic")
 DIPS = ("down", "up")  # direction in which positive angles from the horizontal point
+# Words that state this direction in the name of a column, or in a line of the head about the angle.
+_POINTS = {
+    "up": re.compile(r"\bup(?:wards?)?\b|上倾|上仰|上为正|上正|向上|仰角为正|仰为正"),
+    "down": re.compile(r"\bdown(?:wards?)?\b|下倾|下俯|下为正|下正|向下|俯角为正|俯为正"),
+}
 CONFIRMABLE = ("dogleg", "wellhead", "depth")
 
 # The US survey foot is 1200/3937 m.
@@ -223,6 +228,7 @@ _WORDS = {
     ),
     "dip": (
         "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|"
+        "dip up|dip down|hole dip up|hole dip down|"
         "仰俯角|仰角|俯仰角|俯仰|俯角|einfallen|fallen|buzamiento|plongement|falling angle"
     ),
     "azimuth": (
@@ -333,6 +339,10 @@ class Given:
             if value and value not in known:
                 raise ValueError(f"unknown {what} {value!r}; choose one of {', '.join(known)}")
 
+    def with_dip(self, way: str) -> Given:
+        """Return the facts with the usual direction of dips, that of the well, where the caller states none."""
+        return self if self.dip or not way else dataclasses.replace(self, dip=way)
+
 
 def columns_of(text: str) -> dict[str, str]:
     """
@@ -409,6 +419,10 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
             of[column.quantity] = (*of.get(column.quantity, ()), column)
         elif _resembles(name):
             unread.append(column)
+    directed = tuple(one for one in of.get("dip", ()) if points(one.name))
+    if directed:
+        # Another dip of the list is that of the magnetic field.
+        of["dip"] = directed
     if "inclination" in of:
         # A list with inclinations may also have the dip of the magnetic field.
         of.pop("dip", None)
@@ -446,6 +460,13 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
     if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
         strange = [unit.strip()]
     return Column(number, name.strip(), quantity, own, north, " ".join(strange))
+
+
+def points(text: str) -> str:
+    """Return where positive angles from the horizontal point by a text, one of DIPS; "" if it does not say so."""
+    words = _words(text)
+    found = [way for way, pattern in _POINTS.items() if pattern.search(words)]
+    return found[0] if len(found) == 1 else ""
 
 
 def unit_word(text: str) -> str:
@@ -609,7 +630,7 @@ def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]
             north = _north_word(word)
         elif angle and word in _LETTERS and word not in LENGTH_UNITS:
             north = _LETTERS[word]
-        elif word not in _FILLERS and word not in _DATUMS:
+        elif word not in _FILLERS and word not in _DATUMS and not (angle and points(word)):
             left.append(word)
         k += 1
     return unit, north, horizontal, left

@@ -28,7 +28,7 @@ from mwd_surface.list_files.list_checks import (
     fits,
     turn_between,
 )
-from mwd_surface.list_files.list_columns import ANGLES, FIGURES, NEEDED, NORTHS, TEXTS, Column, Columns, Given
+from mwd_surface.list_files.list_columns import ANGLES, FIGURES, NEEDED, NORTHS, TEXTS, Column, Columns, Given, points
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
@@ -630,8 +630,9 @@ class _Reader:
         md = np.array([one.numbers["md"] for one in found])
         down = np.array([one.numbers.get("tvd", math.nan) for one in found])
         ways = {"down": math.pi / 2.0 - dips, "up": math.pi / 2.0 + dips}
-        way = self.given.dip
-        why = "as the caller says"
+        way, why = self.given.dip, "as the caller says"
+        if not way:
+            way, why = points(column.name) or self.head.dip, "as the list says"
         if not way and np.isfinite(down).sum() > 1 and np.all(np.diff(md) > 0.0):
             positions = np.column_stack([np.full_like(md, math.nan)] * 2 + [down])
             good = [name for name, inc in ways.items() if fits((md, inc, np.zeros_like(md)), positions)]
@@ -648,7 +649,8 @@ class _Reader:
             f"{self.name}: column {column.name!r} has angles from the horizontal, positive {way} {why}; converted to"
             " inclinations from the vertical"
         )
-        self._say(RemarkKind.DIP_CONVERTED, text, first=float(dips[0]))
+        if self.provenance is None:
+            self._say(RemarkKind.DIP_CONVERTED, text, first=float(dips[0]))
         return [
             dataclasses.replace(one, numbers={**one.numbers, "inclination": float(inc)})
             for one, inc in zip(found, ways[way], strict=True)

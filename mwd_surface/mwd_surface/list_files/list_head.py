@@ -13,7 +13,7 @@ import dataclasses
 import re
 from collections.abc import Iterable
 
-from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, mentions_north, north_of, unit_word
+from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, mentions_north, north_of, points, unit_word
 from mwd_surface.list_files.number_cells import decimal_mark, split, value
 
 _NORTH = re.compile(
@@ -55,6 +55,7 @@ _HORIZONTAL = re.compile(
     r"(?:incl\w*|dip|angle|倾角)[^:=]*\b(?:from|to|relative to|above|below|against)\s+(?:the\s+)?horizont|与水平面",
     re.IGNORECASE,
 )
+_POSITIVE = re.compile(r"\b(?:dip|angle|incl\w*)\b.*\bpositive|positive\s+dip|(?:倾|仰|俯).*正", re.IGNORECASE)
 _HEAD_X = re.compile(
     r"(?:\b(?:well\s*-?\s*head|surface|slot|collar|well|head|wrp|location|top)\b|\+[NE]/-[SW])[^:=]*?"
     r"\b(?:x|east(?:ing)?s?)\b[^:=0-9]*[:=,;\t ]\s*"
@@ -77,7 +78,8 @@ class Head:
     north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
     as in LENGTH_UNITS and ANGLE_UNITS, or "". map_unit: unit of map coordinates and offsets. hinted_unit: unit of the
     elevation of the depth datum, such as the kelly bushing; depths usually have the same unit. horizontal: whether
-    angles are measured from the horizontal. wellhead: northing and easting, m, or None.
+    angles are measured from the horizontal. dip: where positive ones of these point, "up", "down" or "". wellhead:
+    northing and easting, m, or None.
     """
 
     north: str = ""
@@ -88,6 +90,7 @@ class Head:
     map_unit: str = ""
     hinted_unit: str = ""
     horizontal: bool = False
+    dip: str = ""
     wellhead: tuple[float, float] | None = None
 
 
@@ -110,6 +113,8 @@ def read_head(lines: Iterable[str]) -> Head:
         head = _units(_north(head, line), line)
         if _HORIZONTAL.search(line):
             head = dataclasses.replace(head, horizontal=True)
+        if _POSITIVE.search(line):
+            head = dataclasses.replace(head, dip=points(line) or head.dip)
         x, y = _coordinate(_HEAD_X, line) or x, _coordinate(_HEAD_Y, line) or y
         hinted = _IN_BRACKETS.search(line)
         if hinted and unit_word(hinted["said"]) in LENGTH_UNITS:

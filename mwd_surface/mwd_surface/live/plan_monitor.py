@@ -11,6 +11,7 @@ from mwd_surface.list_files.list_settings import NODE, asked
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import PlanSettings
 from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
 from mwd_surface.trajectory.plan_file import in_north, read_plan
 from mwd_surface.trajectory.well_path import Definitive
@@ -31,13 +32,13 @@ class PlanMonitor:
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
 
     @staticmethod
-    def read(settings: PlanSettings, north: str) -> Plan | ListFileError | None:
+    def read(settings: PlanSettings, well: Well) -> Plan | ListFileError | None:
         """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
         if not settings.file:
             return None
         path = Path(settings.file).expanduser()
         try:
-            given = settings.given()
+            given = settings.given().with_dip(well.angles.points)
         except ValueError as error:
             return ListFileError(f"plan: {error}")
         try:
@@ -46,7 +47,7 @@ class PlanMonitor:
             # The alarm is on a page that needs no login.
             return ListFileError(without_contents(path, error, "`mwd path`"))
         try:
-            return in_north(plan, path, north)
+            return in_north(plan, path, well.north_reference)
         except ListFileError as error:
             return asked(error, NODE)
 

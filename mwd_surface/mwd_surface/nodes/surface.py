@@ -84,7 +84,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._show_well()
 
         # Read the plan in the worker: a disk may be slow, and the node continues to serve page and rig.
-        self._shared.worker.submit(lambda: self._plan.read(settings.plan, settings.well.north_reference), apply)
+        self._shared.worker.submit(lambda: self._plan.read(settings.plan, settings.well), apply)
 
     def _show_well(self) -> None:
         self._well.diagnostics.show_well(self._surveys.surveys.well)
@@ -124,7 +124,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             requests=RequestQueue(self._handle_request),
         )
         self._plan = PlanMonitor(well_context)
-        self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
+        self._plan.use(self._plan.read(settings.plan, settings.well))
         self._surveys = outlet.surveys = self._closed_on_cleanup(SurveyListServer(context, settings, plan=self._plan))
         earlier, bad = read_stretches(slide_file)
         if bad:

@@ -168,7 +168,7 @@ def _sent(status: RecorderStatus | None) -> Table | None:
 
 
 def _well(state: WellState) -> Table:
-    shown = ("name", "wellbore_name", "rig", "depth_datum", "north_reference", "sensor_to_bit")
+    shown = ("name", "wellbore_name", "rig", "depth_datum", "north_reference", "sensor_to_bit", "convention")
     return {
         **{name: plain(getattr(state.well, name)) for name in shown},
         "section_azimuth": number(state.section_azimuth),

@@ -16,6 +16,7 @@ from mwd_estimation.survey.survey import ROTARY, Survey, Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.page.plain import number, numbers
+from mwd_surface.signals.signal import Signal
 from mwd_surface.signals.table import LISTED, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import QualityLimits, totals
@@ -39,9 +40,16 @@ _KINDS = {
     "s": "seconds",
     "1": "index",
 }
+
+
+def _kind(signal: Signal) -> str:
+    """Return the kind of number on the page; the page converts the vertical angle by the convention of the well."""
+    return "inclination" if signal.is_inclination else _KINDS[signal.listed_scale.symbol]
+
+
 #: Columns of the survey table, in order: field of a row, title, kind of number, least width that shows it.
 COLUMNS = [
-    {"field": name, "title": signal.listed.title, "kind": _KINDS[signal.listed_scale.symbol], "width": shown.width}
+    {"field": name, "title": signal.listed.title, "kind": _kind(signal), "width": shown.width}
     for shown, name, signal in sorted((one.shown, name, one) for name, one in _ROW.items() if one.shown is not None)
     if signal.listed is not None
 ]

@@ -106,6 +106,7 @@ def surface_parameters(scenario: Scenario) -> dict[str, Any]:
     own = any(name.startswith(TIE_ON) for name in scenario.surface)
     return {
         **({} if own else tie_on_parameters(scenario)),
+        "well.convention": scenario.well.convention,
         **scenario.surface,
         "well.sensor_to_bit": scenario.well.sensor_to_bit_m,
         "well.latitude_deg": float(scenario.place.latitude_deg),
@@ -123,14 +124,14 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
 
     from mwd_sensors.core import minimum_curvature as mc
 
-    md, inclination, azimuth = np.array(scenario.well.stations, dtype=float).T
+    md, inclination, azimuth = scenario.well.hole
     depth = max(0.0, scenario.well.bit_m - scenario.well.sensor_to_bit_m - scenario.rig.stand_m)
     # Beyond its first and last station the hole is straight; the first station is directly below the wellhead.
     ends = np.array([min(md[0], depth) - 1.0, max(md[-1], depth) + 1.0])
     stations = (
         np.concatenate([ends[:1], md, ends[1:]]),
-        np.radians(np.concatenate([inclination[:1], inclination, inclination[-1:]])),
-        np.radians(np.concatenate([azimuth[:1], azimuth, azimuth[-1:]])),
+        np.concatenate([inclination[:1], inclination, inclination[-1:]]),
+        np.concatenate([azimuth[:1], azimuth, azimuth[-1:]]),
     )
     start = np.array([0.0, 0.0, md[0]]) - (md[0] - ends[0]) * mc.tangent(stations[1][0], stations[2][0])
     # The arcs do not depend on the origin of depth, and a path must begin at a depth that is not negative.

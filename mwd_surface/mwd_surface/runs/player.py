@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.settings import changed
 from mwd_surface.bags.bag_reader import Bag, Message
 from mwd_surface.live.alarm_log import AlarmLog
@@ -230,4 +231,6 @@ def named_plan(bag: Bag) -> PlanSettings:
     """Return the plan settings of the surface node in a recording; without a file name if it had no plan."""
     named = {name: str(value) for name, value in dict(bag.metadata().get(SURFACE, {})).items()}
     known = (field.name for field in dataclasses.fields(PlanSettings))
-    return changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})
+    found = changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})
+    dips = AngleConvention(named.get("well.convention", AngleConvention.INCLINATION)).points
+    return dataclasses.replace(found, dip=found.dip or dips)

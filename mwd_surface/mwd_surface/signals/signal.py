@@ -6,11 +6,14 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
-from mwd_surface.signals.units import DEG_PER_H, UNITS, Scale
+from mwd_sensors.core.angle_convention import AngleConvention
+from mwd_surface.signals.units import DEG_PER_H, METRIC, UNITS, Scale
 
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
 CONTROL, ADVICE, INPUT, SURFACE, LOG = "control", "advice", "input", "surface", "log"
 TYPES = ("Double", "UInt32", "Int64", "Boolean", "String")
+# Signals whose value is the vertical angle of the hole, not a difference of it.
+INCLINATIONS = frozenset(("survey_inclination", "inclination", "projected_inclination"))
 _ON_PAPER = 2  # decimals in printed reports
 
 
@@ -86,6 +89,16 @@ class Listed(NamedTuple):
     las: str = ""
     witsml: str = ""
     shown: int = _ON_PAPER
+
+
+class Display(NamedTuple):
+    """Numbers as people of a well read them: metric or field units, and the convention of the vertical angle."""
+
+    units: str = METRIC
+    angles: AngleConvention = AngleConvention.INCLINATION
+
+
+AS_STORED = Display()  #: of the project's own files
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,6 +191,25 @@ class Signal:
     def listed_scale(self) -> Scale:
         """Unit in the tables of surveys: the unit for people, or deg/h for the rate of a gyro at rest."""
         return DEG_PER_H if self.listed and self.listed.key.endswith("_degph") else self.people
+
+    @property
+    def is_inclination(self) -> bool:
+        """Whether the signal is the vertical angle of the hole, which people of some wells read as a dip."""
+        return self.name in INCLINATIONS
+
+    def for_people(self, value: float, display: Display) -> float:
+        """Return an SI value in the unit for people, a vertical angle of the hole in their convention."""
+        scale = self.listed_scale
+        if scale is self.people:
+            scale = UNITS[self.unit].shown_in(display.units)
+        return scale.of(display.angles.shown(value) if self.is_inclination else value)
+
+    def column_for_people(self, listed: Listed, display: Display) -> Listed:
+        """Return the column `listed` of this signal under the name that its unit and its convention give it."""
+        if self.is_inclination and display.angles.points:
+            las = display.angles.value.upper()
+            return listed._replace(key=display.angles.column, title=display.angles.title, las=las)
+        return listed._replace(key=UNITS[self.unit].key_in(listed.key, display.units)) if self.unit else listed
 
     @property
     def wrap(self) -> float:

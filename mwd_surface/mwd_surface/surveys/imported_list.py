@@ -153,8 +153,10 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
     well = dataclasses.replace(surveys.well, programme="", offset_wells="")
     if reference is not None and reference.source:
         well = dataclasses.replace(well, geomagnetic_model=well.geomagnetic_model or reference.source)
+    # Facts of a mine hole are written for a mine hole only.
+    left_out = [name for name in ("convention", "mine") if getattr(well, name) == getattr(Well(), name)]
     return Provenance(
-        well=settings.to_mapping(well),
+        well={name: value for name, value in settings.to_mapping(well).items() if name not in left_out},
         start=Start(t.measured_depth, t.inclination, t.azimuth, (t.north, t.east, t.vertical_depth), t.source.value),
         reference={name: value for name, value in figures.items() if value is not None},
         remarks=distinct((*surveys.remarks, *assumptions)),

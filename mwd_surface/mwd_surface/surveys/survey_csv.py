@@ -20,9 +20,8 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.signals.cells import fixed, quoted, utc
-from mwd_surface.signals.signal import PLAN, POSITION, Listed, Signal
+from mwd_surface.signals.signal import AS_STORED, PLAN, POSITION, Display, Listed, Signal
 from mwd_surface.signals.table import SURVEY_TABLE
-from mwd_surface.signals.units import METRIC, UNITS
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
@@ -221,21 +220,25 @@ class _Limits:
     dip: float
 
 
-def cells(record: SurveyRecord, north: North = North.UNKNOWN, system: str = METRIC) -> dict[str, str]:
+def columns(display: Display = AS_STORED) -> tuple[str, ...]:
+    """Return the names of the columns as people of a well read them."""
+    return tuple(listed.key for _, listed in _table(display))
+
+
+def cells(record: SurveyRecord, north: North = North.UNKNOWN, display: Display = AS_STORED) -> dict[str, str]:
     """
     Return the column texts of a survey by name; columns of the position's sigma and of the plan are empty.
 
     north : of the azimuths, if they can be converted to it.
-    system : metric or field units.
     """
     line = Line(record, north)
     return {
-        _key(signal, listed, system): _cell(signal, listed, line.value(signal.record), system) if signal.record else ""
-        for signal, listed in SURVEY_TABLE
+        listed.key: _cell(signal, listed, line.value(signal.record), display) if signal.record else ""
+        for signal, listed in _table(display)
     }
 
 
-def list_cells(surveys: SurveyList) -> list[dict[str, str]]:
+def list_cells(surveys: SurveyList, display: Display = AS_STORED) -> list[dict[str, str]]:
     """Return the texts of every survey of a list, in order of their numbers, each from its own north."""
     beside: dict[int, dict[str, str]] = {}
     for leg in surveys.legs:
@@ -247,12 +250,12 @@ def list_cells(surveys: SurveyList) -> list[dict[str, str]]:
             if record is not None and record.leg == leg.name:
                 values = {source: rows[k] for source, rows in found.items()}
                 beside[record.survey.sequence] = {
-                    listed.key: _cell(signal, listed, values[signal.source].get(signal.field, math.nan))
-                    for signal, listed in SURVEY_TABLE
+                    listed.key: _cell(signal, listed, values[signal.source].get(signal.field, math.nan), display)
+                    for signal, listed in _table(display)
                     if signal.source in values
                 }
     ordered = sorted(surveys.records, key=lambda record: record.survey.sequence)
-    return [cells(record) | beside.get(record.survey.sequence, {}) for record in ordered]
+    return [cells(record, display=display) | beside.get(record.survey.sequence, {}) for record in ordered]
 
 
 def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -> dict[str, list[Mapping[str, Any]]]:
@@ -266,26 +269,25 @@ def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -
     return found
 
 
-def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = (), system: str = METRIC) -> str:
+def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = (), display: Display = AS_STORED) -> str:
     """
     Return a table with its header; missing cells are empty.
 
     more : names of additional columns at the end.
-    system : metric or field units of the lines.
+    display : that with which the lines were made.
     """
-    names = (*(_key(signal, listed, system) for signal, listed in SURVEY_TABLE), *more)
+    names = (*columns(display), *more)
     quote = TEXTS | set(more)
     rows = [",".join(names)]
     rows += [",".join(quoted(line.get(n, "")) if n in quote else line.get(n, "") for n in names) for line in lines]
     return "\n".join(rows) + "\n"
 
 
-def _key(signal: Signal, listed: Listed, system: str) -> str:
-    """Return the name of a column in metric or field units."""
-    return UNITS[signal.unit].key_in(listed.key, system) if signal.unit else listed.key
+def _table(display: Display) -> list[tuple[Signal, Listed]]:
+    return [(signal, signal.column_for_people(listed, display)) for signal, listed in SURVEY_TABLE]
 
 
-def _cell(signal: Signal, listed: Listed, value: Any, system: str = METRIC) -> str:
+def _cell(signal: Signal, listed: Listed, value: Any, display: Display = AS_STORED) -> str:
     """Return a value of a column as text, in the unit of its name."""
     if signal.type == "String":
         return "; ".join(value) if isinstance(value, tuple) else str(value)
@@ -295,8 +297,7 @@ def _cell(signal: Signal, listed: Listed, value: Any, system: str = METRIC) -> s
         return ""
     if signal.type == "Int64":
         return str(value)
-    scale = signal.listed_scale
-    number = (scale if scale is not signal.people else UNITS[signal.unit].shown_in(system)).of(value)
+    number = signal.for_people(value, display)
     return fixed(number % signal.wrap if signal.circle else number, listed.decimals, signal.wrap)
 
 

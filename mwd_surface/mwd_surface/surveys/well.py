@@ -5,10 +5,35 @@ from __future__ import annotations
 
 import dataclasses
 
+from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
 from mwd_sensors.core.settings import setting
+from mwd_surface.signals.signal import Display
 from mwd_surface.signals.units import FIELD, METRIC
 
 NORTHS = ("magnetic", "true", "grid")
+
+
+@dataclasses.dataclass(frozen=True)
+class Mine:
+    """Facts of a hole drilled in a mine, as the report of the hole prints them."""
+
+    name: str = setting("", "mine")
+    working_face: str = setting("", "working face")
+    drill_site: str = setting("", "drill site, such as the number of the niche or chamber")
+    probe: str = setting("", "probe and its serial number")
+    calibration_date: str = setting("", "date of the probe's calibration")
+    opening_x: float | None = setting(
+        None, "mine coordinate x (north) of the hole's opening; nan if not given", unit="m"
+    )
+    opening_y: float | None = setting(None, "mine coordinate y (east) of the opening; nan if not given", unit="m")
+    opening_z: float | None = setting(
+        None, "mine coordinate z (height, up positive) of the opening; nan if not given", unit="m"
+    )
+
+    @property
+    def opening(self) -> tuple[float, float, float]:
+        """Mine coordinates of the opening, m: x north, y east, z up; 0 for an axis that is not given."""
+        return self.opening_x or 0.0, self.opening_y or 0.0, self.opening_z or 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +73,14 @@ class Well:
     north_reference: str = setting(
         "true", "north reference of azimuths and map axes; must be the same as that of the plan", choices=NORTHS
     )
+    convention: str = setting(
+        AngleConvention.INCLINATION.value,
+        "vertical angle that people of this well read and write: inclination from the vertical, dip_up (from the "
+        "horizontal, positive where the hole rises) or dip_down (positive where it falls). Page, lists, reports, plan "
+        "and exports for people use it; settings and protocols named inclination do not",
+        choices=CONVENTIONS,
+    )
+    mine: Mine = setting(Mine, "facts of a hole drilled in a mine")
     section_azimuth_deg: float | None = setting(
         None,
         "azimuth of the vertical section, from the same north. nan: along the plan or, without a plan, towards the "
@@ -76,6 +109,16 @@ class Well:
         "",
         "YAML file of the offset wells: their lists, wellheads and hole sizes, and the separation rule",
     )
+
+    @property
+    def angles(self) -> AngleConvention:
+        """Convention of the vertical angle for people."""
+        return AngleConvention(self.convention)
+
+    @property
+    def display(self) -> Display:
+        """Units and angle convention of lists, exports and report."""
+        return Display(self.units, self.angles)
 
     @property
     def sensor_offset(self) -> float:

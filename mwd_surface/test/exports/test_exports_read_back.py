@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.angle_convention import CONVENTIONS
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.survey_table import survey_table
@@ -95,10 +96,10 @@ def files(draw):
     return "\n".join(rows).encode(), Given(wellhead=(6_478_300.0, 431_200.0) if way == "map" else None)
 
 
-@given(files(), st.sampled_from(READABLE), st.sampled_from([METRIC, FIELD]))
-def test_an_export_of_any_list_is_that_list_with_its_assumptions(file, kind, units):
+@given(files(), st.sampled_from(READABLE), st.sampled_from([METRIC, FIELD]), st.sampled_from(CONVENTIONS))
+def test_an_export_of_any_list_is_that_list_with_its_assumptions(file, kind, units, convention):
     data, said = file
-    well = Well("A-1", depth_datum="RKB", datum_elevation=27.5, units=units)
+    well = Well("A-1", depth_datum="RKB", datum_elevation=27.5, units=units, convention=convention)
     surveys = survey_list(list_of(data, "list.csv", said), well)
     assert_same_list(read_back(surveys, kind), surveys)
 

@@ -16,6 +16,7 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_settings import NODE, ListSettings, asked
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.settings import PlanSettings
+from mwd_surface.surveys.well import Well
 from mwd_surface.uncertainty.error_terms import ErrorReference
 
 REFERENCE = ErrorReference(1.0, 5e-5, 1.25, 0.02, 0.01, 9.81)
@@ -86,8 +87,9 @@ def test_every_command_that_names_a_list_asks_and_takes_the_answer(name, tmp_pat
 def test_plan_of_the_node_and_offset_well_take_the_same_words(name, tmp_path):
     text, words = LISTS[name]
     (tmp_path / "x.csv").write_text(text)
-    assert isinstance(PlanMonitor.read(PlanSettings(file=str(tmp_path / "x.csv")), "grid"), ListFileError)
-    plan = PlanMonitor.read(PlanSettings(file=str(tmp_path / "x.csv"), **{"north": "grid", **words}), "grid")
+    well = Well(north_reference="grid")
+    assert isinstance(PlanMonitor.read(PlanSettings(file=str(tmp_path / "x.csv")), well), ListFileError)
+    plan = PlanMonitor.read(PlanSettings(file=str(tmp_path / "x.csv"), **{"north": "grid", **words}), well)
     entry = {"name": "X", "file": "x.csv"}
     (tmp_path / "wells.yaml").write_text(
         yaml.safe_dump({"wells": [entry, {**entry, "name": "Y", "north": "grid", **words}]})

@@ -45,7 +45,7 @@ export class Charts {
       const value = el("span", { class: "chart-value" });
       const box = el("div", { class: "chart-box" });
       const names = lines.filter(([, word]) => word).map(([, word, tone]) => el("span", { class: `line-name ${tone.slice(2)}` }, word));
-      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, title, names), value), box));
+      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, units.titled(kind, title), names), value), box));
       const plot = new window.uPlot(
         {
           width: 280, height: 110, legend: { show: false }, cursor: { show: false },

@@ -7,7 +7,7 @@ import * as units from "./units.js";
 import { say, t } from "./words.js";
 
 const TRACKS = [
-  ["inclination", t("Inclination"), "angle"],
+  ["inclination", t("Inclination"), "inclination"],
   ["azimuth", t("Azimuth"), "bearing"],
   ["vibration", t("Vibration"), "vibration"],
   ["rotary_speed", t("Rotary, tool"), "rotation"],
@@ -50,7 +50,7 @@ export function depthTracks(log, steering, surveys, size) {
     }
     plot.append(
       svg("rect", { class: "grid", x: left, y: EDGE.top, width: wide, height: height - EDGE.top - EDGE.bottom }),
-      svg("text", { class: "axis", x: left + wide / 2, y: 14, "text-anchor": "middle" }, `${title}${units.unit(kind) ? `, ${units.unit(kind)}` : ""}`),
+      svg("text", { class: "axis", x: left + wide / 2, y: 14, "text-anchor": "middle" }, `${units.titled(kind, title)}${units.unit(kind) ? `, ${units.unit(kind)}` : ""}`),
       svg("text", { class: "tick", x: left, y: EDGE.top - 8 }, short(kind === "bearing" ? units.turn(low) : low)),
       svg("text", { class: "tick", x: left + wide, y: EDGE.top - 8, "text-anchor": "end" }, short(kind === "bearing" ? units.turn(high) : high)),
     );

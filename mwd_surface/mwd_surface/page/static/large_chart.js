@@ -116,11 +116,12 @@ export class LargeChart {
 
   rebuild() {
     for (const { plot } of this.panes) plot.destroy();
-    this.choices.replaceChildren(...Object.entries(SIGNALS).map(([name, [title]]) =>
-      el("button", { type: "button", class: "choice", "aria-pressed": String(this.names().includes(name)), onclick: () => this.choose(name) }, title)));
+    this.choices.replaceChildren(...Object.entries(SIGNALS).map(([name, [title, kind]]) =>
+      el("button", { type: "button", class: "choice", "aria-pressed": String(this.names().includes(name)), onclick: () => this.choose(name) }, units.titled(kind, title))));
     const splits = (_, __, low, high) => ticksOf(low, high);
     this.panes = this.names().map((name, k, all) => {
-      const [title, kind] = SIGNALS[name];
+      const [own, kind] = SIGNALS[name];
+      const title = units.titled(kind, own);
       const value = el("span", { class: "chart-value" });
       const box = el("div", { class: "chart-box" });
       const last = k === all.length - 1;

@@ -13,7 +13,7 @@ const MOST_SHOWN = 300; // m of hole at most
 const [SATURATED, ONE_SIDED] = [4, 16]; // qualities, as in mwd_msgs/LogSample
 const LEAST_ROW = 2; // px of one row of the image
 
-const title = (name) => TITLE[name] || say(name.replaceAll("_", " "));
+const title = (name) => (name === "inclination" ? units.titled(name, TITLE[name]) : TITLE[name]) || say(name.replaceAll("_", " "));
 const plain = (unit, v) => (KIND[unit] ? units.plain(KIND[unit], v) : v);
 const symbol = (unit) => (KIND[unit] ? units.unit(KIND[unit]) : unit.replace("gAPI", "API"));
 

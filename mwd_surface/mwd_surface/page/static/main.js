@@ -40,7 +40,7 @@ byId("head-values").append(
   valueBox("rig.rate_of_penetration", t("ROP"), "penetration"),
 );
 byId("big").append(
-  valueBox("attitude.inclination", t("Inclination"), "angle", { big: true }),
+  valueBox("attitude.inclination", t("Inclination"), "inclination", { big: true, label: () => units.titled("inclination", t("Inclination")) }),
   valueBox("attitude.azimuth", t("Azimuth"), "angle", {
     big: true, bearing: true, decimals: 2,
     label: (s) => s.attitude?.north ? t`Azimuth, ${say(s.attitude.north)} north` : t("Azimuth, north unknown"),
@@ -68,6 +68,7 @@ byId("small").append(...OF_TOOL, ...OF_RIG);
 const SHOW = {
   well: ({ well }) => {
     showWell(well);
+    if (units.setConvention(well.convention)) redraw();
     for (const box of OF_TOOL) box.hidden = Boolean(well.over_link);
     for (const box of OF_RIG) box.hidden = !well.over_link;
   },

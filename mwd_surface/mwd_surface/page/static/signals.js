@@ -3,7 +3,7 @@
 import { t } from "./words.js";
 
 export const SIGNALS = {
-  inclination: [t("Inclination"), "angle", "tool"],
+  inclination: [t("Inclination"), "inclination", "tool"],
   azimuth: [t("Azimuth"), "bearing", "tool"],
   vibration: [t("Vibration, peak"), "vibration", "tool"],
   lateral_vibration: [t("Vibration, lateral"), "vibration", "tool"],

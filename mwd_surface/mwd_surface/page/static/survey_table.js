@@ -83,7 +83,7 @@ function columns(listed, north) {
   return listed.flatMap(({ field, title, kind, width }) => {
     const plain = (r) => or(r[field], (v) => units.number(kind, v));
     const column = field === "azimuth" ? { field, name: t`${say(title)} ${say(north)}`, kind, text: bearing, width }
-      : { field, name: say(title), kind, text: SPECIAL[field] || plain, width };
+      : { field, name: units.titled(kind, say(title)), kind, text: SPECIAL[field] || plain, width };
     if (!DEVIATIONS[field]) return [column];
     const [k, name, unit] = DEVIATIONS[field];
     return [column, { field: name, name, kind: unit, text: (r) => delta(r, k, unit), width: 1 }];

@@ -36,12 +36,28 @@ const KINDS = {
 // A gyro at rest shows a small rate; strings do not rotate slower than this.
 const DEAD_BAND = { rotation: 0.16 }; // rad/s
 
+// Sign and offset, deg, of the vertical angle that people of the well read; the same as core/angle_convention.py.
+const CONVENTIONS = { inclination: [1, 0, ""], dip_up: [1, -90, t("Hole dip, up +")], dip_down: [-1, 90, t("Hole dip, down +")] };
+
 let system = 0;
+let [sign, offset, dipTitle] = CONVENTIONS.inclination;
+let convention = "inclination";
 
 export const isField = () => system === 1;
 export const setField = (on) => { system = on ? 1 : 0; };
 
-const rule = (kind) => KINDS[kind][Math.min(system, KINDS[kind].length - 1)];
+// Set the convention of the well; true if it has changed.
+export function setConvention(name) {
+  if (name === convention) return false;
+  [sign, offset, dipTitle] = CONVENTIONS[name];
+  convention = name;
+  return true;
+}
+
+// Title of a quantity; that of the vertical angle of the hole follows the convention of the well.
+export const titled = (kind, title) => (kind === "inclination" && dipTitle ? dipTitle : title);
+
+const rule = (kind) => (kind === "inclination" ? [sign * DEG, offset, 2, "°"] : KINDS[kind][Math.min(system, KINDS[kind].length - 1)]);
 
 export const unit = (kind) => rule(kind)[3];
 
@@ -57,7 +73,7 @@ export function number(kind, value, more = 0) {
 
 // Give a small sigma enough decimals to show it.
 export function spread(kind, value) {
-  return value > 0 && Number(plainSize(kind, value)) === 0 ? decimal((value * rule(kind)[0]).toPrecision(1)) : size(kind, value);
+  return value > 0 && Number(plainSize(kind, value)) === 0 ? decimal((value * Math.abs(rule(kind)[0])).toPrecision(1)) : size(kind, value);
 }
 
 // For a difference, the offset of a temperature scale does not apply.
@@ -65,7 +81,7 @@ export const size = (kind, value, more = 0) => decimal(plainSize(kind, value, mo
 
 function plainSize(kind, value, more = 0) {
   const [factor, , decimals] = rule(kind);
-  return (value * factor).toFixed(Math.max(0, decimals + more));
+  return (value * Math.abs(factor)).toFixed(Math.max(0, decimals + more));
 }
 
 // Length typed in the shown units; null if it is not a number. A comma counts as a decimal point.

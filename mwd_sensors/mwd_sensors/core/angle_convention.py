@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Convention of the hole's vertical angle: inclination from the vertical, or dip from the horizontal.
+
+Inside the program the angle is always the inclination, from 0 (straight down) to pi. People of coal mines and of
+trenchless drilling read and write the dip instead. Files, reports, lists and the page convert here and nowhere else;
+`page/static/units.js` does the same in the browser.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import overload
+
+from mwd_sensors.core.arrays import Array
+
+_RIGHT = math.pi / 2.0
+
+
+class AngleConvention(enum.StrEnum):
+    """Vertical angle that people of a well use; the value is the word of the settings."""
+
+    INCLINATION = "inclination"
+    DIP_UP = "dip_up"  #: from the horizontal, positive where the hole rises
+    DIP_DOWN = "dip_down"  #: from the horizontal, positive where the hole falls
+
+    @overload
+    def shown(self, inclination: float) -> float: ...
+    @overload
+    def shown(self, inclination: Array) -> Array: ...
+    def shown(self, inclination: float | Array) -> float | Array:
+        """Return the angle that people read, rad, of an inclination, rad; NaN stays NaN."""
+        if self is AngleConvention.INCLINATION:
+            return inclination
+        return inclination - _RIGHT if self is AngleConvention.DIP_UP else _RIGHT - inclination
+
+    @overload
+    def inclination(self, shown: float) -> float: ...
+    @overload
+    def inclination(self, shown: Array) -> Array: ...
+    def inclination(self, shown: float | Array) -> float | Array:
+        """Return the inclination, rad, of an angle that people have written, rad."""
+        if self is AngleConvention.INCLINATION:
+            return shown
+        return shown + _RIGHT if self is AngleConvention.DIP_UP else _RIGHT - shown
+
+    @property
+    def sign(self) -> float:
+        """Sign of a difference: -1 where the angle that people read falls with a rising inclination."""
+        return -1.0 if self is AngleConvention.DIP_DOWN else 1.0
+
+    @property
+    def points(self) -> str:
+        """Direction of positive dips, "up" or "down", as readers of lists name it; empty for inclinations."""
+        return {AngleConvention.DIP_UP: "up", AngleConvention.DIP_DOWN: "down"}.get(self, "")
+
+    @property
+    def column(self) -> str:
+        """Name of the angle's column in files, in degrees."""
+        return f"hole_{self.value}_deg" if self.points else "inclination_deg"
+
+    @property
+    def title(self) -> str:
+        """Short title of the angle's column on paper; the dip of the magnetic field is called Dip."""
+        return _TITLES[self]
+
+    @property
+    def meaning(self) -> str:
+        """Definition of the angle in words, for the head of lists."""
+        return _MEANINGS[self]
+
+
+_TITLES = {
+    AngleConvention.INCLINATION: "Inc",
+    AngleConvention.DIP_UP: "Hole dip, up +",
+    AngleConvention.DIP_DOWN: "Hole dip, down +",
+}
+_MEANINGS = {
+    AngleConvention.INCLINATION: "inclination from the vertical",
+    AngleConvention.DIP_UP: "dip from the horizontal, positive where the hole rises",
+    AngleConvention.DIP_DOWN: "dip from the horizontal, positive where the hole falls",
+}
+CONVENTIONS = tuple(convention.value for convention in AngleConvention)
