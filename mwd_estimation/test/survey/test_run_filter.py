@@ -64,6 +64,24 @@ def test_the_declination_is_never_averaged_away():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("east_ut", [-1.2, 1.2])
+def test_a_crust_that_shows_in_total_and_dip_leaves_the_declination_as_uncertain(east_ut):
+    reference, rng = Reference(total=5.6e-5, dip=1.4, declination=0.0, gravity=9.81), np.random.default_rng(4)
+    model = RunFilter(Priors(), field_model.nominal_sigmas(SensorErrors(), reference, False))
+    field_n = np.array([reference.horizontal, east_ut * 1e-6, reference.vertical + 1.2e-6])
+    for k in range(20):
+        azimuth = 0.4 + 0.05 * k
+        mat_tn = mat_nt(0.2 + 0.06 * k, azimuth, 1.3 * k).T
+        b_t = mat_tn @ field_n + 2e-8 * rng.normal(size=3)
+        one = field_model.geometry(mat_tn @ [0.0, 0.0, -9.81], b_t, np.zeros((6, 6)), reference, 0.0)[0]
+        evidence = model.evidence(one)
+        model.learn(one, evidence)
+    found = read(evidence)
+    assert model.probabilities(evidence.by_kind)[Hypothesis.REFERENCE] > 0.9
+    assert abs(wrap_pi(found.mean - azimuth)) < 3.0 * found.sigma
+
+
+@pytest.mark.slow
 def test_a_run_learns_the_string_s_field_and_errs_by_its_sigma():
     rng, errors, sigmas = np.random.default_rng(2), [], []
     for _ in range(20):

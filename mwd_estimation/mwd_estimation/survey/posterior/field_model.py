@@ -130,6 +130,9 @@ class Sigmas:
 
     shared: Array  #: shape (22,); of each state: uT, plain, m/s^2, plain, rad, uT, rad, rad, uT, and one for the gyro
     own: Array  #: shape (3,); of total, dip and declination of a station alone, in units of the shared ones
+    #: shape (3,); change of total, dip and declination by a field of 1 uT along the Earth's field, across it in the
+    #: meridian, and towards east: uT, rad, rad. Zero without a reference.
+    by_ut: Array
 
 
 # Most of a reference's variance that can be a station's own.
@@ -138,7 +141,7 @@ _MOST_OWN = 0.5
 
 def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic: bool) -> Sigmas:
     """Nominal sigmas; magnetic: azimuths count from magnetic north, which the declination does not change."""
-    sigma, own = np.zeros(SIZE), np.zeros(3)
+    sigma, own, by_ut = np.zeros(SIZE), np.zeros(3), np.zeros(3)
     along, across = sensors.axial_interference_nt, sensors.cross_interference_nt
     string = np.hypot(sensors.magnetometer_bias_nt, [along, across, across]) * 1e-3
     sigma[Shared.FIELD_BIAS : Shared.FIELD_BIAS + 3] = string
@@ -154,10 +157,12 @@ def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic:
         station = np.array([TOTAL_NT * 1e-3, math.radians(DIP_DEG), declination])
         station = np.minimum(station, math.sqrt(_MOST_OWN) * whole)
         sigma[Shared.TOTAL : Shared.OUTSIDE] = np.sqrt(whole**2 - station**2)
+        total = math.hypot(reference.horizontal, reference.vertical)
+        by_ut = np.array([1.0, UT / total, 0.0 if magnetic else UT / reference.horizontal])
         own = np.divide(station, sigma[Shared.TOTAL : Shared.OUTSIDE], out=own, where=whole > 0.0)
     sigma[Shared.OUTSIDE : Shared.OUTSIDE + 3] = _QUIET_NT * 1e-3
     sigma[Shared.GYRO] = 1.0
-    return Sigmas(sigma, own)
+    return Sigmas(sigma, own, by_ut)
 
 
 @compiled

@@ -87,7 +87,7 @@ class RunFilter:
 
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
-        self.filters = hypotheses.filters(priors, self.sigma)
+        self.filters = hypotheses.filters(priors, sigmas)
         self._external = hypotheses.external_weights(priors)
         k = len(self.filters.weight)
         covariance = np.zeros((k, SIZE, SIZE))
@@ -242,6 +242,13 @@ class RunFilter:
         mean += (M @ moved[..., None])[..., 0]
         covariance += M @ spread @ np.swapaxes(M, 2, 3)
         covariance = 0.5 * (covariance + np.swapaxes(covariance, 2, 3))
+        if math.isnan(one["gyro"]) and not branched.covariance[:, Shared.DECLINATION, Shared.GYRO].any():
+            # No gyro has tied the azimuth to true north yet. The readings of a magnetometer depend on the magnetic azimuth
+            # only, so that no number of stations shows the declination. A linear filter would learn it, because its
+            # slopes are tangents of a circle.
+            mean[..., Shared.DECLINATION] = branched.mean[:, None, Shared.DECLINATION]
+            covariance[..., Shared.DECLINATION] = branched.covariance[:, None, :, Shared.DECLINATION]
+            covariance[:, :, Shared.DECLINATION] = branched.covariance[:, None, Shared.DECLINATION]
         updated = weight.sum(axis=1, keepdims=True)
         split = np.where(updated > 0.0, weight / np.maximum(updated, 1e-300), [1.0, 0.0])
         self._join(of_branch[:, None] * split, mean, covariance)
