@@ -6,9 +6,12 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
+# The help of a command needs no library that draws frames, which takes longer to import than all the rest.
+os.environ.setdefault("TYPER_USE_RICH", "0")
 import typer
+from typer.core import TyperGroup
 
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.linear_algebra import use_one_thread
@@ -46,10 +49,26 @@ from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.commands.version import version
 from mwd_surface.commands.view import view
 
+
+class _Panels(TyperGroup):
+    """Group whose help lists the commands by panel."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write one section for each panel, in the order of their first commands."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        # Two spaces before a name and two behind the longest one.
+        limit = formatter.width - 6 - max(map(len, self.commands))
+        for name, command in self.commands.items():
+            panels.setdefault(command.rich_help_panel, []).append((name, command.get_short_help_str(limit)))
+        for panel, rows in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(rows)
+
+
 app = typer.Typer(
     name="mwd",
+    cls=_Panels,
     no_args_is_help=True,
-    rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Measurement while drilling on ROS 2: run, record, replay and reprocess.",

@@ -60,6 +60,11 @@ class GravityWithFallback:
             of_power("gravity_toolface", float(found["across"]["power"])),
         ]
 
+    @property
+    def samples_are(self) -> str:
+        """See `State.samples_are`; empty for a method that does not look for it."""
+        return self._state.samples_are if isinstance(self._state, State) else ""
+
     def run(
         self,
         unusable: int,
@@ -100,7 +105,9 @@ class GravityWithFallback:
             found.status[:] &= ~_NOT_TURNING
             return found
         if before:
-            self._state = self._method.initial(self._params)
+            found, self._state = self._state, self._method.initial(self._params)
+            if isinstance(found, State):
+                self._state.keep_meaning(found)
         if followed is not None:
             return followed
         if self._method.uses_field:

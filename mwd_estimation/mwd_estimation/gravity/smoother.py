@@ -63,6 +63,17 @@ class Smoother:
         self._waiting: list[_Forward] = []
         self._count = 0
 
+    @property
+    def samples_are(self) -> str:
+        """See `State.samples_are`."""
+        return self._state.samples_are
+
+    def continued(self) -> Smoother:
+        """Return a smoother for the samples after a silence: it knows what a sample means."""
+        smoother = Smoother(self.params)
+        smoother._state.keep_meaning(self._state)
+        return smoother
+
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:

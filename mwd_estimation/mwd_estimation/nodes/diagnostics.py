@@ -8,6 +8,7 @@ from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status, words
+from mwd_estimation.gravity.bounded import sample_meaning
 from mwd_estimation.health import fault_debounce
 from mwd_estimation.health.fault_debounce import UNKNOWN
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -58,6 +59,9 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
 def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
     """Say whose covariance widens the sigmas, and whose stamps are corrected."""
     found = [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
+    if meaning := sample_meaning.in_words(pipeline.samples_are):
+        message, _, remedy = meaning.partition("; ")
+        found.append(Diagnostic("samples of the imu", WARN, message, remedy))
     if pipeline.temperature.outside_now:
         message = f"{pipeline.temperature.last:.0f} degC is outside of the calibration: the sigmas are widened"
         remedy = "cool the tool, or calibrate it at that temperature and set tool.calibrated_c"

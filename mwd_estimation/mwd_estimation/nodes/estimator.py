@@ -28,6 +28,7 @@ from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
+from mwd_estimation.gravity.bounded import sample_meaning
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
@@ -92,6 +93,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._last_published_ns = -MIN_SPACING_NS
         self._last_status = 0
         self._times_set_back = 0
+        self._samples_are = ""
         self._attitude = self.add_publisher(Attitude, "attitude", qos.DEADLINE_STREAM)
         self._gravity = self.add_publisher(Gravity, "gravity", qos.DEADLINE_STREAM)
         self._imu = self.add_publisher(Imu, "imu/data", qos.STREAM)
@@ -135,6 +137,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._pipeline = Pipeline(settings, reference, self._inputs.mount(settings.tool.mount), self._inputs.noise)
         self._pipeline.continue_numbering(before.sequence)
         self._times_set_back = 0
+        self._samples_are = ""
 
     def deactivate(self) -> None:
         """Publish a survey that waits for the gyro as it is; finish pending requests without success."""
@@ -213,6 +216,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 self._actions.finish_rotary_survey(*self._publish_survey(result, frame))
         for solution in output.north:
             self._actions.finish_north_seek(solution)
+        if self._pipeline.samples_are != self._samples_are:
+            self._samples_are = self._pipeline.samples_are
+            self.get_logger().warning(
+                sample_meaning.in_words(self._samples_are) or "the samples are as tool.samples states"
+            )
         if self._pipeline.counters.set_back > self._times_set_back:
             self._times_set_back = self._pipeline.counters.set_back
             self.get_logger().warning("the samples' time went back by more than a second: the estimate began anew")

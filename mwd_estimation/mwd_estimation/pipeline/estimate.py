@@ -159,6 +159,11 @@ class Estimate:
         """Expected and measured values of each source, with their differences."""
         return self._gravity.innovations + self._attitude.innovations
 
+    @property
+    def samples_are(self) -> str:
+        """Meaning of a sample that the data show although `tool.samples` states another; empty if there is none."""
+        return self._gravity.samples_are
+
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""
         self._given = reference

@@ -301,6 +301,11 @@ class Pipeline:
         return self._estimate.mag_late_ns
 
     @property
+    def samples_are(self) -> str:
+        """Meaning of a sample that the data show although `tool.samples` states another; empty if there is none."""
+        return self._estimate.samples_are
+
+    @property
     def last_imu_ns(self) -> int:
         """Stamp of the last sample of the IMU, ns; far in the past if there was none."""
         return int(self._estimate.last_imu_ns)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-bag = typer.Typer(no_args_is_help=True, help="Inspect and repair recordings.", rich_markup_mode="rich")
+bag = typer.Typer(no_args_is_help=True, help="Inspect and repair recordings.")
 
 
 @bag.command()

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-scenario = typer.Typer(no_args_is_help=True, help="Scenarios of the simulated sonde.", rich_markup_mode="rich")
+scenario = typer.Typer(no_args_is_help=True, help="Scenarios of the simulated sonde.")
 
 
 @scenario.command("list")

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output of all commands: results on standard output, remarks and progress on standard error."""
+"""
+Output of all commands: results on standard output, remarks and progress on standard error.
+
+The library that draws tables is imported with the first output, because the help of the commands does not need it.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +14,10 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook, RenderResult
-from rich.segment import Segment
-
 from mwd_sensors.core.foreign_text import printable
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 
@@ -52,39 +54,18 @@ class PrintableStream:
             self.write(line)
 
 
-class _Escaped:
-    """Renderable whose text has all hidden characters escaped, including colour codes; its own style remains."""
-
-    def __init__(self, made: ConsoleRenderable) -> None:
-        self._made = made
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        for part in console.render(self._made, options):
-            yield part if part.control else Segment(printable(part.text), part.style)
-
-
-class _EscapeAll(RenderHook):
-    """Escape everything that a console prints."""
-
-    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        """Return what is printed instead."""
-        return [_Escaped(one) for one in renderables]
-
-
-def _console(*, stderr: bool) -> Console:
-    console = Console(stderr=stderr, soft_wrap=True, highlight=False)
-    console.push_render_hook(_EscapeAll())
-    return console
-
-
 def output() -> Console:
     """Return the console for results; lines are never wrapped, except in tables."""
-    return _console(stderr=False)
+    from mwd_surface.commands.escaping_console import escaping_console
+
+    return escaping_console(stderr=False)
 
 
 def remarks() -> Console:
     """Return the console for warnings and errors."""
-    return _console(stderr=True)
+    from mwd_surface.commands.escaping_console import escaping_console
+
+    return escaping_console(stderr=True)
 
 
 def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
@@ -135,6 +116,8 @@ def remark(sentence: str) -> None:
 
 def _moving() -> Console:
     """Return the console for output that moves the cursor; its text must be printable."""
+    from rich.console import Console
+
     return Console(file=getattr(sys.stderr, "stream", sys.stderr), soft_wrap=True, highlight=False)
 
 

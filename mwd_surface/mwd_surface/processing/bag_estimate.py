@@ -358,7 +358,7 @@ class BagEstimate:
             summary.no_survey = hindrance(pipeline, summary)
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings
-        summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
+        summary.warnings += pipeline_warnings(summary, pipeline, self._estimator, self._queue.samples_are)
 
 
 def _last_log(block: Block, originals: list[Originals]) -> int:

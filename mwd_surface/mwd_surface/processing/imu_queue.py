@@ -44,11 +44,15 @@ class ImuQueue:
 
     def __init__(self, smooth: Params | None = None, mount: Mount | None = None) -> None:
         self._mount = mount or resolve(MountSettings())
-        self._params = smooth
         self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
         self._jumps = RateJumps()
         self._new: list[tuple[Samples, Stamps]] = []
         self._old: list[tuple[Samples, Stamps]] = []
+
+    @property
+    def samples_are(self) -> str:
+        """Meaning of a sample that the smoother has found, see `State.samples_are`."""
+        return self._smoother.samples_are if self._smoother is not None else ""
 
     @property
     def waiting(self) -> bool:
@@ -96,9 +100,9 @@ class ImuQueue:
         return smoother.push(stamps, gyro, accel, clip_flags.of(samples))
 
     def _finished(self) -> Iterator[Imu]:
-        if self._smoother is not None and self._params is not None and self._old:
+        if self._smoother is not None and self._old:
             rest = self._smoother.finish()
-            self._smoother = gravity_smoother.Smoother(self._params)
+            self._smoother = self._smoother.continued()
             yield from self._taken([rest])
 
     def _taken(self, parts: list[Track]) -> Iterator[Imu]:

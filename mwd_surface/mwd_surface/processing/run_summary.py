@@ -12,6 +12,7 @@ from mwd_estimation.attitude import magnetic_delay
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.status import Status
+from mwd_estimation.gravity.bounded import sample_meaning
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
@@ -144,8 +145,14 @@ def hindrance(pipeline: Pipeline, summary: Summary) -> str:
     return f"no rest lasted {needed:g} s, most often because {text(reason)} ({often} half seconds)"
 
 
-def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: EstimatorSettings) -> list[str]:
-    """Return the warnings after the whole recording has passed the pipeline."""
+def pipeline_warnings(
+    summary: Summary, pipeline: Pipeline, estimator: EstimatorSettings, samples_are: str = ""
+) -> list[str]:
+    """
+    Return the warnings after the whole recording has passed the pipeline.
+
+    samples_are : meaning of a sample that a smoother has found (`State.samples_are`).
+    """
     warnings = []
     if summary.rejected > _MANY_REFUSED * summary.rows:
         warnings.append(
@@ -173,6 +180,8 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         by_s, at_s = (left_ns - begun_ns) * 1e-9, (left_ns - summary.start_ns) * 1e-9
         warnings.append(f"time went back {times} by {by_s:.1f} s, {at_s:.1f} s after the start: the estimate restarted")
     warnings += pipeline.noise_notes
+    if meaning := sample_meaning.in_words(samples_are or pipeline.samples_are):
+        warnings.append(meaning)
     if pipeline.temperature.outside is not None:
         low, high = pipeline.temperature.outside
         warnings.append(

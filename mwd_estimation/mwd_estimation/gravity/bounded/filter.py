@@ -27,6 +27,7 @@ from mwd_estimation.gravity.bounded import (
     measurement,
     mechanisation,
     noise,
+    sample_meaning,
     scale,
 )
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
@@ -253,6 +254,7 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     if size == ERRORS:
         mechanisation.turn_heading(s)
     mechanisation.move(s)
+    sample_meaning.propagate(s, w[0])
     noise.follow_motion(s, w)
     mechanisation.propagate(s.P, s.sums, size)
     turn = noise.add_noise(p, s)
@@ -269,6 +271,7 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
         bias_step.follow_innovation(s, axis, white)
         entry.innovation[axis], entry.spread[axis] = s.innovation, s.spread
         measurement.log_measured(s, axis, entry.measured[axis], entry.gain[axis])
+        sample_meaning.compare(s, axis, entry)
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
@@ -279,6 +282,8 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     if size == STEADY and bias_step.follow(p, s):
         for j in range(2):
             entry.correction[j] += s.correction[TILT + j]
+    if size == STEADY:
+        sample_meaning.follow(s)
     if len(log.updates) > 0:
         _note_after(p, s, entry)
         log.updates[log.entries[0]] = entry

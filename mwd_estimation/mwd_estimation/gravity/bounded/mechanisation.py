@@ -76,19 +76,20 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     wx = seen + s.missing
     wy, wz = w[1] - s.bias[1] - s.askew[0] * scaled, w[2] - s.bias[2] - s.askew[1] * scaled
     px, py, pz = wx * dt, wy * dt, wz * dt
-    if p.coning > 0.0:
-        c = p.coning / 12.0 * dt * dt
+    coning, sampled = s.meaning.coning, s.meaning.sampled
+    if coning > 0.0:
+        c = coning / 12.0 * dt * dt
         px += c * (s.last_w[1] * w[2] - s.last_w[2] * w[1])
         py += c * (s.last_w[2] * w[0] - s.last_w[0] * w[2])
         pz += c * (s.last_w[0] * w[1] - s.last_w[1] * w[0])
-    if p.sampled:
+    if sampled:
         px += 0.5 * (s.last_w[0] - w[0]) * dt
     rotate(s, px, py, pz)
     s.turn += px
     # Turn a mean force to the end of the interval, except by what the unit has turned it already: a unit that
     # integrates does so with its measured rate, one that averages does not. The mean over a rotation of 2 h is short by
     # sin(h) / h.
-    h = 0.0 if p.sampled else 0.5 * dt * ((w[0] if p.coning == 0.0 else 0.0) - seen)
+    h = 0.0 if sampled else 0.5 * dt * ((w[0] if coning == 0.0 else 0.0) - seen)
     keep = 1.0 - h * h / 3.0
     fy, fz = keep * f[1] - h * f[2], keep * f[2] + h * f[1]
     C, sums = s.C, s.sums

@@ -151,11 +151,26 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 
 
 @compiled
+def _doubt(s: Record) -> tuple[float, float]:
+    """
+    Return the variances due to the other meaning of the samples, of inclination and of tilt across the hole, rad^2.
+
+    With the probability w of the other meaning, its effect e on the tilt has the variance w (1 - w) e^2.
+    """
+    dx, dy = hole_direction(s)
+    share = 1.0 / (2.0 + 2.0 * math.cosh(min(s.meaning.odds, 0.0)))
+    ex, ey = s.meaning.effect[TILT, 0], s.meaning.effect[TILT + 1, 0]
+    return share * (ex * dy - ey * dx) ** 2, share * (ex * dx + ey * dy) ** 2
+
+
+@compiled
 def publish(p: Params, s: Record) -> None:
     """Set the sigmas of inclination and toolface, equation (9), rad, at most pi; valid until the next update."""
     tilt, aside = tilts(s)
     along, across = s.innovations.along.power, s.innovations.across.power
     floor_along, floor_aside = floors(p, s)
+    doubt_along, doubt_aside = _doubt(s)
+    floor_along, floor_aside = floor_along + doubt_along, floor_aside + doubt_aside
     s.sigma_inclination = min(math.pi, math.sqrt(max(along * (tilt + s.clipping.tilt), 0.0) + floor_along))
     sine2 = max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)
     s.sigma_toolface = min(math.pi, math.sqrt((max(across * aside, 0.0) + floor_aside) / sine2))

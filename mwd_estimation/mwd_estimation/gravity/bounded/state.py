@@ -29,6 +29,7 @@ TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11
 STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
 TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, more than a magnetic sample waits
 RECENT = 100  # number of updates kept: 3 s, in which a step of the gyro bias shows
+STATED = 4.6  # logarithm of the odds that the meaning of a sample is the one that the settings state: 100 to 1
 DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
 
 
@@ -164,6 +165,21 @@ class Field:
     """Mean strength of the field across the axis, T."""
 
 
+class Meaning:
+    """What a sample is: values at an instant, means, or strapdown-integrated over the interval (`sample_meaning`)."""
+
+    sampled: bool
+    """Whether rates are values at an instant; they are integrated by the trapezoid."""
+    coning: float
+    """Share of the coning term, see `Params.coning`."""
+    effect: Annotated[Array, STEADY, 1]
+    """Errors that the state has at present if the other meaning is the true one."""
+    odds: float
+    """Logarithm of the odds of the other meaning against the present one."""
+    changed: bool
+    """Whether the meaning is another one than the settings state."""
+
+
 class Update:
     """Trace of one update of the covariance, for the smoother and for the search for a jump (`bias_step`)."""
 
@@ -238,6 +254,7 @@ class Record:
     innovations: Innovations
     clipping: Clipping
     field: Field
+    meaning: Meaning
     recent: RecentUpdates
     surprise: float
     """Sum of recent squared innovations over their variances, decaying exponentially."""
@@ -301,6 +318,20 @@ class State:
     record: Any
 
     @property
+    def samples_are(self) -> str:
+        """Meaning of a sample that the data show although the settings state another; empty if there is none."""
+        meaning = self.record[0]["meaning"]
+        if not meaning["changed"]:
+            return ""
+        return "points" if meaning["sampled"] else "integrated"
+
+    def keep_meaning(self, other: State) -> None:
+        """Take over the meaning of a sample that another state has found."""
+        meaning = self.record[0]["meaning"]
+        for name in ("sampled", "coning", "odds", "changed"):
+            meaning[name] = other.record[0]["meaning"][name]
+
+    @property
     def field_used(self) -> int:
         """Number of magnetic samples of the last block that were used."""
         return int(self.record[0]["field"]["used"])
@@ -335,6 +366,7 @@ def forget_density(s: Record) -> None:
     s.innovations.density[:] = 1.0
     s.surprise = 0.0
     s.recent.length = 0
+    s.meaning.effect[:] = 0.0
 
 
 def initial(params: Params) -> State:
@@ -345,6 +377,7 @@ def initial(params: Params) -> State:
     s.q[3] = 1.0
     s.C[:] = np.eye(3)
     forget(params, s)
+    s.meaning.sampled, s.meaning.coning, s.meaning.odds = params.sampled, params.coning, -STATED
     return State(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
 
 
