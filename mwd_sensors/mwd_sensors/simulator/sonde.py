@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -21,11 +21,9 @@ from mwd_sensors.simulator.battery import BatteryModel
 from mwd_sensors.simulator.gamma import GammaDetector
 from mwd_sensors.simulator.kinematics import Place, sensed
 from mwd_sensors.simulator.measuring_unit import MeasuringUnit
-from mwd_sensors.simulator.pump_commands import CommandedFlow
 from mwd_sensors.simulator.scenario import Scenario, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
-from mwd_sensors.simulator.true_inputs import TrueInputs
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
 # Streams of random numbers. Their order must never change; append new ones, so that old seeds give the same runs.
@@ -430,3 +428,125 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[mo
         hits=draw_hits(vibration.shocks, active, rng["hits"]),
     )
     return moved, pumps
+
+
+# True motion of the sonde and true inputs of its sensors over an interval, without sensor errors.
+
+
+@dataclasses.dataclass(frozen=True)
+class TrueInputs:
+    """
+    True motion and sensor inputs of n kinematic samples.
+
+    Attributes
+    ----------
+    mat_nt, rate_t, position_n, velocity_n, md : ndarray
+        Fields as in `Kinematics`.
+    rate_it : ndarray, shape (n, 3)
+        Rotation relative to inertial space, rad/s.
+    f_t : list of ndarray, shape (n, 3)
+        Specific force at each unit, m/s^2.
+    drive : ndarray, shape (n, 2)
+        Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top drive.
+    """
+
+    mat_nt: Array
+    rate_t: Array
+    rate_it: Array
+    position_n: Array
+    velocity_n: Array
+    md: Array
+    f_t: list[Array]
+    drive: Array
+
+    def tail(self, count: int) -> TrueInputs:
+        """Return the last samples."""
+        return TrueInputs(
+            self.mat_nt[-count:],
+            self.rate_t[-count:],
+            self.rate_it[-count:],
+            self.position_n[-count:],
+            self.velocity_n[-count:],
+            self.md[-count:],
+            [f[-count:] for f in self.f_t],
+            self.drive[-count:],
+        )
+
+    def joined(self, new: TrueInputs) -> TrueInputs:
+        """Return these samples followed by new ones."""
+        return TrueInputs(
+            np.concatenate([self.mat_nt, new.mat_nt]),
+            np.concatenate([self.rate_t, new.rate_t]),
+            np.concatenate([self.rate_it, new.rate_it]),
+            np.concatenate([self.position_n, new.position_n]),
+            np.concatenate([self.velocity_n, new.velocity_n]),
+            np.concatenate([self.md, new.md]),
+            [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
+            np.concatenate([self.drive, new.drive]),
+        )
+
+
+# Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1.
+
+
+_KEPT_S = 600.0  # s; history of the share, which pressure and tool flow still ask for
+
+
+class CommandedFlow:
+    """
+    Flow of a run whose pumps obey commands.
+
+    Parameters
+    ----------
+    scheduled : callable
+        Flow of the schedule, m^3/s, as a `Profile` returns it. Pumps that the schedule has switched off stay off.
+    full : float
+        Drilling flow, m^3/s, at which the commanded share is 1.
+    ramp_s : float
+        Time from no flow to the drilling flow, s.
+    """
+
+    def __init__(self, scheduled: Callable[[Array], Array], full: float, ramp_s: float) -> None:
+        self._scheduled, self._full, self._rate = scheduled, full, 1.0 / ramp_s
+        self._knots: list[tuple[float, float]] = [(0.0, 1.0)]
+
+    def __call__(self, t: Array) -> Array:
+        """Return flow, m^3/s, with rate and acceleration, shape (3, n), at ascending times t, s, shape (n,)."""
+        found = self._scheduled(t)
+        if len(self._knots) > 1:
+            found *= self._share(t)
+        return found
+
+    def ask(self, time: float, flow: float, valid_for: float) -> None:
+        """
+        Bring the flow to a value at a time, s.
+
+        valid_for seconds later the flow returns to the schedule, unless another command follows.
+
+        Raises
+        ------
+        ValueError
+            The flow is above the drilling flow, the most that these pumps deliver.
+        """
+        if not flow <= self._full * (1.0 + 1e-9):
+            raise ValueError(f"flow_rate: these pumps give at most {self._full:.4g} m^3/s, got {flow:.4g}")
+        share = flow / self._full if self._full > 0.0 else 1.0
+        reached = self._ramp(time, share)
+        self._ramp(max(time + valid_for, reached), 1.0, follows=True)
+
+    def release(self, time: float) -> None:
+        """Return to the scheduled flow from a time on, s."""
+        self._ramp(time, 1.0)
+
+    def _ramp(self, time: float, share: float, *, follows: bool = False) -> float:
+        """Ramp to a share from a time on, dropping later changes; return the time at which it is reached, s."""
+        now = self._knots[-1][1] if follows else float(self._share(np.array([time]))[0])
+        if not follows:
+            self._knots = [knot for knot in self._knots if time - _KEPT_S < knot[0] < time] or [(time, now)]
+        reached = time + abs(share - now) / self._rate
+        self._knots += [(time, now), (reached, share)]
+        return reached
+
+    def _share(self, t: Array) -> Array:
+        times, shares = np.array(self._knots).T
+        return np.asarray(np.interp(t, times, shares))

@@ -9,17 +9,20 @@ read-only media can be read.
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import quote
 
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from mwd_surface.bags.db3_check import check_database
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags.mcap.records import FormatError
 from mwd_surface.bags.topic_info import CDR, TopicInfo, read_as
 
@@ -145,3 +148,32 @@ class DatabaseFiles:
     def _is_read(self, topic: str, type_name: str) -> bool:
         about = self.topics.get(topic) or self.unreadable.get(topic)
         return about is not None and about.type_name == type_name
+
+
+# Check of an SQLite recording before `rosbags` opens it: its rows must be stored in the file, not computed.
+
+
+_COMPUTED = {"VIRTUAL", "GENERATED", "AS"}
+
+
+def check_database(path: Path) -> None:
+    """
+    Refuse a database with views, virtual or computed tables, which yield endless rows from a few hundred bytes.
+
+    Raises
+    ------
+    OSError
+        The path is not a regular file.
+    FormatError
+        The file is not a database, or one of its tables is not a plain table.
+    """
+    check_regular(path, budgets.DATABASE)
+    try:
+        with contextlib.closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as database:
+            rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchmany(1000)
+    except sqlite3.Error as error:
+        raise FormatError(f"it is not a database that can be read: {error}") from error
+    for kind, name, sql in rows:
+        if kind == "index" or (kind == "table" and not _COMPUTED & set(str(sql or "").upper().split())):
+            continue
+        raise FormatError(f"its {kind} {str(name)[:60]!r} is computed; only plain tables are read")

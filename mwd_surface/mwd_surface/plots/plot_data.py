@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.survey.survey import Survey
-from mwd_sensors.calibration.allan import AllanCurve
+from mwd_sensors.calibration.allan import AllanCurve, allan
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.topic_info import listed
 from mwd_surface.plots.envelope import Envelope
-from mwd_surface.plots.long_allan import LongAllan
-from mwd_surface.plots.spectrum import Spectrum
 from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.input_stream import RecordingStream, asked_span
@@ -397,3 +395,168 @@ def _times(log_ns: Stamps, samples: Samples) -> Stamps:
     """Return the times of measurement, or of recording if the stamps are from another clock."""
     stamps = samples["stamp_ns"]
     return np.where(np.abs(stamps - log_ns) > _OTHER_CLOCK_NS, log_ns, stamps)
+
+
+# Spectrum of a signal of any length and its change over time: averaged periodograms, in constant memory.
+
+
+class Spectrum:
+    """
+    One-sided power spectral density of k columns, over the whole span and in time bins.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate, Hz.
+    columns : int
+    start_ns, end_ns : int
+        The span that is divided into time bins.
+    segment : int
+        Number of samples in a periodogram.
+    bins : int
+        Number of time bins.
+
+    Raises
+    ------
+    ValueError
+        The rate is not positive, or a segment has fewer than 16 samples.
+    """
+
+    def __init__(
+        self, rate: float, columns: int, start_ns: int, end_ns: int, segment: int = 1024, bins: int = 240
+    ) -> None:
+        if not rate > 0.0 or segment < 16:
+            raise ValueError(f"a spectrum needs a rate and segments of 16 samples or more; got {rate} Hz, {segment}")
+        self.rate, self.segment = rate, segment
+        self.segments = 0
+        self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
+        self._start, self._span = start_ns, end_ns - start_ns + 1
+        self._sum = np.zeros((bins, segment // 2 + 1, columns))
+        self._count = np.zeros(bins, dtype=np.int64)
+        self._held_ns = np.empty(0, dtype=np.int64)
+        self._held = np.empty((0, columns))
+
+    @property
+    def frequency(self) -> Array:
+        """Hz, shape (segment // 2 + 1,)."""
+        return np.asarray(np.arange(self.segment // 2 + 1) * self.rate / self.segment)
+
+    @property
+    def density(self) -> Array:
+        """Power spectral density over the whole span, (unit of the signal)^2 / Hz, shape (frequencies, columns)."""
+        return np.asarray(self._sum.sum(axis=0) / max(self.segments, 1))
+
+    @property
+    def waterfall(self) -> Array:
+        """Power spectral density in each time bin, shape (bins, frequencies, columns); nan in an empty bin."""
+        count = np.where(self._count > 0, self._count, np.nan)
+        return np.asarray(self._sum / count[:, None, None])
+
+    def add(self, stamp_ns: Stamps, values: Array) -> None:
+        """
+        Add samples in order of time; the division into blocks has no effect on the spectrum.
+
+        A segment with a gap or with a value that is not finite is skipped.
+        """
+        stamps = np.concatenate([self._held_ns, stamp_ns])
+        signal = np.concatenate([self._held, values])
+        half = self.segment // 2
+        first = 0
+        while first + self.segment <= len(signal):
+            self._take(stamps[first : first + self.segment], signal[first : first + self.segment])
+            first += half
+        self._held_ns, self._held = stamps[first:], signal[first:]
+
+    def _take(self, stamps: Stamps, signal: Array) -> None:
+        seconds = (stamps[-1] - stamps[0]) * 1e-9
+        usual = (self.segment - 1) / self.rate
+        if abs(seconds - usual) > 0.02 * usual + 1.5 / self.rate or not np.isfinite(signal).all():
+            return
+        amplitude = np.fft.rfft((signal - signal.mean(axis=0)) * self._window[:, None], axis=0)
+        power = (amplitude.real**2 + amplitude.imag**2) / (self.rate * np.sum(self._window**2))
+        power[1 : (self.segment + 1) // 2] *= 2.0
+        middle = (int(stamps[self.segment // 2]) - self._start) / self._span
+        k = min(max(int(middle * len(self._count)), 0), len(self._count) - 1)
+        self._sum[k] += power
+        self._count[k] += 1
+        self.segments += 1
+
+
+# Allan deviation of a record of any length, in constant memory.
+
+
+# Averaging times below this number of kept means are taken from the first part.
+_FROM_MEANS = 16
+
+
+class LongAllan:
+    """
+    Collects a record; `curve` gives its overlapping Allan deviation.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate, Hz.
+    columns : int
+    capacity : int
+        Number of samples kept; even, at least 64.
+
+    Raises
+    ------
+    ValueError
+        The capacity is odd or below 64.
+    """
+
+    def __init__(self, rate: float, columns: int, capacity: int = 1 << 18) -> None:
+        if capacity < 64 or capacity % 2:
+            raise ValueError(f"capacity must be even and at least 64, got {capacity}")
+        self.rate, self.samples = rate, 0
+        self._kept = np.empty((capacity, columns))
+        self._count, self._ratio = 0, 1
+        self._left = np.empty((0, columns))
+        self._short: AllanCurve | None = None
+
+    def add(self, values: Array) -> None:
+        """Add samples, shape (n, columns), equally spaced and at rest."""
+        self.samples += len(values)
+        pending = np.concatenate([self._left, values])
+        self._left = pending[:0]
+        while len(pending):
+            if self._count == len(self._kept):
+                self._halve()
+            whole = min(len(pending) // self._ratio, len(self._kept) - self._count)
+            if whole == 0:
+                self._left = pending
+                return
+            taken, pending = pending[: whole * self._ratio], pending[whole * self._ratio :]
+            means = taken.reshape(whole, self._ratio, -1).mean(axis=1)
+            self._kept[self._count : self._count + whole] = means
+            self._count += whole
+
+    def curve(self) -> AllanCurve:
+        """
+        Return the deviation over averaging times up to a fifth of the record; its axes are the columns.
+
+        Raises
+        ------
+        ValueError
+            Fewer than 20 samples, or samples that are not finite.
+        """
+        long = allan(self._kept[: self._count], self.rate / self._ratio)
+        if self._short is None:
+            return long
+        limit = _FROM_MEANS * self._ratio / self.rate
+        early, late = self._short.tau < limit, long.tau >= limit
+        return AllanCurve(
+            np.concatenate([self._short.tau[early], long.tau[late]]),
+            np.concatenate([self._short.deviation[early], long.deviation[late]]),
+            np.concatenate([self._short.sigma[early], long.sigma[late]]),
+        )
+
+    def _halve(self) -> None:
+        if self._short is None:
+            self._short = allan(self._kept, self.rate)
+        half = self._count // 2
+        self._kept[:half] = 0.5 * (self._kept[0 : self._count : 2] + self._kept[1 : self._count : 2])
+        self._count = half
+        self._ratio *= 2

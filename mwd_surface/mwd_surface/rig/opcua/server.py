@@ -11,15 +11,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core import budgets
 from mwd_surface import __version__
 from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import SetPoint
+from mwd_surface.control.status import Request, Sender
 from mwd_surface.rig.interface import (
     LISTENING,
     STOPPED,
@@ -35,15 +38,15 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
-from mwd_surface.rig.opcua.address_space import MANIFEST, VARIABLES, VariableValue, variable_values
+from mwd_surface.rig.opcua.address_space import MANIFEST, STATUS_CODES, VARIABLES, VariableValue, variable_values
 from mwd_surface.rig.opcua.conditions import Conditions
 from mwd_surface.rig.opcua.data_value import EPOCH, data_value
 from mwd_surface.rig.opcua.information_model import add_well
-from mwd_surface.rig.opcua.methods import Method, control_methods, survey_methods
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.opcua.subscription_limits import LONGEST_QUEUE, SubscriptionLimits
-from mwd_surface.rig.opcua.survey_history import SurveyHistory
-from mwd_surface.rig.values import RigValues, nothing_yet
+from mwd_surface.rig.survey import AcceptedSurvey
+from mwd_surface.rig.values import RigValues, nothing_yet, survey_values
+from mwd_surface.signals.table import OF_SURVEY
 
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # asyncua's logger for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
@@ -300,3 +303,146 @@ def _argument(ua: Any, name: str, kind: str, description: str) -> Any:
         ArrayDimensions=[],
         Description=ua.LocalizedText(description),
     )
+
+
+# History of the survey variables, from the accepted surveys, readable by HistoryRead (OPC 10000-11).
+
+
+SURVEY_VARIABLES = {signal.opcua: signal.name for signal in OF_SURVEY}
+
+
+class SurveyHistory:
+    """
+    History of the server's survey variables, kept equal to the accepted surveys.
+
+    Parameters
+    ----------
+    ua : module
+        `asyncua.ua`.
+    server : asyncua.Server
+    Node id of each variable by its name.
+        From the name of a variable to its node id.
+    """
+
+    def __init__(self, ua: Any, server: Any, nodes: Mapping[str, Any]) -> None:
+        self._ua, self._server, self._nodes = ua, server, nodes
+        self._shown: tuple[AcceptedSurvey, ...] = ()
+
+    async def open(self) -> None:
+        """Mark the survey variables as having a history."""
+        ua = self._ua
+        for name in SURVEY_VARIABLES:
+            node = self._server.get_node(self._nodes[name])
+            await node.write_attribute(ua.AttributeIds.Historizing, ua.DataValue(True))
+            for attribute in (ua.AttributeIds.AccessLevel, ua.AttributeIds.UserAccessLevel):
+                await node.set_attr_bit(attribute, ua.AccessLevel.HistoryRead)
+        await self._fill(())
+
+    async def show(self, surveys: tuple[AcceptedSurvey, ...]) -> None:
+        """Set the accepted surveys, oldest first; a survey that is no longer accepted leaves the history."""
+        if surveys != self._shown:
+            await self._fill(surveys)
+
+    async def _fill(self, surveys: tuple[AcceptedSurvey, ...]) -> None:
+        from asyncua.server.history import HistoryDict
+
+        storage = HistoryDict()
+        for name in SURVEY_VARIABLES:
+            await storage.new_historized_node(self._nodes[name], None)
+        for survey in surveys:
+            values = survey_values(survey, survey.decided_ns)
+            for name, quantity in SURVEY_VARIABLES.items():
+                value = values[quantity]
+                reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
+                await storage.save_node_value(self._nodes[name], data_value(self._ua, reading, "Double"))
+            # Saving to memory never yields, so give other clients a turn between two surveys.
+            await asyncio.sleep(0)
+        self._server.iserver.history_manager.set_storage(storage)
+        self._shown = surveys
+
+
+# Methods of the OPC UA object of a well: decisions on surveys, and control of top drive and pumps.
+
+
+_INTERFACE = "OPC UA"
+Argument = tuple[str, str, str]
+"""Name, type and description of an argument."""
+
+_DONE: tuple[Argument, ...] = (("success", "Boolean", "whether it was done"), ("message", "String", "or why not"))
+_DECISION: tuple[Argument, ...] = (
+    ("sequence", "UInt32", "number of the survey"),
+    ("operator_name", "String", "who decides"),
+    ("reason", "String", "why"),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """A method: arguments, results, and the function that runs it with an identity from `Access`, in any thread."""
+
+    name: str
+    inputs: tuple[Argument, ...]
+    call: Callable[[dict[str, Any], str], Sequence[Any]]
+    outputs: tuple[Argument, ...] = _DONE
+
+
+def survey_methods(on_command: OnCommand) -> list[Method]:
+    """Return the survey methods, run by a node; on_command: `on_command(name, arguments) -> (ok, message)`."""
+    table = {
+        "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
+        "accept_survey": _DECISION,
+        "reject_survey": _DECISION,
+    }
+
+    def asking(name: str) -> Callable[[dict[str, Any], str], Sequence[Any]]:
+        return lambda arguments, _identity: on_command(name, arguments)
+
+    return [Method(name, inputs, asking(name)) for name, inputs in table.items()]
+
+
+def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[Method]:
+    """Return the control methods; clock: steady time, s, the same clock as the authority's."""
+
+    def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        decision = authority.request(Request(Sender(_INTERFACE, identity), **given), clock())
+        return decision.message, int(decision.permission), decision.lease
+
+    def command(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        return authority.command(SetPoint(**given), clock(), Sender(_INTERFACE, identity))
+
+    def release(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        return authority.release(given["lease"], clock(), Sender(_INTERFACE, identity), given["reason"])
+
+    lease = ("lease", "UInt32", "number of the lease")
+    return [
+        Method(
+            "request_control",
+            (
+                ("controller", "String", "name of the controller"),
+                ("role", "String", "purpose of the controller, in a word or two"),
+                ("priority", "Byte", "0 to 255; a higher priority than the owner's takes over"),
+                ("wait", "Boolean", "wait while another has control"),
+                ("duration", "Double", "s; 0: the longest duration allowed"),
+            ),
+            request,
+            (
+                ("message", "String", "why it was refused, or what it waits for"),
+                ("permission", "Byte", "0 denied, 1 pending, 2 granted"),
+                ("lease", "UInt32", "number of the lease, or of the pending request; 0: denied"),
+            ),
+        ),
+        Method(
+            "set_point",
+            (
+                lease,
+                ("sequence", "UInt32", "increases with each set-point; 0: heartbeat only"),
+                ("mode", "Byte", "0 hold, 1 rotate, 2 orient, 3 pump, 4 release"),
+                ("rotary_speed", "Double", "rotate: rad/s"),
+                ("turn", "Double", "orient: rad from the present position of the top drive"),
+                ("flow_rate", "Double", "pump: m^3/s"),
+                ("valid_for", "Double", "s, above 0; the string is held after this time"),
+            ),
+            command,
+        ),
+        Method("release_control", (lease, ("reason", "String", "why")), release),
+    ]
