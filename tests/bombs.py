@@ -23,8 +23,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_surface.bags.mcap.encode import channel_record, chunk_prefix, header_record, packed_record
 from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead
+from mwd_surface.bags.mcap.writer import channel_record, chunk_prefix, header_record, packed_record
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 MANY = 64 * 2**20

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mwd_estimation.core.repeated_samples import RepeatedSamples
-from mwd_estimation.nodes.revisions import LiveRevisions
+from mwd_estimation.nodes.estimator import LiveRevisions
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import Refusal

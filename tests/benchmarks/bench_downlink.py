@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from mwd_estimation.downhole.downlink_decoder import DownlinkDecoder
+from mwd_estimation.downhole.commands import DownlinkDecoder
 from mwd_sensors.simulator.schedule import Phase, Rig, timeline
 from mwd_sensors.simulator.steering import ROTATE, Command, Steering, String
 from mwd_sensors.telemetry.downlink import COMMANDS, FLOW, Downlink, Frame, programme

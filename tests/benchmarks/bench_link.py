@@ -16,9 +16,8 @@ import numpy as np
 from scipy import signal
 
 import telemetry_limits as limits
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure, Pump
 from mwd_sensors.simulator.mud_line import Well
-from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver

@@ -19,9 +19,8 @@ from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
 from mwd_sensors.simulator.earth_channel import RATE_HZ as EARTH_HZ
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage, earth_run
 from mwd_sensors.simulator.earth_line import Ground, response
-from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.mud_channel import MudChannel, Pump
 from mwd_sensors.simulator.mud_line import Well
-from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE, frame_bytes
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.receivers import receiver_of

@@ -20,7 +20,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
-from mwd_estimation.nodes.messages import oriented_imu
+from mwd_estimation.nodes.estimator import oriented_imu
 from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings

@@ -14,7 +14,7 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.steering import HOLD, Command
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
-from mwd_surface.runs.simulated_tool import SimulatedTool
+from mwd_surface.runs.simulate import SimulatedTool
 
 pytestmark = pytest.mark.slow
 

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import NamedTuple
 
-from mwd_estimation.downhole.downlink_decoder import DownlinkDecoder, Received
+import numpy as np
+
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.telemetry import tool_commands
+from mwd_sensors.telemetry.downlink import HEAD, LEVELS, TAIL, Downlink, Frame, decode
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 
@@ -63,3 +66,135 @@ class Commands:
     def tool(self) -> ToolConfiguration:
         """Return the tool configuration in force."""
         return self._tool if self._downlink is None else tool_commands.applied(self._tool, self.settings)
+
+
+# Find commands from the surface in the rotation or flow that the tool measures.
+
+
+_CELL_NS = 200_000_000
+_DATA = 9
+_SAMPLES = len(HEAD) + _DATA + len(TAIL)
+# Unit of the signal as whole numbers: 1e-6 rad/s or 1e-9 m^3/s, far below the noise of any sensor.
+_SCALE = {"rotation": 1e6, "flow": 1e9}
+# Allowed ratio of the drop in flow or rotation to the configured one: flow meters are inexact, and the string slips.
+_DROP = (0.6, 1.5)
+# Drilling values within one command differ by less than this share of the drop; more would look like another level.
+_STEADY = 1.0 / (2.0 * (LEVELS - 1))
+# Allowed distance of the levels from whole numbers: rms and largest. Random values would be 0.29 away (rms).
+_RMS, _MOST = 0.2, 0.42
+# Longest gap without samples, in cells of 0.2 s; after a longer gap the decoder restarts.
+_GAP = 10
+
+
+class Received(NamedTuple):
+    """A command, and the stamp of its end, ns."""
+
+    frame: Frame
+    stamp_ns: int
+
+
+class DownlinkDecoder:
+    """Finds commands in a stream of samples."""
+
+    def __init__(self, downlink: Downlink) -> None:
+        self._downlink, self._scale = downlink, _SCALE[downlink.medium]
+        cell_s = _CELL_NS * 1e-9
+        self._half = max(round(0.5 * downlink.hold_s / cell_s), 1)
+        places = [round(k * downlink.symbol_s / cell_s) for k in range(_SAMPLES)]
+        self._places = [place - places[-1] - 1 for place in places]
+        # The best match comes at most this long after the first one.
+        self._settle = max(round(0.5 * downlink.symbol_s / cell_s), 1)
+        self._begin()
+
+    @property
+    def delay_ns(self) -> int:
+        """Longest time from the end of a command until it is decoded, ns."""
+        return (self._settle + 2) * _CELL_NS
+
+    def _begin(self) -> None:
+        self._cell: int | None = None
+        self._sum = self._count = self._value = 0
+        self._once = self._twice = 0
+        self._history: deque[int] = deque([0] * (2 * self._half + 1), maxlen=2 * self._half + 1)
+        self._smooth: deque[float] = deque(maxlen=-self._places[0])
+        self._skip = 2 * self._half
+        self._best: tuple[float, Received] | None = None
+        self._wait = 0
+
+    def push(self, stamp_ns: Stamps, signal: Array) -> list[Received]:
+        """
+        Add samples in order of time, and return the commands that ended in them.
+
+        stamp_ns, shape (n,): ns. signal, shape (n,): rotation about the axis, rad/s, or flow, m^3/s; values that are
+        not finite are ignored.
+        """
+        known = np.isfinite(signal)
+        cells = stamp_ns[known] // _CELL_NS
+        if not len(cells):
+            return []
+        whole = np.round(signal[known] * self._scale).astype(np.int64)
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1])
+        found: list[Received] = []
+        counts = np.diff(np.append(starts, len(cells)))
+        for cell, total, count in zip(cells[starts], np.add.reduceat(whole, starts), counts, strict=True):
+            found += self._take(int(cell), int(total), int(count))
+        return found
+
+    def _take(self, cell: int, total: int, count: int) -> list[Received]:
+        """Add samples of one cell; more samples of the same cell may follow."""
+        found: list[Received] = []
+        if self._cell is not None and not 0 <= cell - self._cell <= _GAP:
+            self._begin()
+        if self._cell is not None and cell > self._cell:
+            self._value = self._sum // self._count
+            for k in range(self._cell, cell):
+                found += self._close(k)
+            self._sum = self._count = 0
+        self._cell = cell
+        self._sum += total
+        self._count += count
+        return found
+
+    def _close(self, cell: int) -> list[Received]:
+        """Smooth the signal up to the end of a cell, and look for a command that ends there."""
+        half, history = self._half, self._history
+        self._once += self._value
+        self._twice += self._once
+        history.append(self._twice)
+        if self._skip:
+            self._skip -= 1
+            return []
+        self._smooth.append((history[-1] - 2 * history[half] + history[0]) / (half * half * self._scale))
+        if len(self._smooth) == self._smooth.maxlen:
+            fit = self._fit(cell)
+            if fit is not None and (self._best is None or fit[0] < self._best[0]):
+                self._wait = self._wait if self._best is not None else self._settle
+                self._best = fit
+        if self._best is None:
+            return []
+        if self._wait:
+            self._wait -= 1
+            return []
+        received, self._best = self._best[1], None
+        self._smooth.clear()
+        return [received]
+
+    def _fit(self, cell: int) -> tuple[float, Received] | None:
+        """Return the rms error of the levels and the command that ends with this cell; None if there is no command."""
+        smooth, places, downlink = self._smooth, self._places, self._downlink
+        first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
+        high = (first + second + last) / 3.0
+        drop = high - low
+        expected = downlink.depth * high
+        if high < downlink.least_value or not _DROP[0] * expected < drop < _DROP[1] * expected:
+            return None
+        if max(first, second, last) - min(first, second, last) > _STEADY * drop:
+            return None
+        read = [(smooth[places[len(HEAD) + k]] - low) / drop * (LEVELS - 1) for k in range(_DATA)]
+        whole = [min(max(round(one), 0), LEVELS - 1) for one in read]
+        off = [abs(one - level) for one, level in zip(read, whole, strict=True)]
+        rms = (sum(one * one for one in off) / _DATA) ** 0.5
+        if rms > _RMS or max(off) > _MOST:
+            return None
+        frame = decode(tuple(whole), downlink)
+        return None if frame is None else (rms, Received(frame, (cell + 1) * _CELL_NS))

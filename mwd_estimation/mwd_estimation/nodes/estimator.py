@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import concurrent.futures
+import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from geometry_msgs.msg import TransformStamped
 from mwd_msgs.action import NorthSeek, RotarySurvey
 from mwd_msgs.msg import (
     Attitude,
@@ -15,9 +19,12 @@ from mwd_msgs.msg import (
     InnovationList,
     Interference,
     OperatorEvent,
+    RecorderStatus,
+    SampleCount,
     SurveyList,
     UsedSamples,
 )
+from mwd_msgs.msg import Innovation as InnovationMessage
 from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_msgs.srv import SetReferenceField, TakeSurvey
 from sensor_msgs.msg import Imu
@@ -25,6 +32,7 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
@@ -33,24 +41,17 @@ from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
 from mwd_estimation.nodes.log_publisher import LogPublisher, Running
-from mwd_estimation.nodes.messages import (
-    MIN_SPACING_NS,
-    innovation_message,
-    oriented_imu,
-    published_rows,
-    tool_transform,
-)
-from mwd_estimation.nodes.recording_gate import RecordingGate, SampleCounts
-from mwd_estimation.nodes.revisions import LiveRevisions
 from mwd_estimation.nodes.transmission import TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decided_survey import DecidedSurvey
+from mwd_estimation.survey.revision import is_revised
 from mwd_estimation.survey.static_survey import Refusal
-from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples
+from mwd_estimation.survey.survey import STATIC
+from mwd_sensors.core import frames, wire
+from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse
@@ -391,3 +392,245 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the estimator node."""
     return run_node(EstimatorNode, args)
+
+
+# The estimate begins with samples that the recorder has too, so that a recording gives the same results again.
+
+
+# Longest wait for the recorder, s: it tells its state once a second, and at once when a topic begins to arrive.
+_LONGEST_S = 5.0
+# Samples of a topic that wait at most, of a unit of 1 kHz for a minute.
+_MOST = 60_000
+
+
+class SampleCounts:
+    """Samples that were used, by topic."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, tuple[int, int, int]] = {}
+
+    def take(self, topic: str, samples: Samples) -> None:
+        """Count samples, which are not none."""
+        stamps = samples["stamp_ns"]
+        low, high = int(stamps.min()), int(stamps.max())
+        first, last, count = self._counts.get(topic, (low, high, 0))
+        self._counts[topic] = min(first, low), max(last, high), count + len(samples)
+
+    @property
+    def newest_ns(self) -> int:
+        """Newest stamp of the IMU, ns; 0 before the first sample."""
+        return self._counts.get("imu/data_raw", (0, 0, 0))[1]
+
+    def messages(self, full_name: Callable[[str], str]) -> list[SampleCount]:
+        """Return the counts as messages; full_name resolves the name of a topic."""
+        return [
+            SampleCount(topic=full_name(topic), first=stamp(first), last=stamp(last), samples=count)
+            for topic, (first, last, count) in self._counts.items()
+        ]
+
+
+class RecordingGate:
+    """
+    Holds the first samples back until they are in the recording, where one is being made.
+
+    node: the estimator, whose subscription to `recorder` is opened.
+    """
+
+    def __init__(self, node: GraphNode[Any]) -> None:
+        self._node = node
+        self._open = False
+        self._waiting: dict[str, Samples] = {}
+        self._since: float | None = None
+        # Full name of each recorded topic of samples, with the first stamp, ns; 0: none came. None: not told yet.
+        self._first_ns: dict[str, int] | None = None
+        node.add_subscription(RecorderStatus, "recorder", self._on_status, qos.STATE)
+
+    def _on_status(self, message: RecorderStatus) -> None:
+        names = message.streams if message.state == RecorderStatus.RECORDING else []
+        stamps = [one.sec * wire.NANOSECONDS + one.nanosec for one in message.first]
+        self._first_ns = dict(zip(names, stamps, strict=False))
+
+    def passed(self, taken: Mapping[str, Samples]) -> dict[str, Samples]:
+        """Return the samples to be used now, by topic, out of those that were received since the last call."""
+        if self._open:
+            return dict(taken)
+        for topic, samples in taken.items():
+            held = self._waiting.get(topic, samples[:0])
+            self._waiting[topic] = np.concatenate([held, samples])[-_MOST:]
+        if not any(len(samples) for samples in self._waiting.values()):
+            return dict(taken)
+        now = time.monotonic()
+        self._since = now if self._since is None else self._since
+        begin_ns, lacking = self._recorded_from()
+        if lacking and now - self._since < _LONGEST_S:
+            return {topic: samples[:0] for topic, samples in taken.items()}
+        if lacking:
+            names = ", ".join(lacking)
+            text = f"the recorder receives nothing of {names}: the recording will lack samples that are used"
+            self._node.get_logger().warning(printable(text))
+        self._open = True
+        waiting, self._waiting = self._waiting, {}
+        return {topic: samples[samples["stamp_ns"] >= begin_ns.get(topic, 0)] for topic, samples in waiting.items()}
+
+    def _recorded_from(self) -> tuple[dict[str, int], list[str]]:
+        """Return the first recorded stamp of each topic that arrives, ns, and the topics that the recording lacks."""
+        if self._first_ns is None:
+            recorder = self._node.resolve_topic_name("recorder")
+            # Nobody records, or the first message of the recorder is still to come.
+            return {}, [recorder] if self._node.count_publishers(recorder) else []
+        begin_ns, lacking = {}, []
+        for topic, samples in self._waiting.items():
+            name = self._node.resolve_topic_name(topic)
+            if len(samples) and name in self._first_ns:
+                begin_ns[topic] = self._first_ns[name]
+                lacking += [name] if not self._first_ns[name] else []
+        return begin_ns, lacking
+
+
+# Results of the estimator as messages of the graph.
+
+
+# Shortest time between two published estimates, ns: 0.8 ms. A unit faster than 1 kHz is estimated at its own rate.
+MIN_SPACING_NS = 800_000
+
+
+def innovation_message(found: Sequence[Innovation], stamp_ns: int, frame_id: str) -> InnovationList:
+    """Innovations as mwd_msgs/msg/InnovationList."""
+    message = InnovationList()
+    message.header.stamp, message.header.frame_id = stamp(stamp_ns), frame_id
+    message.sources = [InnovationMessage(test_ratio=one.test_ratio, **one._asdict()) for one in found]
+    return message
+
+
+def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> TransformStamped:
+    """
+    Transform of the tool frame from local east-north-up.
+
+    oriented: record of `wire.IMU` with its orientation; local_frame: of the well, east-north-up; tool_frame: that of
+    the tool's messages.
+    """
+    transform = TransformStamped()
+    transform.header.stamp = stamp(int(oriented["stamp_ns"]))
+    transform.header.frame_id = local_frame
+    transform.child_frame_id = tool_frame
+    x, y, z, w = (float(v) for v in oriented["orientation"])
+    rotation = transform.transform.rotation
+    rotation.x, rotation.y, rotation.z, rotation.w = x, y, z, w
+    return transform
+
+
+def published_rows(stamps: Stamps, last_ns: int) -> Indices:
+    """
+    Select the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
+
+    stamps, shape (n,), and last_ns, stamp of the one published last: ns. Time that goes back starts anew.
+    """
+    far = np.abs(np.diff(stamps)) >= MIN_SPACING_NS
+    if len(stamps) and abs(int(stamps[0]) - last_ns) >= MIN_SPACING_NS and far.all():
+        return np.arange(len(stamps))
+    rows = []
+    for k, stamp_ns in enumerate(stamps.tolist()):
+        if abs(stamp_ns - last_ns) >= MIN_SPACING_NS:
+            rows.append(k)
+            last_ns = stamp_ns
+    return np.array(rows, dtype=np.int64)
+
+
+def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
+    """
+    Fill in the orientation of IMU samples, tool to east-north-up (REP-103, REP-145).
+
+    Without attitude the first covariance element is -1 (not reported); without azimuth the heading is zero with the
+    variance of a full circle.
+    """
+    oriented = samples.copy()
+    attitude_known = np.isfinite(attitude["sigma_inclination"])
+    azimuth_known = np.isfinite(attitude["sigma_azimuth"])
+    mat = frames.mat_nt(*(np.nan_to_num(attitude[angle]) for angle in ("inclination", "azimuth", "gravity_toolface")))
+    oriented["orientation"] = np.where(attitude_known[:, None], frames.orientation_et(mat), [0.0, 0.0, 0.0, 1.0])
+    tilt = attitude["sigma_inclination"] ** 2
+    heading = np.where(azimuth_known, attitude["sigma_azimuth"], np.pi) ** 2
+    covariance = np.zeros((len(samples), 9))
+    covariance[:, 0] = np.where(attitude_known, tilt, -1.0)
+    covariance[:, 4] = np.where(attitude_known, tilt, 0.0)
+    covariance[:, 8] = np.where(attitude_known, heading, 0.0)
+    oriented["orientation_covariance"] = covariance
+    return oriented
+
+
+# Surveys judged again while the run goes on, on the topic survey/revised: by later surveys, and by faults of sensors.
+
+
+# Stations that are judged again after each survey: steel and a gyro that steps show within a few stations. Faults that
+# were there from the start reach back to all of the surveys that are kept.
+_NEWEST, _KEPT = 30, 1000
+# Longest wait for a judgement at the end, s: the node stops within three seconds.
+_AT_THE_END_S = 1.5
+
+
+class LiveRevisions:
+    """
+    Revisions of the surveys published so far.
+
+    publish: called with each revised survey and the frame of its readings, in the thread of `update`.
+    """
+
+    def __init__(self, publish: Callable[[DecidedSurvey, str], None]) -> None:
+        self._publish = publish
+        self._executor = concurrent.futures.ThreadPoolExecutor(1, "revisions")
+        self._job: concurrent.futures.Future[dict[int, DecidedSurvey]] | None = None
+        self._waiting: Callable[[], dict[int, DecidedSurvey]] | None = None
+        # As it was published first, and as it was revised last.
+        self._surveys: dict[int, tuple[DecidedSurvey, DecidedSurvey]] = {}
+        self._frame = ""
+
+    def close(self) -> None:
+        """Start no further judgement; one under way is completed."""
+        self._waiting = None
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def take(self, survey: DecidedSurvey, pipeline: Pipeline, frame: str) -> None:
+        """Take a survey that was published; the ones before it are judged again."""
+        self._surveys[survey.sequence], self._frame = (survey, survey), frame
+        while len(self._surveys) > _KEPT:
+            del self._surveys[next(iter(self._surveys))]
+        if survey.kind == STATIC:
+            self.judge_again(pipeline)
+
+    def judge_again(self, pipeline: Pipeline) -> None:
+        """Judge all surveys by what the pipeline knows now: call it after a survey, or where a fault has changed."""
+        if self._surveys:
+            self._waiting = pipeline.judging_again(_NEWEST)
+
+    def finish(self) -> None:
+        """Publish what is still to be revised, before the estimator stops."""
+        self.update()
+        while self._job is not None:
+            concurrent.futures.wait([self._job], _AT_THE_END_S)
+            if not self._job.done():
+                return
+            self.update()
+
+    def update(self) -> None:
+        """Publish what a finished judgement revised, and begin the one that waits."""
+        if self._job is not None and self._job.done():
+            job, self._job = self._job, None
+            now = job.result()
+            # A fault of the sensors that has gone withdraws no survey any more.
+            back = {k: first for k, (first, last) in self._surveys.items() if last.withdrawn and k not in now}
+            for number, survey in {**back, **now}.items():
+                self._revise(number, survey)
+        if self._job is None and self._waiting is not None:
+            waiting, self._waiting = self._waiting, None
+            self._job = self._executor.submit(waiting)
+
+    def _revise(self, number: int, now: DecidedSurvey) -> None:
+        """Publish a revision that differs from what was said of the survey last."""
+        if number not in self._surveys:
+            return
+        first, last = self._surveys[number]
+        changed = now.withdrawn != last.withdrawn
+        if changed or is_revised(last.station, now.station, now.station.sigma_azimuth):
+            survey = dataclasses.replace(now, status=first.status, revision=last.revision + 1)
+            self._surveys[number] = first, survey
+            self._publish(survey, self._frame)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.downhole.downlink_decoder import DownlinkDecoder
+from mwd_estimation.downhole.commands import DownlinkDecoder
 from mwd_sensors.simulator.schedule import Phase, Rig, timeline
 from mwd_sensors.simulator.steering import ROTATE, Command, Steering, String
 from mwd_sensors.telemetry.downlink import FLOW, Downlink, Frame, programme

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
 from mwd_estimation.core.innovations import Innovation, of_power
-from mwd_estimation.nodes.messages import innovation_message, published_rows
+from mwd_estimation.nodes.estimator import innovation_message, published_rows
 
 START = 1_772_344_800_000_000_000
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.time_bins import Average
-from mwd_estimation.nodes.revisions import LiveRevisions
+from mwd_estimation.nodes.estimator import LiveRevisions
 from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import station

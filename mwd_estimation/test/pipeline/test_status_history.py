@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from mwd_estimation.pipeline.status_history import StatusHistory
+from mwd_estimation.pipeline.estimate import StatusHistory
 
 BIN = 500_000_000
 RATE = 10  # rows in a bin

@@ -9,20 +9,15 @@ scatter of the residuals.
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from mwd_sensors.calibration.fit_statistics import (
-    RunTemperature,
-    allow_for_drift,
-    check_determined,
-    fit_sigmas,
-    rms,
-)
-from mwd_sensors.calibration.rests import Rests, rests
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec, quat_multiply
 
 
@@ -227,3 +222,210 @@ def _carried(steps: Array, down: Array) -> Array:
 
 def _symmetric(p: Array) -> Array:
     return np.array([[p[0], p[3], p[4]], [p[3], p[1], p[5]], [p[4], p[5], p[2]]])
+
+
+# Find the intervals at rest in a tumble run and average the readings in them.
+
+
+MIN_POSES = 12
+
+
+@dataclasses.dataclass(frozen=True)
+class Rests:
+    """
+    Mean readings over intervals at rest.
+
+    Attributes
+    ----------
+    first, last : ndarray, shape (m,)
+        Index of the first sample of each rest, and index after its last sample.
+    gyro, accel, mag : ndarray, shape (m, 3)
+        Mean readings, rad/s, m/s^2, T; mag is NaN if there is no magnetometer.
+    celsius : ndarray, shape (m,)
+        Mean temperature, degC.
+    """
+
+    first: Indices
+    last: Indices
+    gyro: Array
+    accel: Array
+    mag: Array
+    celsius: Array
+
+
+def rests(
+    gyro: ArrayLike,
+    accel: ArrayLike,
+    mag: ArrayLike | None,
+    celsius: ArrayLike,
+    rate: float,
+    seconds: float = 2.0,
+    quiet_rate: float = 0.02,
+    quiet_force: float = 0.15,
+) -> Rests:
+    """
+    Find the intervals at rest in a tumble run.
+
+    Parameters
+    ----------
+    gyro, accel, mag : array_like, shape (n, 3)
+        Readings in rad/s, m/s^2, T (or None), all at the same rate.
+    celsius : array_like, shape (n,)
+        Temperature, degC.
+    rate : float
+        Sample rate, Hz.
+    seconds : float
+        Duration of the shortest rest, s.
+    quiet_rate, quiet_force : float
+        Largest range of the readings within half a second at rest, rad/s and m/s^2.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than `MIN_POSES` rests, too few for a calibration.
+    """
+    w, f = np.asarray(gyro, dtype=float), np.asarray(accel, dtype=float)
+    t = np.asarray(celsius, dtype=float)
+    b = np.full_like(f, np.nan) if mag is None else np.asarray(mag, dtype=float)
+    window = max(2, round(0.5 * rate))
+    count = len(f) // window
+    shape = (count, window, 3)
+    spans = [np.ptp(x[: count * window].reshape(shape), axis=1).max(axis=1) for x in (w, f)]
+    # A steady rotation is quiet too; at rest the specific force of neighbouring windows must also agree.
+    mean_f = f[: count * window].reshape(shape).mean(axis=1)
+    drift = np.linalg.norm(np.diff(mean_f, axis=0, prepend=mean_f[:1]), axis=1)
+    drift = np.maximum(drift, np.append(drift[1:], 0.0))
+    quiet = (spans[0] < quiet_rate) & (spans[1] < quiet_force) & (drift < 0.5 * quiet_force)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
+    pairs = [(a * window, z * window) for a, z in edges.reshape(-1, 2) if (z - a) * window >= seconds * rate]
+    if len(pairs) < MIN_POSES:
+        raise ValueError(
+            f"only {len(pairs)} rests of {seconds:g} s were found; a tumble needs at least {MIN_POSES} attitudes"
+        )
+    means = [np.array([x[a:z].mean(axis=0) for a, z in pairs]) for x in (w, f, b, t)]
+    first, last = (np.array(column, dtype=np.int64) for column in zip(*pairs, strict=True))
+    return Rests(first, last, means[0], means[1], means[2], means[3])
+
+
+# Statistics of least-squares calibrations: effect of temperature, sigmas from residuals, check of the attitudes.
+
+
+UNDETERMINED = "these attitudes do not determine scale, misalignment and bias; turn the probe further"
+
+
+@dataclasses.dataclass(frozen=True)
+class RunTemperature:
+    """
+    Temperature during a calibration run.
+
+    Attributes
+    ----------
+    reference_c, span : float
+        Mean and range, degC.
+    warm : ndarray, shape (m,)
+        Temperature above the reference divided by the range, so that all parameters of a fit have similar size.
+    varied : bool
+        Whether the range is large enough to fit the effect of temperature.
+    """
+
+    reference_c: float
+    span: float
+    warm: Array
+    varied: bool
+
+    @classmethod
+    def of(cls, celsius: Array) -> RunTemperature:
+        """Compute reference and range from temperatures, shape (m,), degC."""
+        reference, varied = float(celsius.mean()), bool(np.ptp(celsius) > 1.0)
+        span = float(np.ptp(celsius)) if varied else 1.0
+        return cls(reference, span, (celsius - reference) / span, varied)
+
+    @property
+    def count(self) -> int:
+        """Number of parameters besides the matrix: bias and, if temperature varied, slopes of bias and scale."""
+        return 9 if self.varied else 3
+
+    def corrected(self, y: Array, p: Array) -> Array:
+        """Correct readings, shape (m, 3), by p: bias and, if temperature varied, slopes of bias and scale."""
+        if not self.varied:
+            return np.asarray(y - p[:3])
+        warm = self.warm[:, None]
+        return np.asarray((y - p[:3] - warm * p[3:6]) / (1.0 + warm * p[6:9]))
+
+    def figures_of(self, p: Array, sigma: Array, strength: float, scatter: float) -> dict[str, Any]:
+        """
+        Return parameters p and their sigmas as named results in SI.
+
+        scatter is the rms of the residuals divided by the strength of the field.
+        """
+        none = np.zeros(3)
+        per_c, gain = strength / self.span, 1.0 / self.span
+        bias, bias_per_c = allow_for_drift(sigma[:3], sigma[3:6] if self.varied else none, scatter, 1.0)
+        return {
+            "reference_c": self.reference_c,
+            "bias": p[:3] * strength,
+            "sigma_bias": bias * strength,
+            "bias_per_c": p[3:6] * per_c if self.varied else none,
+            "sigma_bias_per_c": bias_per_c * per_c if self.varied else none,
+            "scale_per_c": p[6:9] * gain if self.varied else none,
+            "sigma_scale_per_c": sigma[6:9] * gain if self.varied else none,
+        }
+
+
+def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bool = False) -> Array:
+    """
+    Return 1 sigma of the parameters of a least-squares fit, from the scatter of its residuals.
+
+    Each rest has `parts` residuals, stored one after the other (interleaved) or all firsts before all seconds. A slow
+    drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent. The result is
+    therefore the larger of the ordinary sigma and the one by Newey and West (Econometrica 55, 1987), with a lag of a
+    fifth of the rests.
+    """
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    scaled = jacobian / size
+    inverse = np.linalg.inv(scaled.T @ scaled)
+    rows, figures = scaled.shape
+    spare = max(rows - figures, 1)
+    ordinary = inverse.diagonal() * float(residual @ residual) / spare
+    scores = scaled * residual[:, None]
+    count = rows // parts
+    scores = (
+        scores.reshape(count, parts, -1).sum(axis=1) if interleaved else scores.reshape(parts, count, -1).sum(axis=0)
+    )
+    reach = count // 5
+    spread = scores.T @ scores
+    for lag in range(1, reach + 1):
+        product = scores[lag:].T @ scores[:-lag]
+        spread = spread + (1.0 - lag / (reach + 1.0)) * (product + product.T)
+    robust = (inverse @ spread @ inverse).diagonal() * rows / spare
+    return np.asarray(np.sqrt(np.maximum(ordinary, robust)) / size)
+
+
+def allow_for_drift(
+    sigma_bias: Array, sigma_bias_per_c: Array, scatter: Array | float, span: float
+) -> tuple[Array, Array]:
+    """
+    Increase sigmas for drift: add half the residual scatter to the bias, and twice the scatter per range to its slope.
+
+    A sensor that drifts while the temperature happens to rise looks like a sensor that depends on temperature.
+    """
+    return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
+
+
+def check_determined(jacobian: Array) -> None:
+    """
+    Raise ValueError if the attitudes do not determine the parameters of a fit.
+
+    Raises
+    ------
+    ValueError
+        The condition number of the scaled Jacobian is above 1e5.
+    """
+    scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    if np.linalg.cond(scaled) > 1e5:
+        raise ValueError(UNDETERMINED)
+
+
+def rms(x: Array) -> float:
+    """Return the root mean square of vectors, shape (m, 3), or numbers, shape (m,)."""
+    return float(np.sqrt(np.mean(np.sum(np.atleast_2d(x.T).T ** 2, axis=-1))))

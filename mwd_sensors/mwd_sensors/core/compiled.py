@@ -86,7 +86,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         try:
             yield
         finally:
-            if locked:
+            if file is not None and locked:
                 fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
 
 
@@ -127,7 +127,7 @@ def compiled(function: F) -> F:
     kind = Kernel if numba.version_info.short >= (0, 61) else OldKernel
     kernel = kind(function, targetoptions={"nopython": True, "nogil": True, "fastmath": False})
     kernel.enable_caching()
-    return kernel  # type: ignore[no-any-return]
+    return kernel
 
 
 @contextlib.contextmanager

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_msgs.msg import DetectorCounts, ImuBurst, RigState, ToolStatus, Truth
+from mwd_msgs.msg import ControlState, DetectorCounts, ImuBurst, RigAcknowledge, RigCommand, RigState, ToolStatus, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 
@@ -19,16 +20,15 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.foreign_text import contents_hidden, printable
 from mwd_sensors.core.process_starts import starts_before
 from mwd_sensors.core.settings import from_mapping, setting
-from mwd_sensors.nodes.rig_commands import RigCommands
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.nodes.telemetry import TelemetryTopics
-from mwd_sensors.nodes.truth_file import TruthFile
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
-from mwd_sensors.simulator import scenario_files
+from mwd_sensors.simulator import scenario_files, steering
 from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
@@ -333,3 +333,142 @@ class SondeNode(GraphNode[SondeSettings]):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the sonde node."""
     return run_node(SondeNode, args)
+
+
+# Write the truth of a run to a small file, for scoring when the surface receives only the tool's telemetry link.
+
+
+HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_rad", "measured_depth_m")
+
+
+class TruthFile:
+    """
+    CSV file with one row for each second of the run.
+
+    Parameters
+    ----------
+    path : Path
+        File to write; an existing file is replaced.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("w", encoding="utf-8", newline="")
+        self._table = csv.writer(self._file, lineterminator="\n")
+        self._table.writerow(HEADER)
+        self._second = -1
+
+    def take(self, samples: Samples) -> None:
+        """Write the first sample of `wire.TRUTH` in each second."""
+        for k, second in enumerate((samples["stamp_ns"] // NANOSECONDS).tolist()):
+            if second != self._second:
+                self._second = second
+                row = samples[k]
+                names = ("inclination", "azimuth", "gravity_toolface", "measured_depth")
+                self._table.writerow((int(row["stamp_ns"]), *(f"{float(row[name]):.9g}" for name in names)))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+# Simulated rig: carry out each rig/command of the newest lease once, and acknowledge it.
+
+
+_WORDS = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
+
+
+class RigCommands:
+    """
+    Carries out the commands of the control authority on the simulated rig.
+
+    Parameters
+    ----------
+    node : GraphNode
+        Node of the simulated tool and rig.
+    sonde : callable
+        Returns the simulation, or None before the scenario has started.
+    rate : float
+        Seconds of the scenario per second of wall time; the validity of a command is in wall time of the sender.
+    """
+
+    def __init__(self, node: GraphNode[Any], sonde: Callable[[], Sonde | None], rate: float = 1.0) -> None:
+        self._node, self._sonde, self._rate = node, sonde, rate if rate > 0.0 else 1.0
+        self._lease = self._obeyed = self._refused = 0
+        self._numbers: dict[bool, int] = {}
+        self._refusal = ""
+        self._answers = node.add_publisher(RigAcknowledge, "rig/acknowledge", qos.STATE)
+        node.add_subscription(RigCommand, "rig/command", self.obey, qos.STATE)
+        node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
+
+    def obey(self, message: RigCommand) -> None:
+        """Carry out a command, or refuse it with the reason."""
+        pumps = message.mode == steering.PUMP
+        repeated = message.lease == self._lease and self._numbers.get(pumps) == message.sequence
+        try:
+            self._command(message, repeated=repeated)
+            self._refusal = ""
+        except ValueError as error:
+            self._refusal = str(error)
+        else:
+            self._lease, self._numbers[pumps] = message.lease, message.sequence
+        if repeated:
+            return
+        if self._refusal:
+            self._refused += 1
+            self._node.get_logger().warning(
+                printable(f"rig/command not obeyed: {self._refusal}"), throttle_duration_sec=5.0
+            )
+        else:
+            self._obeyed += 1
+        answer = RigAcknowledge(lease=message.lease, sequence=message.sequence, message=self._refusal)
+        answer.obeyed = not self._refusal
+        answer.header.stamp = stamp(self._node.get_clock().now().nanoseconds)
+        answer.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        self._answers.publish(answer)
+
+    def on_control(self, message: ControlState) -> None:
+        """Apply the torque limit of the lease in force; without a lease only the top drive's own limit applies."""
+        sonde = self._sonde()
+        if sonde is not None and sonde.string is not None:
+            sonde.string.limit_torque(message.torque_limit if message.lease else 0.0)
+
+    def _command(self, message: RigCommand, *, repeated: bool) -> None:
+        sonde = self._sonde()
+        if sonde is None:
+            raise ValueError("the scenario has not started")
+        if message.lease < 1 or message.sequence < 1:
+            raise ValueError("lease: the rig obeys only the control authority; request a lease with request_control")
+        if message.lease < self._lease:
+            raise ValueError(f"lease: {message.lease} has ended; {self._lease} is in force")
+        valid_for = message.valid_for * self._rate
+        command = steering.Command(
+            message.mode,
+            message.rotary_speed,
+            message.turn,
+            valid_for,
+            message.flow_rate,
+            message.returns,
+        )
+        if repeated and message.mode == steering.ORIENT and sonde.string is not None:
+            # A repeated turn command is not carried out again; it only extends the validity of the first.
+            sonde.string.prolong(valid_for)
+            return
+        sonde.command(command)
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return the state of the commanded rig, if any command was received."""
+        if not self._obeyed + self._refused:
+            return ()
+        values = (("taken", str(self._obeyed)), ("refused", str(self._refused)))
+        if self._refusal:
+            remedy = "correct the command; the previous one stays in force until its validity ends"
+            return (Diagnostic("rig command", WARN, self._refusal, remedy, values),)
+        sonde = self._sonde()
+        string = sonde.string if sonde is not None else None
+        mode = string.obeys if string is not None else None
+        return (Diagnostic("rig command", OK, _WORDS.get(mode, "") if mode is not None else "", values=values),)

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -31,15 +31,7 @@ from rclpy.timer import Timer
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
-from mwd_sensors.ros.diagnostics import (
-    OK,
-    WARN,
-    CallbackFailures,
-    Diagnostic,
-    clock_diagnostics,
-    diagnostic_array,
-)
-from mwd_sensors.ros.heartbeat import Heartbeat
+from mwd_sensors.ros.diagnostics import OK, WARN, CallbackFailures, Diagnostic, clock_diagnostics, diagnostic_array
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
 from mwd_sensors.ros.parameters import SettingsParameters, given_at_start
@@ -473,3 +465,49 @@ class GraphNode(LifecycleNode, Generic[T]):
         found += self._failures.diagnostics()
         self._diagnostics_publisher.publish(diagnostic_array(self, found))
         self._heartbeat_publisher.publish(self._heartbeat.message(state, max(one.level for one in found)))
+
+
+# Heartbeat of a node: its lifecycle state and health, published once a second on the topic `heartbeat` of its well.
+
+
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+class Heartbeat:
+    """Creates the heartbeat messages of one node; `name` is its full name."""
+
+    def __init__(self, name: str, namespace: str) -> None:
+        self._name, self._namespace = name, namespace
+        self._count = 0
+        self._longest_s = 0.0
+
+    @contextlib.contextmanager
+    def timed(self) -> Iterator[None]:
+        """Measure how long a callback takes."""
+        began = time.monotonic()
+        try:
+            yield
+        finally:
+            self._longest_s = max(self._longest_s, time.monotonic() - began)
+
+    def message(self, state: str, level: bytes) -> DiagnosticStatus:
+        """Return the next heartbeat: state, worst diagnostics level, count, longest callback and memory."""
+        self._count += 1
+        values = {
+            "count": str(self._count),
+            "longest_callback_s": f"{self._longest_s:.3f}",
+            "memory_mb": f"{_resident_bytes() / 1e6:.1f}",
+        }
+        self._longest_s = 0.0
+        return DiagnosticStatus(
+            level=level,
+            name=self._name,
+            message=state,
+            hardware_id=self._namespace,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+
+
+def _resident_bytes() -> int:
+    with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123  (once a second for years: no path object)
+        return int(file.read().split()[1]) * _PAGE

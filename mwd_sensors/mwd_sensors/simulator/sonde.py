@@ -10,22 +10,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mwd_sensors.core import earth, frames, wire
+from mwd_sensors.core import earth, frames, input_covariance, wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps, joined
 from mwd_sensors.simulator import faults, instrument, interference, motion, steering
 from mwd_sensors.simulator.battery import BatteryModel
 from mwd_sensors.simulator.gamma import GammaDetector
+from mwd_sensors.simulator.instrument_grade import grade
 from mwd_sensors.simulator.kinematics import Place, sensed
-from mwd_sensors.simulator.measuring_unit import MeasuringUnit
-from mwd_sensors.simulator.pump_commands import CommandedFlow
-from mwd_sensors.simulator.scenario import Scenario, parse_date
+from mwd_sensors.simulator.scenario import Scenario, Unit, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
-from mwd_sensors.simulator.true_inputs import TrueInputs
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
 # Streams of random numbers. Their order must never change; append new ones, so that old seeds give the same runs.
@@ -429,3 +427,238 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[mo
         hits=draw_hits(vibration.shocks, active, rng["hits"]),
     )
     return moved, pumps
+
+
+# True motion of the sonde and true inputs of its sensors over an interval, without sensor errors.
+
+
+@dataclasses.dataclass(frozen=True)
+class TrueInputs:
+    """
+    True motion and sensor inputs of n kinematic samples.
+
+    Attributes
+    ----------
+    mat_nt, rate_t, position_n, velocity_n, md : ndarray
+        Fields as in `Kinematics`.
+    rate_it : ndarray, shape (n, 3)
+        Rotation relative to inertial space, rad/s.
+    f_t : list of ndarray, shape (n, 3)
+        Specific force at each unit, m/s^2.
+    drive : ndarray, shape (n, 2)
+        Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top drive.
+    """
+
+    mat_nt: Array
+    rate_t: Array
+    rate_it: Array
+    position_n: Array
+    velocity_n: Array
+    md: Array
+    f_t: list[Array]
+    drive: Array
+
+    def tail(self, count: int) -> TrueInputs:
+        """Return the last samples."""
+        return TrueInputs(
+            self.mat_nt[-count:],
+            self.rate_t[-count:],
+            self.rate_it[-count:],
+            self.position_n[-count:],
+            self.velocity_n[-count:],
+            self.md[-count:],
+            [f[-count:] for f in self.f_t],
+            self.drive[-count:],
+        )
+
+    def joined(self, new: TrueInputs) -> TrueInputs:
+        """Return these samples followed by new ones."""
+        return TrueInputs(
+            np.concatenate([self.mat_nt, new.mat_nt]),
+            np.concatenate([self.rate_t, new.rate_t]),
+            np.concatenate([self.rate_it, new.rate_it]),
+            np.concatenate([self.position_n, new.position_n]),
+            np.concatenate([self.velocity_n, new.velocity_n]),
+            np.concatenate([self.md, new.md]),
+            [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
+            np.concatenate([self.drive, new.drive]),
+        )
+
+
+# Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1.
+
+
+_KEPT_S = 600.0  # s; history of the share, which pressure and tool flow still ask for
+
+
+class CommandedFlow:
+    """
+    Flow of a run whose pumps obey commands.
+
+    Parameters
+    ----------
+    scheduled : callable
+        Flow of the schedule, m^3/s, as a `Profile` returns it. Pumps that the schedule has switched off stay off.
+    full : float
+        Drilling flow, m^3/s, at which the commanded share is 1.
+    ramp_s : float
+        Time from no flow to the drilling flow, s.
+    """
+
+    def __init__(self, scheduled: Callable[[Array], Array], full: float, ramp_s: float) -> None:
+        self._scheduled, self._full, self._rate = scheduled, full, 1.0 / ramp_s
+        self._knots: list[tuple[float, float]] = [(0.0, 1.0)]
+
+    def __call__(self, t: Array) -> Array:
+        """Return flow, m^3/s, with rate and acceleration, shape (3, n), at ascending times t, s, shape (n,)."""
+        found = self._scheduled(t)
+        if len(self._knots) > 1:
+            found *= self._share(t)
+        return found
+
+    def ask(self, time: float, flow: float, valid_for: float) -> None:
+        """
+        Bring the flow to a value at a time, s.
+
+        valid_for seconds later the flow returns to the schedule, unless another command follows.
+
+        Raises
+        ------
+        ValueError
+            The flow is above the drilling flow, the most that these pumps deliver.
+        """
+        if not flow <= self._full * (1.0 + 1e-9):
+            raise ValueError(f"flow_rate: these pumps give at most {self._full:.4g} m^3/s, got {flow:.4g}")
+        share = flow / self._full if self._full > 0.0 else 1.0
+        reached = self._ramp(time, share)
+        self._ramp(max(time + valid_for, reached), 1.0, follows=True)
+
+    def release(self, time: float) -> None:
+        """Return to the scheduled flow from a time on, s."""
+        self._ramp(time, 1.0)
+
+    def _ramp(self, time: float, share: float, *, follows: bool = False) -> float:
+        """Ramp to a share from a time on, dropping later changes; return the time at which it is reached, s."""
+        now = self._knots[-1][1] if follows else float(self._share(np.array([time]))[0])
+        if not follows:
+            self._knots = [knot for knot in self._knots if time - _KEPT_S < knot[0] < time] or [(time, now)]
+        reached = time + abs(share - now) / self._rate
+        self._knots += [(time, now), (reached, share)]
+        return reached
+
+    def _share(self, t: Array) -> Array:
+        times, shares = np.array(self._knots).T
+        return np.asarray(np.interp(t, times, shares))
+
+
+# Measuring unit of the sonde: gyros and accelerometers, from true inputs to output samples.
+
+
+class MeasuringUnit:
+    """
+    Gyros and accelerometers of one unit with their randomly drawn errors.
+
+    Parameters
+    ----------
+    unit : Unit
+        Grade, lever arm and output of the unit.
+    step, rate : int
+        Rate of the kinematics and of the output, Hz.
+    draw, run : Generator
+        Random numbers of the tool's constant errors, and of noise and drift during the run.
+
+    Attributes
+    ----------
+    margin : int
+        Number of kinematic samples needed before and after each output.
+    gyro_bias, accel_bias : ndarray, shape (3,)
+        Slow bias at the last output, rad/s and m/s^2.
+    """
+
+    def __init__(self, unit: Unit, step: int, rate: int, draw: np.random.Generator, run: np.random.Generator) -> None:
+        self.grade = grade(unit.grade, unit.changes)
+        self.lever_t = np.array(unit.lever_mm) * 1e-3
+        self.gyro = instrument.gyro_triad(self.grade.gyro, draw)
+        self.accelerometer = instrument.accelerometer_triad(self.grade.accelerometer, draw)
+        gyro, accelerometer = self.grade.gyro, self.grade.accelerometer
+        self._gyro_weights = instrument.low_pass(gyro.bandwidth_hz, gyro.delay_ms * 1e-3, step)
+        self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
+        self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
+        self._integrated = unit.output == "integrated"
+        # A single sample has noise of the sensor's own bandwidth; noise that is integrated has the converter's full
+        # bandwidth.
+        full = float(self.grade.adc_hz)
+        self._gyro_band = full if self._integrated else instrument.noise_band(gyro.bandwidth_hz, full)
+        self._accel_band = full if self._integrated else instrument.noise_band(accelerometer.bandwidth_hz, full)
+        self._stride = step // self.grade.adc_hz
+        self._ratio = self.grade.adc_hz // rate
+        self._rate = rate
+        self._run = run
+        self._gyro_state = instrument.initial(self.gyro, run)
+        self._accel_state = instrument.initial(self.accelerometer, run)
+        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, 0.0)
+        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, 0.0)
+
+    def samples(self, rate_it: Array, f_t: Array, margin: int, stamps: Stamps, warm: float, gravity: float) -> Samples:
+        """
+        Return the output of one step, dtype of `wire.IMU`.
+
+        Parameters
+        ----------
+        rate_it, f_t : ndarray, shape (n, 3)
+            True rate and specific force at the unit, at the kinematic rate and with margins, rad/s and m/s^2.
+        margin : int
+            Number of samples before the step.
+        stamps : ndarray, shape (m,)
+            Stamps of the outputs, ns.
+        warm : float
+            Temperature minus that of the calibration, degC.
+        gravity : float
+            Strength of gravity, m/s^2.
+        """
+        outputs = len(stamps)
+        count = outputs * self._ratio
+        first = margin + (self._stride // 2 if self._integrated else self._stride)
+        rate, force = np.empty((count, 3)), np.empty((count, 3))
+        instrument.filtered(rate_it, self._gyro_weights, first, self._stride, rate)
+        instrument.filtered(f_t, self._accel_weights, first, self._stride, force)
+        seconds = outputs / self._rate
+        instrument.advance(self.gyro, self._gyro_state, seconds, self._run)
+        instrument.advance(self.accelerometer, self._accel_state, seconds, self._run)
+        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, warm)
+        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, warm)
+        errors = self.gyro.converter(self.gyro_bias, warm)
+        rate_read = self._convert(self.gyro, errors, rate, force, gravity, self._gyro_band)
+        errors = self.accelerometer.converter(self.accel_bias, warm)
+        force_read = self._convert(self.accelerometer, errors, force, force, gravity, self._accel_band)
+        if self._integrated:
+            rate_out, force_out = np.empty((outputs, 3)), np.empty((outputs, 3))
+            instrument.strapdown(rate_read, force_read, self._ratio, 1.0 / self.grade.adc_hz, rate_out, force_out)
+            gyro_band = accel_band = float(self._rate)
+        else:
+            gyro_band, accel_band = self._gyro_band, self._accel_band
+            rate_out, force_out = rate_read[self._ratio - 1 :: self._ratio], force_read[self._ratio - 1 :: self._ratio]
+        samples = wire.IMU.empty(outputs)
+        samples["stamp_ns"] = stamps
+        # No orientation is measured (REP-145).
+        samples["orientation_covariance"][:, 0] = -1.0
+        samples["angular_velocity"], samples["linear_acceleration"] = rate_out, force_out
+        samples["angular_velocity_covariance"][:, ::4] = self.gyro.noise**2 * gyro_band + self.gyro.step**2 / 12.0
+        accel = self.accelerometer
+        samples["linear_acceleration_covariance"][:, ::4] = accel.noise**2 * accel_band + accel.step**2 / 12.0
+        if self.grade.flags_clipping:
+            for vector, triad, read in (
+                ("angular_velocity", self.gyro, rate_read),
+                ("linear_acceleration", self.accelerometer, force_read),
+            ):
+                at_limit = (np.abs(read) >= triad.limit - triad.step).reshape(outputs, self._ratio, 3)
+                input_covariance.mark_clipped(samples, vector, np.asarray(at_limit.any(axis=1)))
+        return samples
+
+    def _convert(
+        self, triad: instrument.Triad, errors: instrument.Converter, x: Array, force: Array, gravity: float, band: float
+    ) -> Array:
+        noise = triad.noise * math.sqrt(band) * self._run.standard_normal(x.shape)
+        out = np.empty_like(x)
+        instrument.convert(errors, x, force, gravity, noise, out)
+        return out

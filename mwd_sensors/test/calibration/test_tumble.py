@@ -11,9 +11,8 @@ import yaml
 from numpy.testing import assert_allclose
 
 from mwd_sensors.calibration import tumble
-from mwd_sensors.calibration.fit_statistics import fit_sigmas
-from mwd_sensors.calibration.rests import rests
 from mwd_sensors.calibration.triad_calibration import as_table, from_table
+from mwd_sensors.calibration.tumble import fit_sigmas, rests
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS

@@ -14,8 +14,7 @@ from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.drivers import probe_protocol, serial_probe
 from mwd_sensors.drivers.emulator import NAME, XSENS_FIELD_T, Emulator
 from mwd_sensors.drivers.readings import LAYOUTS, Reading, readings_of, samples_of
-from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
-from mwd_sensors.drivers.unit_clock import UnitClock
+from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, UnitClock
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 

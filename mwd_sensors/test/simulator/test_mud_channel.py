@@ -6,9 +6,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure, Pump
 from mwd_sensors.simulator.mud_line import Well, wave_speed
-from mwd_sensors.simulator.mud_pumps import Pump
 
 QUIET = MudChannel(pumps=(), noise=Noise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24))
 

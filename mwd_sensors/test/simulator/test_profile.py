@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from mwd_sensors.simulator.profile import ProfileBuilder
+from mwd_sensors.simulator.schedule import ProfileBuilder
 
 
 def laid():

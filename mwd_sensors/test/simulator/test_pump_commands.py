@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.profile import ProfileBuilder
-from mwd_sensors.simulator.pump_commands import CommandedFlow
+from mwd_sensors.simulator.schedule import ProfileBuilder
+from mwd_sensors.simulator.sonde import CommandedFlow
 
 FULL = 0.03
 

@@ -15,30 +15,30 @@ node would have done.
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, Protocol
 
+from mwd_estimation.core.status import Status
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.message_record import UnknownNumberError
-from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.live.advice_monitor import AdviceMonitor
+from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
-from mwd_surface.live.evaluation import not_evaluated
 from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.link_monitor import LinkMonitor
 from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.said import SaidByTheSurface
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
-from mwd_surface.live.slide_recorder import SlideRecorder
 from mwd_surface.live.source_selection import SourceRules
 from mwd_surface.live.stream_decoder import RIG, StreamDecoder
-from mwd_surface.live.supervision_monitor import SupervisionMonitor
+from mwd_surface.live.supervision import TABLE, Supervision
 from mwd_surface.live.survey_book import SurveyBook
+from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.live.well_state import AlarmState, WellState
 from mwd_surface.surveys.depth import DepthRules
@@ -46,8 +46,9 @@ from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.advice import AdvisorySettings
-from mwd_surface.trajectory.slide_sheet import SlideRules, Stretch
+from mwd_surface.trajectory.advice import Advice, AdvisorySettings, Known, advise
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.trajectory.slide_sheet import SlideRules, SlideSheet, Stretch, yields
 
 CELL_NS = 50_000_000
 _LINK_PERIOD = 2.0  # s between attitudes over a link at most
@@ -351,3 +352,250 @@ def first_list(settings: WellSettings) -> SurveyList:
 
 
 __all__ = ["LiveWell", "WellOutlet", "WellSettings", "first_list", "live_settings"]
+
+
+# Find the alarms that are evaluated. A missing alarm means nothing while its cause was not looked for.
+
+
+# What is judged, in words, and the topics of which one must have come.
+_DIRECT = (
+    ("samples of the sonde", ("imu/data_raw", "imu/mag", "imu/temperature")),
+    ("attitude and surveys", ("attitude",)),
+)
+_OVER_LINK = (("telemetry link", ("link/quality",)),)
+_ALWAYS = (
+    ("rig data and depth", ("rig/state",)),
+    ("sensors and nodes", ("/diagnostics",)),
+    ("heartbeats", ("heartbeat",)),
+)
+# Rows of supervision that read the machine that records.
+_MACHINE = {"disk.low", "queue.recorder"}
+
+
+def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link: bool) -> tuple[str, ...]:
+    """
+    Return the kinds of alarms that could not be judged, in words.
+
+    heard: topics of which a message has come. judged: rows of the table of supervision that had a reading.
+    """
+    kinds = (*(_OVER_LINK if over_link else _DIRECT), *_ALWAYS)
+    missing = [words for words, topics in kinds if not any(topic in heard for topic in topics)]
+    if not set(judged) >= _MACHINE:
+        missing.append("recording and disk")
+    return tuple(missing)
+
+
+# Advice on steering: computed from plan, path and slide sheet, told to rig systems, shown on the page.
+
+
+class AdviceMonitor:
+    """Advice for one well."""
+
+    def __init__(self, context: WellContext) -> None:
+        self._live, self._outlet, self._clock = context.live, context.outlet, context.clock
+        self._advice: Advice | None = None
+
+    def update(
+        self,
+        now: float,
+        settings: AdvisorySettings,
+        plan: Plan | None,
+        surveys: SurveyList,
+        bit_depth: float | None,
+        stretches: tuple[Stretch, ...],
+    ) -> None:
+        """Tell and show the advice where it has changed; called once a second. now: time, s."""
+        path = surveys.definitive(bit_depth=bit_depth)
+        reading = self._live.toolface_reading
+        magnetic = reading is not None and reading.mode == MAGNETIC
+        advice = advise(
+            settings, plan, path, yields(stretches, surveys.definitive()), _last_survey(surveys, magnetic=magnetic)
+        )
+        if advice == self._advice:
+            return
+        self._advice = advice
+        # The page shows the stamp that the message has, as a viewer of its recording does.
+        advice = dataclasses.replace(advice, stamp_ns=self._clock.now_ns)
+        self._live.show(now, advice=advice)
+        self._outlet.on_advice(advice)
+
+
+def _last_survey(surveys: SurveyList, *, magnetic: bool) -> Known:
+    last = max((r for r in surveys.records if r.in_use), key=lambda r: r.survey.stamp_ns, default=None)
+    if last is None:
+        return Known(magnetic=magnetic)
+    survey = last.survey
+    return Known(survey.sequence, survey.stamp_ns, survey.sigma_inclination, survey.sigma_azimuth, magnetic)
+
+
+# Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle.
+
+
+_ON_BOTTOM = 0.5  # m; a bit closer to the end of the hole is drilling
+_ROTATING_SPEED = 10.0  # rad/s; stands for a rotary speed of which only is known that it is not zero
+_DEPTHS = RIG_VALID["bit_depth"] | RIG_VALID["hole_depth"]
+
+
+class SlideRecorder:
+    """
+    Makes the slide sheet of one well.
+
+    Parameters
+    ----------
+    context : WellContext
+    rules : SlideRules
+        What counts as sliding.
+    earlier : iterable of Stretch
+        Intervals that were made before, the oldest first.
+    """
+
+    def __init__(self, context: WellContext, rules: SlideRules, earlier: Iterable[Stretch] = ()) -> None:
+        self._clock, self._live, self._outlet = context.clock, context.live, context.outlet
+        self._sheet = SlideSheet(rules, tuple(earlier))
+        self._rotating = False
+        self._shown: tuple[Any, ...] = ()
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        """Return the intervals recorded so far."""
+        return self._sheet.stretches
+
+    def on_attitude(self, samples: Samples) -> None:
+        """Accept attitudes, `wire.ATTITUDE`: whether the tool rotates."""
+        self._rotating = bool(int(samples[-1]["status"]) & Status.ROTATING)
+
+    def on_rig_state(self, samples: Samples, bit_depth: float | None, sensor_to_bit: float) -> None:
+        """
+        Take rig data, `wire.RIG_STATE`.
+
+        bit_depth: accepted bit depth, m; None where there is none, or the last reading was not accepted.
+        sensor_to_bit: m.
+        """
+        last = samples[-1]
+        valid = int(last["valid"])
+        # Without a rotary speed of the rig the attitude still shows whether the string rotates.
+        speed = _ROTATING_SPEED if self._rotating else 0.0
+        if valid & RIG_VALID["rotary_speed"]:
+            speed = float(last["rotary_speed"])
+        if bit_depth is None or valid & _DEPTHS != _DEPTHS or float(last["hole_depth"]) - bit_depth > _ON_BOTTOM:
+            self._live.on_log_depth(None)
+            return
+        self._live.on_log_depth(bit_depth - sensor_to_bit)
+        reading = self._live.toolface_reading
+        known = reading is not None and math.isfinite(reading.angle)
+        stretch = self._sheet.update(
+            int(last["stamp_ns"]),
+            bit_depth,
+            speed,
+            reading.angle if reading is not None and known else None,
+            magnetic=reading is not None and reading.mode == MAGNETIC,
+        )
+        self._keep(stretch)
+
+    def on_depth_by_hand(self) -> None:
+        """Count no hole for the step of a depth that a person has set."""
+        self._sheet.forget_depth()
+
+    def finish(self) -> None:
+        """End the current interval; the next start continues from there."""
+        self._keep(self._sheet.finish())
+
+    def _keep(self, stretch: Stretch | None) -> None:
+        if stretch is not None:
+            self._outlet.on_stretch(stretch)
+
+    def on_quill(self, message: Any) -> None:
+        """Show the angle of the quill: the first joint of a sensor_msgs/JointState."""
+        if len(message.position) and math.isfinite(message.position[0]):
+            self._live.show(self._clock.now, quill=float(message.position[0]) % math.tau)
+
+    def update(self, now: float, surveys: SurveyList) -> None:
+        """Show a changed sheet, with the yields between the stations; called once a second. now: time, s."""
+        stretches = self._sheet.stretches
+        state = (len(stretches), stretches[-1:], surveys.changed_ns, len(surveys.records))
+        if state == self._shown:
+            return
+        self._shown = state
+        self._live.show(now, stretches=tuple(stretches), yields=tuple(yields(stretches, surveys.definitive())))
+
+
+# Gathers the readings of the supervision table: silent topics, clocks, heartbeats, disk and queue.
+
+
+class SupervisionMonitor:
+    """
+    Supervises the nodes of one well by the table of `live.supervision`, and raises its alarms.
+
+    Attributes
+    ----------
+    topics : frozenset of str
+        Topics whose silence the table watches.
+    judged : set of str
+        Rows that had a reading at the last update.
+    """
+
+    def __init__(self, context: WellContext) -> None:
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+        self._supervision = Supervision()
+        self.topics = frozenset(row.alarm[6:] for row in TABLE if row.alarm.startswith("input."))
+        self._received_at: dict[str, float] = {}
+        self._figures: dict[str, float] = {}
+        self._beat_at: dict[str, float] = {}
+        self._stamp_ns = -1
+        self._advanced_at = self._sampled_at = 0.0
+        self.judged: set[str] = set()
+
+    @property
+    def heard(self) -> frozenset[str]:
+        """Topics of which a message has come."""
+        return frozenset(self._received_at)
+
+    def message_received(self, topic: str) -> None:
+        """Note that a message of the topic has arrived."""
+        now = self._received_at[topic] = self._clock.now
+        if topic == "imu/data_raw":
+            # Alive though its magnetometer is silent; samples that nobody decodes here are not counted.
+            self._live.on_stream("sonde", 0, now)
+
+    def on_heartbeat(self, beat: Any) -> None:
+        """Accept the heartbeat of a node, diagnostic_msgs/DiagnosticStatus."""
+        node = beat.name.rpartition("/")[2]
+        self._beat_at[node] = self._clock.now
+        for pair in beat.values:
+            name = {"longest_callback_s": "callback", "memory_mb": "memory"}.get(pair.key)
+            if name is not None:
+                self._figures[f"{name}.{node}"] = float(pair.value)
+
+    def on_sonde(self, samples: Samples) -> None:
+        """Accept samples that bear the time of the sonde."""
+        self._sampled_at = self._clock.now
+        newest = int(samples["stamp_ns"].max()) if len(samples) else self._stamp_ns
+        # A clock that was set back advances too.
+        if newest != self._stamp_ns:
+            self._stamp_ns, self._advanced_at = newest, self._sampled_at
+
+    def update(
+        self,
+        now: float,
+        clock_difference: float | None,
+        depth_difference: float,
+        machine: Mapping[str, float],
+    ) -> None:
+        """
+        Raise and clear the alarms of the table; called once a second.
+
+        now: time, s. clock_difference: between the clocks of rig and sonde, s, None if unknown. depth_difference:
+        between the sources of depth, m, NaN if unknown. machine: readings of the computer, by the id of their row.
+        """
+        readings = {f"input.{topic}": now - at for topic, at in self._received_at.items()}
+        readings |= {f"heartbeat.{node}": now - at for node, at in self._beat_at.items()}
+        readings |= self._figures
+        readings["clock.sonde"] = self._sampled_at - self._advanced_at
+        if clock_difference is not None:
+            readings["clock.rig"] = abs(clock_difference)
+        if math.isfinite(depth_difference):
+            readings["depth.sources"] = depth_difference
+        readings |= machine
+        self.judged = set(readings)
+        causes = self._supervision.judge(readings, now)
+        for prefix in self._supervision.prefixes:
+            self._alarm_log.set_alarms(prefix, {key: cause for key, cause in causes.items() if key.startswith(prefix)})

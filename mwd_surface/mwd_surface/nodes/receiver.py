@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from mwd_estimation.settings.place import reference_of
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.tool_code import reference_for, sensor_errors
 from mwd_sensors.core import gauge_burst, wire
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros import qos
@@ -29,17 +30,19 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import MessageBuffer, ReceivedMessage
 from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.run_node import run_node
-from mwd_sensors.telemetry import tool_commands, tool_configuration
+from mwd_sensors.telemetry import on_air, tool_commands, tool_configuration
 from mwd_sensors.telemetry.downlink import COMMANDS, Frame
+from mwd_sensors.telemetry.pulse_position import PULSE_TU
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_sensors.telemetry.tool_commands import ToolSettings
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 from mwd_surface.nodes.receiver_settings import ReceiverSettings
-from mwd_surface.nodes.receiver_warm_up import warm_up
 from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput, Quality
 from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.receiver.link.link_log import log_samples
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
+from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
 
@@ -357,3 +360,47 @@ def _follow(feed: LinkFeed, message: msg.DownlinkState) -> None:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the receiver node."""
     return run_node(ReceiverNode, args)
+
+
+# Compile the receiver's kernels before the first sample arrives.
+
+
+# Samples per time unit of the code, or per carrier period; more than in the receiver's grid, as from a gauge.
+_SAMPLES = 100.0
+_NOISE = 0.1  # standard deviation relative to the amplitude; the noise model needs some noise
+
+
+def warm_up(tools: Iterable[ToolConfiguration]) -> None:
+    """Receive an artificial survey of each tool, which runs every kernel, so that the first sample is not delayed."""
+    for tool in tools:
+        if tool.code != "serial":  # no kernel is needed to read bytes
+            _receive_survey(tool)
+
+
+def _receive_survey(tool: ToolConfiguration) -> None:
+    carrier = tool.code == "psk"
+    duration = tool.transmit_delay_s + tool.head_s + tool.seconds(tool.surveys[0])
+    at = np.arange(0.0, duration, (1.0 / tool.carrier.frequency_hz if carrier else tool.tu_s) / _SAMPLES)
+    receiver = receiver_of(tool)
+    noise = np.random.default_rng(0).normal(0.0, _NOISE, len(at))
+    since = at - tool.transmit_delay_s
+    receiver.push(at, noise + (_carrier(tool, since) if carrier else _pulses(tool, since)))
+    receiver.finish()
+
+
+def _pulses(tool: ToolConfiguration, time_s: Array) -> Array:
+    """Return the pulses of a survey of zeros at times from its start, s; shapes (n,), no unit."""
+    items = tool.surveys[0]
+    edges = np.array(encode(tool, items, (0,) * len(items), 0).edges) * tool.tu_s
+    since = time_s - edges[np.maximum(np.searchsorted(edges, time_s, side="right") - 1, 0)]
+    return ((since >= 0.0) & (since < PULSE_TU * tool.tu_s)).astype(float)
+
+
+def _carrier(tool: ToolConfiguration, time_s: Array) -> Array:
+    """Return the carrier of a survey of zeros at times from its start, s; shapes (n,), no unit."""
+    phases: list[float] = []
+    for group in on_air.groups(tool, "survey", 0):
+        phases += on_air.signal(tool, group, tool.sent(group.items, (0,) * len(group.items))).phases
+    symbol = np.floor(time_s * tool.carrier.symbol_rate_hz).astype(int)
+    phase = np.array(phases)[np.clip(symbol, 0, len(phases) - 1)]
+    return np.where(time_s >= 0.0, np.cos(2.0 * np.pi * tool.carrier.frequency_hz * time_s + phase), 0.0)

@@ -17,16 +17,21 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from geometry_msgs.msg import TransformStamped
 from mwd_msgs import srv
 from mwd_msgs.action import NorthSeek, RotarySurvey
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
+from mwd_sensors.core import frames, wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.qos import STATE
+from mwd_sensors.ros.qos import LATCHED, STATE
 from mwd_sensors.ros.run_node import run_node
+from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
 from mwd_surface.live.alarm_log import AlarmLog
@@ -35,6 +40,7 @@ from mwd_surface.live.inputs import InputState
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.nodes.control_server import ControlServer
@@ -44,7 +50,6 @@ from mwd_surface.nodes.page_bridge import PageBridge, Services, call_service
 from mwd_surface.nodes.recording_server import RecordingServer
 from mwd_surface.nodes.rig_bridge import RigBridge
 from mwd_surface.nodes.settings import SurfaceSettings
-from mwd_surface.nodes.static_frames import StaticFrames
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.nodes.topic_router import TopicRouter
 from mwd_surface.nodes.well_outlet import NodeOutlet
@@ -357,3 +362,52 @@ def _decoded(topic: str, data: bytes) -> Any:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the surface node."""
     return run_node(SurfaceNode, args)
+
+
+# The fixed transforms of one well: wellhead and rig floor at the origin of the path, the bit ahead of the sonde.
+
+
+_NORTH_EAST_DOWN = [float(v) for v in frames.orientation_et(np.eye(3))]
+
+
+class StaticFrames:
+    """Publisher of `/tf_static`; it publishes again when the tool's frame or its distance to the bit changes."""
+
+    def __init__(self, context: SurfaceContext) -> None:
+        self._context = context
+        self._published: tuple[str, float] | None = None
+
+    def open(self) -> None:
+        """Open the topic."""
+        self._publisher = self._context.node.add_publisher(TFMessage, "/tf_static", LATCHED)
+
+    def publish(self, tool_frame: str, sensor_to_bit: float) -> None:
+        """
+        Publish the transforms if they changed.
+
+        tool_frame : frame of the tool's messages, empty while unknown. sensor_to_bit : distance along the tool, m.
+        """
+        if self._published == (tool_frame, sensor_to_bit):
+            return
+        node = self._context.node
+        local = node.frame(wire.LOCAL_FRAME)
+        wellhead = self._transform(local, node.frame(wire.WELLHEAD_FRAME))
+        turned = wellhead.transform.rotation
+        turned.x, turned.y, turned.z, turned.w = _NORTH_EAST_DOWN
+        floor = node.frame(wire.RIG_FRAME)
+        # Rig data received through an interface of this project have the interface's name as frame; it is the rig
+        # floor.
+        ours = [self._transform(floor, node.frame(name)) for name in (OPCUA, WITS, MODBUS)]
+        transforms = [wellhead, self._transform(local, floor), *ours]
+        if tool_frame:
+            bit = self._transform(tool_frame, node.frame(wire.BIT_FRAME))
+            bit.transform.translation.x = sensor_to_bit
+            transforms.append(bit)
+        self._publisher.publish(TFMessage(transforms=transforms))
+        self._published = tool_frame, sensor_to_bit
+
+    def _transform(self, parent: str, child: str) -> TransformStamped:
+        transform = TransformStamped(child_frame_id=child)
+        transform.header.frame_id = parent
+        transform.header.stamp = stamp(self._context.now_ns())
+        return transform

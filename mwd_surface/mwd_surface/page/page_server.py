@@ -13,7 +13,10 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import contextlib
+import errno
 import ipaddress
+import logging
+import mimetypes
 import socket
 import threading
 import time
@@ -22,20 +25,48 @@ from pathlib import Path
 from typing import Any
 
 from aiohttp import WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from mwd_sensors.core import budgets
+from mwd_sensors.core.foreign_text import not_a_file_name
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
-from mwd_surface.page.export_route import add_export_routes
-from mwd_surface.page.files import PAGE, page_files, sender
-from mwd_surface.page.listener import QuietPeer, listener, peer_of, request_logger
-from mwd_surface.page.replay_route import OnReplay, replay_handler
-from mwd_surface.page.request_body import read_body
+from mwd_surface.page.request_body import json_object, read_body
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
 from mwd_surface.page.words_route import words_handler
+
+# Files of the page, read once and served from memory.
+
+
+PAGE = Path(__file__).parent / "static"
+
+
+def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
+    """Return all files of the page by their address; no other files are served."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and not any(part.startswith((".", "__")) for part in path.relative_to(folder).parts):
+            kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+            if path.suffix == ".js":
+                kind = "text/javascript"
+            found[path.relative_to(folder).as_posix()] = (path.read_bytes(), kind)
+    if "index.html" not in found:
+        raise FileNotFoundError(errno.ENOENT, "the page's files are missing; install mwd_surface again", str(folder))
+    return found
+
+
+def sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
+    """Return a handler that sends a file from memory."""
+
+    async def send(_request: web.Request) -> web.StreamResponse:
+        charset = "utf-8" if kind.startswith("text/") else None
+        return web.Response(body=body, content_type=kind, charset=charset, headers={"Cache-Control": "no-cache"})
+
+    return send
+
 
 _HEADERS = {
     "Content-Security-Policy": (
@@ -431,3 +462,153 @@ class PageServer:
 
 def _json(table: Mapping[str, Any], status: int) -> web.Response:
     return web.Response(text=dumps(table), status=status, content_type="application/json")
+
+
+# Request that plays, pauses and seeks the page of a recording: POST /replay.
+
+
+OnReplay = Callable[[dict[str, float | bool]], None]
+_LONGEST_S, _FASTEST = 1e9, 1000.0
+
+
+def replay_handler(on_replay: OnReplay, timeout_s: float) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
+    """
+    Return the handler of the request; its JSON may hold playing (true or false), rate (0.01 to 1000) and seek (s).
+
+    on_replay: called with the given fields in the thread of the server. timeout_s: longest wait for the body.
+    """
+
+    async def handle(request: web.Request) -> web.StreamResponse:
+        on_replay(_checked(json_object(await read_body(request, timeout_s))))
+        return web.json_response({"ok": True, "message": ""})
+
+    return handle
+
+
+def _checked(given: dict[str, Any]) -> dict[str, float | bool]:
+    if not set(given) <= {"playing", "rate", "seek"}:
+        raise web.HTTPBadRequest(text="expected a table of playing, rate and seek")
+    if not isinstance(given.get("playing", True), bool):
+        raise web.HTTPBadRequest(text="playing: expected true or false")
+    for name, low, high in (("rate", 0.01, _FASTEST), ("seek", 0.0, _LONGEST_S)):
+        value = given.get(name, high)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        # An int may exceed every float. Infinity is beyond a limit, and NaN fails every comparison.
+        if not number or not low <= value <= high:
+            raise web.HTTPBadRequest(text=f"{name}: expected a number from {low:g} to {high:g}")
+    return given
+
+
+# Route of the page to the exported files, so that a tablet without access to the surface unit's disk gets them.
+
+
+_MOST = 200  # files listed, the newest
+
+Allowed = Callable[[web.Request], Awaitable[Any]]
+
+
+def add_export_routes(router: web.UrlDispatcher, folder: Path, allowed: Allowed) -> None:
+    """
+    Add `/exports`, the list of exported files, newest first, and `/exports/NAME`, one of them as a download.
+
+    allowed: function that is called with each request first; it raises `web.HTTPException` if the token is missing.
+    """
+
+    async def listed(request: web.Request) -> web.StreamResponse:
+        await allowed(request)
+        return web.json_response({"files": await asyncio.to_thread(exported_files, folder)}, dumps=dumps)
+
+    async def sent(request: web.Request) -> web.StreamResponse:
+        await allowed(request)
+        name = request.match_info["name"]
+        path = folder / name
+        if not_a_file_name(name) or name.startswith(".") or path.is_symlink() or not path.is_file():
+            raise web.HTTPNotFound(text=f"{name[:60]!r} is not one of the exported files")
+        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+        return web.FileResponse(path, headers=headers)
+
+    router.add_get("/exports", listed)
+    router.add_get("/exports/{name}", sent)
+
+
+def exported_files(folder: Path) -> list[dict[str, Any]]:
+    """Return name, size in bytes and time of change, s since the epoch, of the exported files, newest first."""
+    if not folder.is_dir():
+        return []
+    found: list[dict[str, Any]] = [
+        {"name": path.name, "bytes": (of := path.stat()).st_size, "changed": of.st_mtime}
+        for path in folder.iterdir()
+        if path.is_file() and not path.is_symlink() and not path.name.startswith(".")
+    ]
+    return sorted(found, key=lambda one: one["changed"], reverse=True)[:_MOST]
+
+
+# Listening socket of the page, and a limit on what a watching browser sends.
+
+
+def peer_of(transport: asyncio.BaseTransport | None) -> str:
+    """Return the address of the other side; empty if the connection is gone."""
+    name = None if transport is None else transport.get_extra_info("peername")
+    return str(name[0]) if name else ""
+
+
+def listener(host: str, port: int) -> socket.socket:
+    """Return a listening, non-blocking socket; raise OSError if the address cannot be opened."""
+    family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    listener = socket.create_server(where, family=family, backlog=64)
+    listener.setblocking(False)
+    return listener
+
+
+class QuietPeer(asyncio.Protocol):
+    """
+    Protocol that closes a connection when its peer sends more than `most` bytes in a minute.
+
+    The web server sees complete messages only. A message that never ends, or frames without content, would occupy it
+    for good. All events are passed on to the protocol that the connection had before.
+    """
+
+    def __init__(self, transport: asyncio.Transport, most: int, clock: Callable[[], float]) -> None:
+        self._transport, self._most, self._clock = transport, most, clock
+        self._inner: Any = transport.get_protocol()
+        self._minute, self._received = clock(), 0
+        transport.set_protocol(self)
+
+    def data_received(self, data: bytes) -> None:
+        """Count the bytes and pass them on."""
+        now = self._clock()
+        if now - self._minute > 60.0:
+            self._minute, self._received = now, 0
+        self._received += len(data)
+        if self._received > self._most:
+            self._transport.abort()
+            return
+        self._inner.data_received(data)
+
+    def eof_received(self) -> bool | None:
+        """Pass on that the peer has ended."""
+        return bool(self._inner.eof_received())
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Pass on that the connection is gone."""
+        self._inner.connection_lost(error)
+
+    def pause_writing(self) -> None:
+        """Pass on that the peer reads slowly."""
+        self._inner.pause_writing()
+
+    def resume_writing(self) -> None:
+        """Pass on that the peer reads again."""
+        self._inner.resume_writing()
+
+
+def request_logger() -> logging.Logger:
+    """Return the web server's logger, filtered so that malformed requests cannot flood the log."""
+    logger = logging.getLogger("mwd.page")
+    logger.addFilter(_is_own_error)
+    return logger
+
+
+def _is_own_error(record: logging.LogRecord) -> bool:
+    error = record.exc_info[1] if record.exc_info else None
+    return not isinstance(error, (HttpProcessingError, ConnectionError))

@@ -12,14 +12,11 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.survey.survey import Survey
-from mwd_sensors.calibration.allan import AllanCurve
+from mwd_sensors.calibration.allan import AllanCurve, allan
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.topic_info import listed
-from mwd_surface.plots.envelope import Envelope
-from mwd_surface.plots.long_allan import LongAllan
-from mwd_surface.plots.spectrum import Spectrum
 from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.input_stream import RecordingStream, asked_span
@@ -397,3 +394,281 @@ def _times(log_ns: Stamps, samples: Samples) -> Stamps:
     """Return the times of measurement, or of recording if the stamps are from another clock."""
     stamps = samples["stamp_ns"]
     return np.where(np.abs(stamps - log_ns) > _OTHER_CLOCK_NS, log_ns, stamps)
+
+
+# Spectrum of a signal of any length and its change over time: averaged periodograms, in constant memory.
+
+
+class Spectrum:
+    """
+    One-sided power spectral density of k columns, over the whole span and in time bins.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate, Hz.
+    columns : int
+    start_ns, end_ns : int
+        The span that is divided into time bins.
+    segment : int
+        Number of samples in a periodogram.
+    bins : int
+        Number of time bins.
+
+    Raises
+    ------
+    ValueError
+        The rate is not positive, or a segment has fewer than 16 samples.
+    """
+
+    def __init__(
+        self, rate: float, columns: int, start_ns: int, end_ns: int, segment: int = 1024, bins: int = 240
+    ) -> None:
+        if not rate > 0.0 or segment < 16:
+            raise ValueError(f"a spectrum needs a rate and segments of 16 samples or more; got {rate} Hz, {segment}")
+        self.rate, self.segment = rate, segment
+        self.segments = 0
+        self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
+        self._start, self._span = start_ns, end_ns - start_ns + 1
+        self._sum = np.zeros((bins, segment // 2 + 1, columns))
+        self._count = np.zeros(bins, dtype=np.int64)
+        self._held_ns = np.empty(0, dtype=np.int64)
+        self._held = np.empty((0, columns))
+
+    @property
+    def frequency(self) -> Array:
+        """Hz, shape (segment // 2 + 1,)."""
+        return np.asarray(np.arange(self.segment // 2 + 1) * self.rate / self.segment)
+
+    @property
+    def density(self) -> Array:
+        """Power spectral density over the whole span, (unit of the signal)^2 / Hz, shape (frequencies, columns)."""
+        return np.asarray(self._sum.sum(axis=0) / max(self.segments, 1))
+
+    @property
+    def waterfall(self) -> Array:
+        """Power spectral density in each time bin, shape (bins, frequencies, columns); nan in an empty bin."""
+        count = np.where(self._count > 0, self._count, np.nan)
+        return np.asarray(self._sum / count[:, None, None])
+
+    def add(self, stamp_ns: Stamps, values: Array) -> None:
+        """
+        Add samples in order of time; the division into blocks has no effect on the spectrum.
+
+        A segment with a gap or with a value that is not finite is skipped.
+        """
+        stamps = np.concatenate([self._held_ns, stamp_ns])
+        signal = np.concatenate([self._held, values])
+        half = self.segment // 2
+        first = 0
+        while first + self.segment <= len(signal):
+            self._take(stamps[first : first + self.segment], signal[first : first + self.segment])
+            first += half
+        self._held_ns, self._held = stamps[first:], signal[first:]
+
+    def _take(self, stamps: Stamps, signal: Array) -> None:
+        seconds = (stamps[-1] - stamps[0]) * 1e-9
+        usual = (self.segment - 1) / self.rate
+        if abs(seconds - usual) > 0.02 * usual + 1.5 / self.rate or not np.isfinite(signal).all():
+            return
+        amplitude = np.fft.rfft((signal - signal.mean(axis=0)) * self._window[:, None], axis=0)
+        power = (amplitude.real**2 + amplitude.imag**2) / (self.rate * np.sum(self._window**2))
+        power[1 : (self.segment + 1) // 2] *= 2.0
+        middle = (int(stamps[self.segment // 2]) - self._start) / self._span
+        k = min(max(int(middle * len(self._count)), 0), len(self._count) - 1)
+        self._sum[k] += power
+        self._count[k] += 1
+        self.segments += 1
+
+
+# Allan deviation of a record of any length, in constant memory.
+
+
+# Averaging times below this number of kept means are taken from the first part.
+_FROM_MEANS = 16
+
+
+class LongAllan:
+    """
+    Collects a record; `curve` gives its overlapping Allan deviation.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate, Hz.
+    columns : int
+    capacity : int
+        Number of samples kept; even, at least 64.
+
+    Raises
+    ------
+    ValueError
+        The capacity is odd or below 64.
+    """
+
+    def __init__(self, rate: float, columns: int, capacity: int = 1 << 18) -> None:
+        if capacity < 64 or capacity % 2:
+            raise ValueError(f"capacity must be even and at least 64, got {capacity}")
+        self.rate, self.samples = rate, 0
+        self._kept = np.empty((capacity, columns))
+        self._count, self._ratio = 0, 1
+        self._left = np.empty((0, columns))
+        self._short: AllanCurve | None = None
+
+    def add(self, values: Array) -> None:
+        """Add samples, shape (n, columns), equally spaced and at rest."""
+        self.samples += len(values)
+        pending = np.concatenate([self._left, values])
+        self._left = pending[:0]
+        while len(pending):
+            if self._count == len(self._kept):
+                self._halve()
+            whole = min(len(pending) // self._ratio, len(self._kept) - self._count)
+            if whole == 0:
+                self._left = pending
+                return
+            taken, pending = pending[: whole * self._ratio], pending[whole * self._ratio :]
+            means = taken.reshape(whole, self._ratio, -1).mean(axis=1)
+            self._kept[self._count : self._count + whole] = means
+            self._count += whole
+
+    def curve(self) -> AllanCurve:
+        """
+        Return the deviation over averaging times up to a fifth of the record; its axes are the columns.
+
+        Raises
+        ------
+        ValueError
+            Fewer than 20 samples, or samples that are not finite.
+        """
+        long = allan(self._kept[: self._count], self.rate / self._ratio)
+        if self._short is None:
+            return long
+        limit = _FROM_MEANS * self._ratio / self.rate
+        early, late = self._short.tau < limit, long.tau >= limit
+        return AllanCurve(
+            np.concatenate([self._short.tau[early], long.tau[late]]),
+            np.concatenate([self._short.deviation[early], long.deviation[late]]),
+            np.concatenate([self._short.sigma[early], long.sigma[late]]),
+        )
+
+    def _halve(self) -> None:
+        if self._short is None:
+            self._short = allan(self._kept, self.rate)
+        half = self._count // 2
+        self._kept[:half] = 0.5 * (self._kept[0 : self._count : 2] + self._kept[1 : self._count : 2])
+        self._count = half
+        self._ratio *= 2
+
+
+# A long signal at the width of a plot: lowest and highest value in each of a fixed number of time bins.
+
+
+# The line is interrupted where samples are further apart than this multiple of their usual interval.
+_GAP = 5.0
+
+
+class Envelope:
+    """
+    Lowest and highest value of k columns in each time bin of a span.
+
+    Parameters
+    ----------
+    start_ns, end_ns : int
+        The span; samples outside are ignored.
+    columns : int
+    bins : int
+    circle : float
+        If positive, the values are angles with this period. They are unwrapped to the turn nearest to the first value
+        of their column, so that a line does not jump where it passes north.
+
+    Raises
+    ------
+    ValueError
+        The span is empty, or there are no bins or columns.
+    """
+
+    def __init__(self, start_ns: int, end_ns: int, columns: int, bins: int = 1600, circle: float = 0.0) -> None:
+        if end_ns < start_ns or columns < 1 or bins < 1:
+            raise ValueError(f"an envelope needs a span, columns and bins; got {start_ns}, {end_ns}, {columns}, {bins}")
+        self.circle = circle
+        self._start, self._span = start_ns, end_ns - start_ns + 1
+        self._low = np.full((bins, columns), np.nan)
+        self._high = np.full((bins, columns), np.nan)
+        self._at = np.zeros(bins, dtype=np.int64)
+        self._count = np.zeros(bins, dtype=np.int64)
+        self._first = np.full(columns, np.nan)
+
+    @property
+    def exact(self) -> bool:
+        """Whether every sample has its own bin."""
+        return int(self._count.max()) <= 1
+
+    @property
+    def samples(self) -> int:
+        """Number of samples added."""
+        return int(self._count.sum())
+
+    def add(self, stamp_ns: Stamps, values: Array) -> None:
+        """
+        Add samples, in any order of time.
+
+        stamp_ns, shape (n,); values, shape (n, columns): values that are not finite count as missing.
+        """
+        inside = (stamp_ns >= self._start) & (stamp_ns < self._start + self._span)
+        if not inside.all():
+            stamp_ns, values = stamp_ns[inside], values[inside]
+        if len(stamp_ns) == 0:
+            return
+        values = np.where(np.isfinite(values), values, np.nan)
+        if self.circle:
+            values = self._near_first(values)
+        bins = len(self._at)
+        # As floats: for a run of days, nanoseconds times bins would overflow an integer.
+        index = np.minimum(((stamp_ns - self._start) / self._span * bins).astype(np.int64), bins - 1)
+        order = np.argsort(stamp_ns, kind="stable")
+        index, stamp_ns, values = index[order], stamp_ns[order], values[order]
+        heads = np.flatnonzero(np.diff(index, prepend=-1))
+        hit = index[heads]
+        self._low[hit] = np.fmin(self._low[hit], np.fmin.reduceat(values, heads, axis=0))
+        self._high[hit] = np.fmax(self._high[hit], np.fmax.reduceat(values, heads, axis=0))
+        fresh = self._count[hit] == 0
+        self._at[hit] = np.where(fresh, stamp_ns[heads], np.minimum(self._at[hit], stamp_ns[heads]))
+        self._count[hit] += np.diff(heads, append=len(index))
+
+    def line(self, column: int) -> tuple[Array, Array]:
+        """
+        Return one column as a line to draw: seconds from the start of the span, and values.
+
+        A bin with several samples gives its lowest and highest value at one time; a nan interrupts the line where
+        samples are missing or an angle wraps.
+        """
+        filled = np.flatnonzero(self._count)
+        seconds = np.asarray((self._at[filled] - self._start) * 1e-9, dtype=float)
+        low, high = self._low[filled, column], self._high[filled, column]
+        time = np.repeat(seconds, 2)
+        value = np.column_stack([low, high]).ravel()
+        keep = np.ones(len(value), dtype=bool)
+        keep[1::2] = (low != high) & ~np.isnan(low)
+        time, value = time[keep], value[keep]
+        return _broken(time, value, seconds, self.circle)
+
+    def _near_first(self, values: Array) -> Array:
+        for column in np.flatnonzero(np.isnan(self._first)):
+            known = values[:, column][~np.isnan(values[:, column])]
+            if len(known):
+                self._first[column] = known[0]
+        away = (values - self._first + 0.5 * self.circle) % self.circle - 0.5 * self.circle
+        return np.asarray(self._first + away)
+
+
+def _broken(time: Array, value: Array, seconds: Array, circle: float) -> tuple[Array, Array]:
+    if len(time) < 2:
+        return time, value
+    steps = np.diff(seconds)
+    usual = float(np.median(steps)) if len(steps) else math.inf
+    away = np.diff(time) > _GAP * usual
+    if circle:
+        away |= (np.abs(np.diff(value)) > 0.5 * circle) & (np.diff(time) > 0.0)
+    where = np.flatnonzero(away) + 1
+    return np.insert(time, where, time[where]), np.insert(value, where, np.nan)

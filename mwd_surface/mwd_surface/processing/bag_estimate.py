@@ -8,12 +8,21 @@ node.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator
+import datetime
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.rate_jumps import RateJumps
+from mwd_estimation.core.track import Track
+from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -21,8 +30,10 @@ from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.calibration.compensation import Compensation
-from mwd_sensors.core import input_covariance, wire
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core import burst, input_covariance, wire
+from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.message_record import stamp_of
+from mwd_sensors.core.mount import Mount, MountSettings, resolve
 from mwd_surface.bags.bag_reader import Bag, Block, Originals
 from mwd_surface.processing.bag_input import (
     FIELDS,
@@ -35,15 +46,12 @@ from mwd_surface.processing.bag_input import (
     refuse_wrong_unit,
     tool_frame,
 )
-from mwd_surface.processing.imu_queue import Imu, ImuQueue
 from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
-from mwd_surface.processing.overlap import ahead, behind
 from mwd_surface.processing.recorded_requests import RecordedRequests, Request
 from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
-from mwd_surface.processing.used_samples import UsedSamples
 from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
@@ -382,3 +390,282 @@ def _compensate(compensation: Compensation, samples: BlockSamples, topics: Topic
         samples[topics.imu] = compensation.imu(samples[topics.imu])
     if topics.mag in samples:
         samples[topics.mag] = compensation.mag(samples[topics.mag])
+
+
+# Check whether a recording holds the samples that the live estimator used, by its counters for each topic.
+
+
+TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
+
+
+@dataclasses.dataclass
+class _Count:
+    """Sample counts of one run of the estimator on a topic: used live between two stamps, ns, and recorded."""
+
+    first_ns: int
+    last_ns: int
+    used: int
+    recorded: int = 0
+    recorded_from_ns: int = 0
+
+
+class UsedSamples:
+    """
+    Counts of the samples used live and of the samples in the recording.
+
+    bag : Bag. namespace : namespace of the well, with a slash at its end.
+    """
+
+    def __init__(self, bag: Bag, namespace: str) -> None:
+        self._counts: dict[str, list[_Count]] = {}
+        self._singles = {f"{namespace}{name}": f"{namespace}{single}" for name, single in burst.TOPICS.items()}
+        about = bag.topics.get(f"{namespace}{TOPIC}")
+        if about is None or about.type_name != TYPE:
+            return
+        for _, _, _, data in bag.messages([about.name]):
+            for one in bag.decode(about.name, data).topics:
+                self._take_count(str(one.topic), stamp_of(one.first), stamp_of(one.last), int(one.samples))
+
+    def _take_count(self, topic: str, first_ns: int, last_ns: int, used: int) -> None:
+        """
+        Add a count.
+
+        A count that restarts at another stamp or with fewer samples belongs to another run of the estimator.
+        """
+        runs = self._counts.setdefault(topic, [])
+        if runs and used >= runs[-1].used and first_ns == runs[-1].first_ns:
+            runs[-1] = _Count(first_ns, last_ns, used)
+        else:
+            runs.append(_Count(first_ns, last_ns, used))
+
+    def take(self, samples: Mapping[str | None, Samples]) -> None:
+        """Count samples of the recording, by topic."""
+        for topic, part in samples.items():
+            stamps = part["stamp_ns"]
+            for run in self._counts.get(self._singles.get(topic or "", topic or ""), ()):
+                inside = stamps[(stamps >= run.first_ns) & (stamps <= run.last_ns)]
+                if len(inside):
+                    run.recorded += len(inside)
+                    begin = int(inside.min())
+                    run.recorded_from_ns = min(run.recorded_from_ns or begin, begin)
+
+    def differences(self, topics: Topics) -> list[str]:
+        """Return a sentence for each used topic whose recording differs from the samples used live."""
+        found = []
+        for topic in topics.all:
+            single = self._singles.get(topic, topic)
+            for run in self._counts.get(single, ()):
+                if run.recorded == run.used:
+                    continue
+                more = run.recorded - run.used
+                words = (
+                    f"not the same input as live: the estimator used {run.used} samples of {single} from "
+                    f"{_time(run.first_ns)} on, the recording holds {run.recorded} of this time"
+                )
+                late_s = (run.recorded_from_ns - run.first_ns) * 1e-9
+                begins = f", the first {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""
+                found.append(f"{words} ({abs(more)} {'more' if more > 0 else 'fewer'}{begins}): surveys may differ")
+        return found
+
+
+def _time(stamp_ns: int) -> str:
+    moment = datetime.datetime.fromtimestamp(0, tz=datetime.UTC) + datetime.timedelta(seconds=stamp_ns * 1e-9)
+    return f"{moment:%H:%M:%S}.{stamp_ns // 10**6 % 1000:03d}"
+
+
+# Overlapping stages of a run: one thread fetches items ahead of the work, one thread processes results behind it.
+
+
+T = TypeVar("T")
+
+_DEPTH = 3
+
+
+@contextlib.contextmanager
+def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
+    """
+    Yield an iterator of the items, which a thread computes at most `depth` items before they are used.
+
+    An exception in `items` is raised where the next item would have been used. When the block ends, early or not, the
+    thread finishes the current item and ends; this closes a generator.
+    """
+    # Entries are (item,), an exception, or None at the end.
+    ready: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(depth)
+    stop = threading.Event()
+
+    def put(entry: tuple[T] | BaseException | None) -> None:
+        while not stop.is_set():
+            with contextlib.suppress(queue.Full):
+                ready.put(entry, timeout=0.1)
+                return
+
+    def fetch() -> None:
+        iterator = iter(items)
+        try:
+            for item in iterator:
+                put((item,))
+                if stop.is_set():
+                    break
+            put(None)
+        except BaseException as error:  # noqa: BLE001  (raised where the item is used)
+            put(error)
+        finally:
+            close = getattr(iterator, "close", None)
+            if close is not None:
+                close()
+
+    def used() -> Iterator[T]:
+        while True:
+            entry = ready.get()
+            if isinstance(entry, BaseException):
+                raise entry
+            if entry is None:
+                return
+            yield entry[0]
+
+    thread = threading.Thread(target=fetch, name="ahead", daemon=True)
+    thread.start()
+    try:
+        yield used()
+    finally:
+        stop.set()
+        thread.join()
+
+
+@contextlib.contextmanager
+def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[[T], None]]:
+    """
+    Yield a function that passes an item to a thread, which calls `work` with each item in order.
+
+    The function waits while `depth` items wait already. An exception of `work` ends the thread, and is raised by the
+    next call or at the end of the block. If the block ends normally all items have been processed; if it raises,
+    waiting items are dropped.
+    """
+    waiting: queue.Queue[tuple[T] | None] = queue.Queue(depth)
+    drop = threading.Event()
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        while (entry := waiting.get()) is not None:
+            if drop.is_set() or failures:
+                continue
+            try:
+                work(entry[0])
+            except BaseException as error:  # noqa: BLE001  (raised where items are passed on)
+                failures.append(error)
+
+    def give(item: T) -> None:
+        if failures:
+            raise failures[0]
+        waiting.put((item,))
+
+    thread = threading.Thread(target=run, name="behind", daemon=True)
+    thread.start()
+    try:
+        yield give
+    except BaseException:
+        drop.set()
+        raise
+    finally:
+        waiting.put(None)
+        thread.join()
+    if failures:
+        raise failures[0]
+
+
+# Queue of IMU samples that wait for the next block, or for enough later samples to smooth them.
+
+
+# Samples that follow a longer gap do not change those before it.
+_SILENCE_NS = 60 * wire.NANOSECONDS
+
+
+@dataclasses.dataclass(frozen=True)
+class Imu:
+    """Samples ready for the estimator, their log times, and their gravity if a smoother followed it."""
+
+    samples: Samples
+    log_ns: Stamps
+    followed: Track | None
+
+
+class ImuQueue:
+    """
+    Queue that holds samples back.
+
+    smooth : settings of the method bounded, for smoothing gravity; None: no smoothing. mount : mount of the units in
+    the tool; gravity is smoothed in tool axes.
+    """
+
+    def __init__(self, smooth: Params | None = None, mount: Mount | None = None) -> None:
+        self._mount = mount or resolve(MountSettings())
+        self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
+        self._jumps = RateJumps()
+        self._new: list[tuple[Samples, Stamps]] = []
+        self._old: list[tuple[Samples, Stamps]] = []
+
+    @property
+    def samples_are(self) -> str:
+        """Meaning of a sample that the smoother has found, see `State.samples_are`."""
+        return self._smoother.samples_are if self._smoother is not None else ""
+
+    @property
+    def waiting(self) -> bool:
+        """Whether any sample waits."""
+        return bool(self._old or self._new)
+
+    @property
+    def first_log_ns(self) -> int:
+        """Log time of the first waiting sample, ns; only valid if a sample waits."""
+        return int((self._old or self._new)[0][1][0])
+
+    def add(self, samples: Samples, log_ns: Stamps) -> None:
+        """Hold the samples of a block."""
+        if len(samples):
+            self._new.append((samples, log_ns))
+
+    def done(self) -> Iterator[Imu]:
+        """Remove and return the samples that are ready; call this after everything else of their time was pushed."""
+        new, self._new = self._new, []
+        if self._smoother is None:
+            yield from (Imu(samples, log_ns, None) for samples, log_ns in new)
+            return
+        for samples, log_ns in new:
+            last = self._old[-1][1][-1:] if self._old else log_ns[:1]
+            silences = np.flatnonzero(np.diff(log_ns, prepend=last) > _SILENCE_NS)
+            for k, part in enumerate(zip(np.split(samples, silences), np.split(log_ns, silences), strict=True)):
+                if k > 0:
+                    yield from self._finished()
+                self._old.append(part)
+                yield from self._taken([self._push(part[0])])
+
+    def finish(self) -> Iterator[Imu]:
+        """Remove and return all waiting samples."""
+        yield from self.done()
+        yield from self._finished()
+
+    def _push(self, samples: Samples) -> Track:
+        smoother = self._smoother
+        if smoother is None:
+            return Track.empty(0)
+        samples = self._mount.imu_in_tool(samples)
+        stamps, accel = samples["stamp_ns"], samples["linear_acceleration"]
+        # Use the same samples as the estimator.
+        gyro = self._jumps.without(stamps, np.ascontiguousarray(samples["angular_velocity"]))
+        return smoother.push(stamps, gyro, accel, clip_flags.of(samples))
+
+    def _finished(self) -> Iterator[Imu]:
+        if self._smoother is not None and self._old:
+            rest = self._smoother.finish()
+            self._smoother = self._smoother.continued()
+            yield from self._taken([rest])
+
+    def _taken(self, parts: list[Track]) -> Iterator[Imu]:
+        followed = gravity_smoother.joined([Track.empty(0), *parts])
+        count = len(followed.g_t)
+        if not count:
+            return
+        samples = np.concatenate([samples for samples, _ in self._old])
+        log_ns = np.concatenate([log_ns for _, log_ns in self._old])
+        self._old = [(samples[count:], log_ns[count:])] if count < len(samples) else []
+        yield Imu(samples[:count], log_ns[:count], followed)

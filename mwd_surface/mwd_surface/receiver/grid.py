@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.resampling import interpolate
-from mwd_surface.receiver.strokes import Strokes
 
 STEPS_PER_TU = 8
 # Values after the last one wanted that the interpolation needs; without them a later call would give other results.
@@ -96,3 +97,132 @@ class Grid:
         inside = (nearest >= 0) & (nearest < len(self._known))
         known = np.where(inside, self._known[np.clip(nearest, 0, max(len(self._known) - 1, 0))], 0.0)
         return out, known
+
+
+# Crank angle of each pump at any time, from counted strokes.
+
+
+# A pause of this many usual intervals means that the pump stands or its switch failed.
+_PAUSE = 2.5
+_LEAST = 8  # least strokes to determine a pump's rate
+# The strokes are smoothed if the angle of this harmonic (second number) has a larger error than the first number, rad.
+# The third number limits the smoothing (1 sigma, strokes), because a pump changes its rate within some ten seconds.
+_ANGLE, _HARMONIC, _MOST_SMOOTHED = 0.3, 6.0, 6.0
+# Significance level at which a line is attributed to a pump.
+_BY_CHANCE = 0.05
+
+
+class Strokes:
+    """Stroke times of several pumps; strokes can be added."""
+
+    def __init__(self) -> None:
+        self._times: dict[int, Array] = {}
+
+    def add(self, pump: int, time_s: Array) -> None:
+        """
+        Add strokes of a pump.
+
+        Parameters
+        ----------
+        pump : int
+            Number of the pump.
+        time_s : ndarray, shape (n,)
+            Rising times on the clock of the pressure. A time that does not rise or is not finite is dropped.
+        """
+        before = self._times.get(pump, np.zeros(0))
+        time = np.asarray(time_s, dtype=float)
+        time = time[np.isfinite(time)]
+        last = before[-1] if len(before) else -np.inf
+        highest = np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
+        self._times[pump] = np.concatenate([before, time[time > highest]])
+
+    def forget(self, before_s: float) -> None:
+        """Drop strokes before a time, s."""
+        for pump, time in self._times.items():
+            self._times[pump] = time[max(int(np.searchsorted(time, before_s)) - 1, 0) :]
+
+    def rates(self, from_s: float, until_s: float) -> dict[int, float]:
+        """Return the strokes per second of each pump between two times, s; pumps that stand are left out."""
+        rows = {}
+        for pump in sorted(self._times):
+            time = self._times[pump]
+            inside = time[(time >= from_s) & (time <= until_s)]
+            if len(inside) >= _LEAST:
+                rows[pump] = (len(inside) - 1) / float(inside[-1] - inside[0])
+        return rows
+
+    def harmonic(self, line_hz: float, from_s: float, until_s: float) -> tuple[int, int] | None:
+        """
+        Return the pump whose harmonic is nearest to a line between two times, s, and the harmonic's number, from 1.
+
+        Return None if a random line would often be as near, because harmonics of several pumps lie close together.
+        """
+        rates = self.rates(from_s, until_s)
+        near = [(abs(line_hz - max(round(line_hz / rate), 1) * rate), pump) for pump, rate in rates.items()]
+        if not near:
+            return None
+        apart, pump = min(near)
+        # Share of all frequencies that lie as near to a harmonic of one of the pumps.
+        if 2.0 * apart * sum(1.0 / rate for rate in rates.values()) > _BY_CHANCE:
+            return None
+        return pump, max(round(line_hz / rates[pump]), 1)
+
+    def angles(self, time_s: Array) -> Array:
+        """
+        Return the crank angles of the pumps.
+
+        Parameters
+        ----------
+        time_s : ndarray, shape (n,)
+            Rising times, s. Strokes after the last time are not used, so the result does not depend on when they
+            arrive.
+
+        Returns
+        -------
+        ndarray, shape (pumps, n)
+            Crank angles, rad, one turn per stroke; NaN where a pump stands or is unknown.
+        """
+        rows = []
+        for pump in sorted(self._times):
+            time = self._times[pump]
+            time = time[time <= time_s[-1]]
+            inside = time[time >= time_s[0]]
+            if len(inside) < _LEAST:
+                continue
+            usual = float(np.median(np.diff(inside)))
+            # After its last stroke a pump is assumed to run on for one more interval.
+            known = np.append(time, time[-1] + usual)
+            # A missed stroke leaves an interval of two turns.
+            turns = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(np.diff(known) / usual), 1.0))])
+            known = _without_jitter(known, turns)
+            angle = 2.0 * np.pi * np.interp(time_s, known, turns, left=np.nan, right=np.nan)
+            at = np.clip(np.searchsorted(known, time_s, side="right"), 1, len(known) - 1)
+            rows.append(np.where(known[at] - known[at - 1] < _PAUSE * usual, angle, np.nan))
+        return np.array(rows).reshape(-1, len(time_s))
+
+
+def _without_jitter(time: Array, turns: Array) -> Array:
+    """
+    Return stroke times smoothed by a local line over as many strokes as their jitter requires; shape (n,).
+
+    The jitter is estimated from the second difference of the times, which contains little of a slow change of the rate.
+    """
+    step = np.diff(turns)
+    late = np.diff(time) / step
+    even = (step[1:] == 1.0) & (step[:-1] == 1.0)
+    if np.count_nonzero(even) < _LEAST:
+        return time
+    jitter = 1.4826 * float(np.median(np.abs(np.diff(late)[even]))) / math.sqrt(6.0)
+    sigma = min((2.0 * math.pi * _HARMONIC * jitter / float(np.median(late)) / _ANGLE) ** 2, _MOST_SMOOTHED)
+    if sigma < 1.0:
+        return time
+    out = np.empty(len(time))
+    reach = math.ceil(2.5 * sigma)
+    for k in range(len(time)):
+        near = slice(max(k - reach, 0), k + reach + 1)
+        x, y = turns[near] - turns[k], time[near]
+        g = np.exp(-0.5 * (x / sigma) ** 2)
+        mean_x, mean_y = g @ x / g.sum(), g @ y / g.sum()
+        slope = g @ ((x - mean_x) * (y - mean_y)) / max(g @ (x - mean_x) ** 2, 1e-12)
+        out[k] = mean_y - slope * mean_x
+    return np.maximum.accumulate(out)

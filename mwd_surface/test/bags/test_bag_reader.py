@@ -22,9 +22,9 @@ from rosbags.typesys import Stores, get_typestore
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.mcap.encode import chunk_prefix, header_record
 from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import MAGIC, ChunkHead
+from mwd_surface.bags.mcap.writer import chunk_prefix, header_record
 
 START = 1_700_000_000_000_000_000
 HOUR = 3600 * 10**9

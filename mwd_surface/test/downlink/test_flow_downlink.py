@@ -12,7 +12,7 @@ from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Transmitter
 from mwd_sensors.core import wire
 from mwd_sensors.core.units import LPM
-from mwd_sensors.simulator.pump_commands import CommandedFlow
+from mwd_sensors.simulator.sonde import CommandedFlow
 from mwd_sensors.telemetry.downlink import FLOW, Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.downlink.interlocks import Readings

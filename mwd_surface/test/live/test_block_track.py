@@ -7,7 +7,7 @@ import pytest
 from mwd_sensors.core import wire
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_surface.live.block_track import BlockTrack
+from mwd_surface.live.input_monitor import BlockTrack
 from project import ROOT
 
 S = 1_000_000_000

@@ -26,7 +26,7 @@ from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.log_estimate import computed_samples
 from mwd_surface.runs import simulate
 from mwd_surface.runs.player import Player
-from mwd_surface.runs.simulated_tool import estimator_settings
+from mwd_surface.runs.simulate import estimator_settings
 from mwd_surface.surveys.recorded_settings import recorded_settings
 
 pytestmark = pytest.mark.slow

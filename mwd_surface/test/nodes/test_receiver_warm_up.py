@@ -16,7 +16,7 @@ from numba.core.registry import CPUDispatcher
 from mwd_sensors.simulator import carrier_tool, pulse_tool
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.nodes.receiver_warm_up import warm_up
+from mwd_surface.nodes.receiver import warm_up
 from mwd_surface.receiver.link.receivers import receiver_of
 
 def ready():

@@ -12,8 +12,15 @@ import aiohttp
 import pytest
 
 from mwd_surface.bags.definitions import installed
-from mwd_surface.page.foxglove_relay import MOST_CONNECTIONS, NEW, OLD, renamed
-from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
+from mwd_surface.page.foxglove_server import (
+    MOST_CONNECTIONS,
+    NEW,
+    OLD,
+    FoxgloveError,
+    FoxgloveServer,
+    FoxgloveSettings,
+    renamed,
+)
 
 TEMPERATURE, LIST = "sensor_msgs/msg/Temperature", "mwd_msgs/msg/SurveyList"
 MESSAGE, TIME, TEXT, BINARY = 1, 2, aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from mwd_surface.plots.envelope import Envelope
+from mwd_surface.plots.plot_data import Envelope
 
 S = 1_000_000_000
 

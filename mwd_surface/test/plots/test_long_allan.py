@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from mwd_sensors.calibration.allan import allan
-from mwd_surface.plots.long_allan import LongAllan
+from mwd_surface.plots.plot_data import LongAllan
 
 
 def noise(count, seed=1):

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import welch
 
-from mwd_surface.plots.spectrum import Spectrum
+from mwd_surface.plots.plot_data import Spectrum
 
 RATE = 100.0
 S = 1_000_000_000

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_sensors.core import wire
-from mwd_surface.processing.imu_queue import ImuQueue
+from mwd_surface.processing.bag_estimate import ImuQueue
 
 START = 1_700_000_000 * 10**9
 

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from mwd_surface.processing.overlap import ahead, behind
+from mwd_surface.processing.bag_estimate import ahead, behind
 
 
 def _threads():

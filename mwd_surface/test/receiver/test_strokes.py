@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mwd_surface.receiver.strokes import Strokes
+from mwd_surface.receiver.grid import Strokes
 
 TIME = np.linspace(10.0, 40.0, 301)
 

@@ -12,8 +12,8 @@ from numpy.testing import assert_array_equal
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
-from mwd_sensors.calibration.rests import rests
 from mwd_sensors.calibration.triad_calibration import as_table
+from mwd_sensors.calibration.tumble import rests
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator import scenario

@@ -12,7 +12,7 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.receiver import pressure_files
 from mwd_surface.receiver.link import receivers
 from mwd_surface.runs import simulate
-from mwd_surface.runs.simulated_tool import SimulatedTool
+from mwd_surface.runs.simulate import SimulatedTool
 
 pytestmark = pytest.mark.slow(2)
 

@@ -14,18 +14,19 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
+from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 from mwd_surface.bags.recorder.folder import locked, recording_path
 from mwd_surface.bags.recorder.message_queue import Command, Item, MessageQueue
-from mwd_surface.bags.recorder.recovery_thread import RecoveryThread
 from mwd_surface.bags.recorder.session import Session, SessionHooks, free_bytes, words_of
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.bags.recorder.snapshot import SnapshotRing
 from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderEvent, RecorderState, RecorderStatus
 
 _BATCHES = 20
@@ -399,3 +400,89 @@ class Recorder:
     def _report_later(self, level: Level, text: str) -> None:
         # Only the writer thread writes events.
         self._queue.command(lambda: self._report(level, text))
+
+
+# The last seconds of all received messages, kept in bounded memory for a snapshot.
+
+
+class SnapshotRing:
+    """Messages of the last `seconds` seconds, limited to `most` bytes."""
+
+    def __init__(self, seconds: float, most: int) -> None:
+        self._seconds, self._most = seconds, most
+        self._items: deque[tuple[float, Item]] = deque()
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def keep(self, item: Item) -> None:
+        """Add a message and remove the oldest ones beyond the limits."""
+        now = time.monotonic()
+        self._items.append((now, item))
+        self._bytes += item.size
+        while self._items and (now - self._items[0][0] > self._seconds or self._bytes > self._most):
+            self._bytes -= self._items.popleft()[1].size
+
+    def write(self, writer: BagWriter) -> None:
+        """Write the kept messages into a bag, oldest first."""
+        for _, (topic, type_name, data, log_ns, publish_ns, qos, type_hash) in self._items:
+            try:
+                profiles = bag_metadata.parse_qos(qos)
+            except ValueError:
+                profiles = []
+            channel = writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
+            writer.write(channel, data, max(log_ns, 0), publish_ns)
+
+
+# Background recovery of earlier recordings in a folder that were left unfinished.
+
+
+class RecoveryThread:
+    """
+    A thread that recovers bags one after another.
+
+    Parameters
+    ----------
+    bags : sequence of Path
+        Folders of bags; finished bags are not changed.
+    going_on : callable
+        Returns False when recovery must stop.
+    report : callable
+        Called in this thread with the level and text of an event.
+
+    Attributes
+    ----------
+    reports : list of RecoveryReport
+        Reports on the files recovered so far.
+    """
+
+    def __init__(
+        self, bags: Sequence[Path], going_on: Callable[[], bool], report: Callable[[Level, str], None]
+    ) -> None:
+        self.reports: list[RecoveryReport] = []
+        self._bags, self._going_on, self._report = bags, going_on, report
+        self._thread = threading.Thread(target=self._run, name="recovery", daemon=True)
+        if bags:
+            self._thread.start()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait at most `timeout_s` seconds for the end of the thread."""
+        if self._bags:
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        for bag in self._bags:
+            try:
+                if not self._going_on() or not recovery.is_unfinished(bag):
+                    continue
+                reports = recovery.recover_bag(bag, self._going_on, thorough=False)
+            except InterruptedError:
+                return
+            except OSError as error:
+                self._report(Level.ERROR, f"{bag} could not be recovered: {error}")
+                continue
+            for report in reports:
+                self.reports.append(report)
+                if not report.sound:
+                    self._report(Level.WARNING, f"recovered in {bag.name}: {report.sentence()}")

@@ -7,17 +7,21 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry import carrier as air
 from mwd_sensors.telemetry.carrier import MARKER_SYMBOLS, BlockName
+from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.carrier import baseband, carrier_words
+from mwd_surface.receiver.belief import Judged
+from mwd_surface.receiver.carrier import baseband
 from mwd_surface.receiver.carrier.baseband import PER_SYMBOL, Complex
 from mwd_surface.receiver.carrier.carrier_block import MARGIN, BlockData, BlockDecision, BlockDecoder
-from mwd_surface.receiver.carrier.carrier_search import THRESHOLD, marker_score
+from mwd_surface.receiver.carrier.whitening_complex import filtered, prediction_error_filter
 from mwd_surface.receiver.grid import REACH
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
-from mwd_surface.receiver.words import FrameReport, Reception
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, WordPlace, received
 
 _HOP = 16  # step of the marker search, symbols
 _PAST = 48  # symbols before a step from which its noise is estimated
@@ -209,7 +213,7 @@ class CarrierReceiver(SampledReceiver):
         tries = 0
         while True:
             decision = self._decoder.decode(self._data(middle - half * best, best), taps)
-            trials = (carrier_words.checked(self._tool, bits) for bits in (decision.bits, *decision.turned))
+            trials = (checked(self._tool, bits) for bits in (decision.bits, *decision.turned))
             block = next((one for one in trials if one is not None), None)
             tries += 1
             # A remaining error of the clock rotates the second half of the block against the first.
@@ -234,7 +238,7 @@ class CarrierReceiver(SampledReceiver):
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         begin = middle - half * found
         self._lock = _Lock(begin, found, name, decision.taps)
-        odds = carrier_words.odds_of_marker(score) / tries
+        odds = odds_of_marker(score) / tries
         self._received(done, (name, words), decision, odds)
 
     def _follow(self, lock: _Lock, done: Reception) -> None:
@@ -258,7 +262,7 @@ class CarrierReceiver(SampledReceiver):
         lock.start = middle - half * lock.symbol
         lock.taps, lock.name, lock.lost = decision.taps, block[0], 0
         lock.blocks += 1
-        self._received(done, block, decision, carrier_words.ODDS_EXPECTED / tries)
+        self._received(done, block, decision, ODDS_EXPECTED / tries)
 
     def _received(self, done: Reception, block: tuple[BlockName, bytes], decision: BlockDecision, odds: float) -> None:
         lock = self._lock
@@ -267,7 +271,7 @@ class CarrierReceiver(SampledReceiver):
         name, data = block
         span = self._span(lock)
         done.frames += self._next_pass(name, span[0], decision.ebn0_db)
-        done.words += carrier_words.believed(self._tool, (name, self._frame), data, odds, span)
+        done.words += believed(self._tool, (name, self._frame), data, odds, span)
         self._advance_lock(lock, span, good=True)
 
     def _missed(self, done: Reception, lock: _Lock, decision: BlockDecision) -> None:
@@ -276,12 +280,12 @@ class CarrierReceiver(SampledReceiver):
         done.frames += self._next_pass(lock.name, span[0], decision.ebn0_db)
         if self._pass is not None:
             self._pass.failed += 1
-        done.words += carrier_words.erased(self._tool, (lock.name, self._frame), decision.bits, span)
+        done.words += erased(self._tool, (lock.name, self._frame), decision.bits, span)
         self._advance_lock(lock, span, good=False)
 
     def _advance_lock(self, lock: _Lock, span: tuple[float, float], good: bool) -> None:
         lock.start += self._carrier.block_symbols * lock.symbol
-        lock.name = carrier_words.following(self._tool, lock.name)
+        lock.name = following(self._tool, lock.name)
         self._clock_error = lock.symbol / self._band.symbol - 1.0
         if good:
             lock.good_end = lock.start
@@ -328,3 +332,160 @@ class CarrierReceiver(SampledReceiver):
         )
         self._frame += 1
         return [report]
+
+
+# Search for markers in noise: the score is the share of energy that the marker's symbols explain at any size and phase.
+
+
+# Noise exceeds this about once in some thousand positions. A false marker costs one trial; the block's check decides.
+THRESHOLD = 8.0
+_ORDER = 6
+
+
+def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
+    """
+    Return the score of a marker that begins at each value of the envelope.
+
+    Parameters
+    ----------
+    envelope : ndarray, shape (n,)
+        `PER_SYMBOL` values per symbol.
+    known : ndarray, shape (n,)
+        1 where the envelope is known.
+    lines : ndarray, shape (n, k)
+        Columns of the disturbing lines; they are fitted and subtracted first.
+
+    Returns
+    -------
+    ndarray, shape (n - 20 PER_SYMBOL,)
+    """
+    if lines.shape[1]:
+        weighted = known[:, None] * lines
+        gram = lines.conj().T @ weighted + 1e-6 * len(envelope) * np.eye(lines.shape[1])
+        envelope = envelope - lines @ np.linalg.solve(gram, weighted.conj().T @ envelope)
+    taps = prediction_error_filter(envelope * known, known, _ORDER)
+    white = filtered(envelope * known, taps)
+    shape = filtered(np.concatenate([np.repeat(air.marker(), PER_SYMBOL), np.zeros(_ORDER)]), taps)
+    count = PER_SYMBOL * MARKER_SYMBOLS
+    shape = shape[:count]
+    length = len(white) - count
+    got = scipy.signal.correlate(white, shape, mode="valid")[:length]
+    squares = np.concatenate([[0.0], np.cumsum(np.abs(white) ** 2)])
+    there = np.concatenate([[0.0], np.cumsum(known)])
+    energy = squares[count : count + length] - squares[:length]
+    rows = there[count : count + length] - there[:length]
+    explained = np.abs(got) ** 2 / float(np.real(np.vdot(shape, shape)))
+    score = rows * explained / np.maximum(energy, 1e-300)
+    return np.where(rows > 0.9 * count, score, 0.0)
+
+
+# Words of a carrier block and their confidence.
+
+
+# Odds that a block is present where one should follow the last.
+ODDS_EXPECTED = 10.0
+_PASSES_BY_CHANCE = 2.0**-16
+_BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a place: one in some hundred symbols, with flow half the time
+_HEADER_BITS = 8
+_ALTERNATIVES = 3
+_NO_SURPRISE, _FLATTER = 0.5, 1.25
+# Upper bound of the confidence of such words: all phases of the block may be rotated, which the code cannot see.
+_MOST_ERASED = 0.9
+
+
+def odds_of_marker(score: float) -> float:
+    """Return the odds that a marker with this score is real; noise exceeds a score x with probability exp(-x)."""
+    return min(_BLOCKS_PER_SYMBOL * math.exp(min(score, 50.0)), ODDS_EXPECTED)
+
+
+def items_of(tool: ToolConfiguration, name: BlockName) -> tuple[SequenceItem, ...]:
+    """Return the words of a block; empty where the configuration has no such block."""
+    sequences = tool.surveys if name.kind == "survey" else tool.toolfaces
+    if name.number >= len(sequences):
+        return ()
+    blocks = air.blocks_of(sequences[name.number], tool.carrier.block_bits)
+    return blocks[name.place] if name.place < len(blocks) else ()
+
+
+def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
+    """Return the next block: the next of the same sequence, else the first of the toolface sequence."""
+    after = name._replace(place=name.place + 1)
+    if items_of(tool, after):
+        return after
+    number = name.number if name.kind == "toolface" else max(min(name.number, len(tool.toolfaces) - 1), 0)
+    return BlockName("toolface", number, 0)
+
+
+def checked(tool: ToolConfiguration, bits: Array) -> tuple[BlockName, bytes] | None:
+    """Return name and words of a block if its check, name, parities and filling hold, else None; bits as decoded."""
+    block = air.read_block((bits < 0.0).astype(np.int64), tool.table_check)
+    if block is None:
+        return None
+    items = items_of(tool, block[0])
+    lengths = [item.length for item in items]
+    sent = air.unpacked(block[1], lengths)
+    filled = air.packed(sent, lengths, tool.carrier.block_bits) == block[1]
+    holds = all(tool.parity_bit(code >> 1) == code & 1 for code, item in zip(sent, items, strict=True) if item.parity)
+    return block if items and filled and holds else None
+
+
+def believed(
+    tool: ToolConfiguration, block: tuple[BlockName, int], data: bytes, odds: float, span: tuple[float, float]
+) -> list[ReceivedWord]:
+    """
+    Return the words of a block whose check holds.
+
+    block: its name and the number of its frame; odds: prior odds of the block divided by the number of trials; span:
+    its begin and end, s.
+    """
+    name, frame = block
+    confidence = 1.0 / (1.0 + _PASSES_BY_CHANCE / odds)
+    items = items_of(tool, name)
+    words = []
+    for k, (item, sent) in enumerate(zip(items, air.unpacked(data, [one.length for one in items]), strict=True)):
+        code = sent >> 1 if item.parity else sent
+        place = WordPlace(frame, _index(tool, name) + k, name.kind, 1)
+        words.append(received(tool, item, Judged(code, confidence, ()), span, place))
+    return words
+
+
+def erased(
+    tool: ToolConfiguration, block: tuple[BlockName, int], bits: Array, span: tuple[float, float]
+) -> list[ReceivedWord]:
+    """Return the words of a block whose check fails; bits: log posterior ratios; other arguments as in `believed`."""
+    name, frame = block
+    # The code was sure of this block although its check fails, so the noise is worse than modelled: flatten the
+    # probabilities until a failed check is not surprising.
+    while _right(bits) > _NO_SURPRISE:
+        bits = bits / _FLATTER
+    whole = _right(bits)
+    words = []
+    at = _HEADER_BITS
+    for k, item in enumerate(items_of(tool, name)):
+        own = bits[at : at + item.bits]
+        at += item.length
+        # At least one bit of the block is wrong: subtract the case in which all bits are right from the word's
+        # probability.
+        confidence = _MOST_ERASED * max(_right(own) - whole, 0.0) / max(1.0 - whole, 1e-9)
+        code = _number(own)
+        weakest = np.argsort(np.abs(own), kind="stable")[:_ALTERNATIVES]
+        others = tuple(
+            (code ^ 1 << int(item.bits - 1 - bit), float(confidence * math.exp(-abs(own[bit])))) for bit in weakest
+        )
+        place = WordPlace(frame, _index(tool, name) + k, name.kind, 1)
+        words.append(received(tool, item, Judged(code, confidence, others), span, place))
+    return words
+
+
+def _index(tool: ToolConfiguration, name: BlockName) -> int:
+    """Return the index of the first word of a block within its sequence."""
+    return sum(len(items_of(tool, name._replace(place=place))) for place in range(name.place))
+
+
+def _right(bits: Array) -> float:
+    """Return the probability that all bits are right, taking them as independent."""
+    return float(np.exp(-np.sum(np.log1p(np.exp(-np.abs(bits))))))
+
+
+def _number(bits: Array) -> int:
+    return int("".join("1" if bit < 0.0 else "0" for bit in bits), 2)

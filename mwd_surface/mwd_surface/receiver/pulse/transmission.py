@@ -11,7 +11,8 @@ import copy
 import dataclasses
 import itertools
 import math
-from typing import Any
+from collections import deque
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,13 +21,11 @@ from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Doubt
-from mwd_surface.receiver.grid import REACH, Grid
+from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse import passes, segment
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.pulse.passes import Part, Pass, parts_of, rows_from_sync, soft_words, stretch_of
-from mwd_surface.receiver.pulse.presence import Evidence, Presence
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
-from mwd_surface.receiver.pulse.tool_clock import ToolClock
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
 
@@ -435,3 +434,192 @@ class Transmission:
             self._carried,
             min(self._missing[0] / self._missing[1], _MOST_MISSING),
         )
+
+
+# Clock of the tool relative to that of the pressure: position of each sample of a transmission on the grid.
+
+
+# 1 sigma of the relative clock error of a good tool and of a poor one, and the shares of both; 1 sigma of its change
+# from stretch to stretch with temperature.
+_CLOCKS, _SHARES = (5e-4, 5e-3), (0.95, 0.05)
+_CLOCK_WALK = 3e-5
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolClock:
+    """
+    Positions of the samples of a transmission on the grid.
+
+    Attributes
+    ----------
+    start : float
+        Position of sample 0 on the grid, steps.
+    pace : float
+        Steps from one sample to the next.
+    variance : float
+        Variance of the relative error of the pace.
+    """
+
+    start: float
+    pace: float = STEPS_PER_TU / SAMPLES_PER_TU
+    variance: float = _CLOCKS[0] ** 2
+
+    def at(self, sample: float) -> float:
+        """Return the position of a sample on the grid, steps."""
+        return self.start + sample * self.pace
+
+    @property
+    def error(self) -> float:
+        """Relative error of the tool's clock; at 1e-3 the tool sends 0.1 % slower."""
+        return self.pace * SAMPLES_PER_TU / STEPS_PER_TU - 1.0
+
+    def turned(self, middle: float, change: float) -> ToolClock:
+        """Return the clock with its pace changed by a share, keeping the position of the sample `middle`."""
+        return dataclasses.replace(
+            self, start=self.start - middle * self.pace * change, pace=self.pace * (1.0 + change)
+        )
+
+    def followed(self, timing: tuple[float, float, float], overlap: float | None) -> tuple[ToolClock, float]:
+        """
+        Return the clock after a measurement, and the relative change of its pace.
+
+        Parameters
+        ----------
+        timing : (float, float, float)
+            Relative drift of the pulses, its variance, and the sample about which it is measured.
+        overlap : float or None
+            Windows overlap: length of this window divided by its new part; only the new part counts as a measurement.
+            None: the window holds all data so far, so it replaces earlier measurements.
+        """
+        drift, variance, middle = timing
+        if overlap is None:
+            error, left = _from_all(self.error + drift, variance)
+        else:
+            prior = self.variance + _CLOCK_WALK**2
+            gain = prior / (prior + variance * overlap)
+            error, left = self.error + gain * drift, prior * (1.0 - gain)
+        change = error - self.error
+        return dataclasses.replace(self.turned(middle, change), variance=left), change
+
+
+def _from_all(measured: float, variance: float) -> tuple[float, float]:
+    """Return the error of a clock and its variance from a single measurement, with a mixture of two priors."""
+    sigmas, shares = np.square(_CLOCKS), np.array(_SHARES)
+    total = sigmas + variance
+    logs = np.log(shares) - 0.5 * (np.log(total) + measured**2 / total)
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    gains = sigmas / total
+    mean = float(weights @ gains) * measured
+    spread = float(weights @ (gains * measured - mean) ** 2)
+    return mean, float(weights @ (gains * variance)) + spread
+
+
+# Decision whether pulses are present behind a sync, from the evidence of its last stretches.
+
+
+# Least log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
+# each of ten thousand places per hour. Starting pumps can look like a sync, but not like the words after it.
+_LEAST_EVIDENCE = 18.0
+# Number of packets that are judged together (about 30 bits), and number of packets without words after which a sync is
+# rejected as noise.
+_JUDGED_PACKETS, _NO_WORDS_PACKETS = 10, 40
+# Share of the expected evidence below which stretches hold no pulses.
+_FAINT = 0.3
+
+
+class Evidence(NamedTuple):
+    """
+    Log likelihood ratio of the pulses of a stretch against no pulses, with its numbers of packets and words.
+
+    expected: mean of the ratio if the usual pulses were present in the noise of this stretch.
+    """
+
+    evidence: float
+    expected: float
+    packets: int
+    words: int
+
+
+class Presence:
+    """
+    Decision whether pulses are present, for one hypothesis, from the evidence of its stretches.
+
+    Parameters
+    ----------
+    score : float
+        Score of the sync.
+
+    Attributes
+    ----------
+    confirmed : bool
+        Whether words were found after the sync.
+    faint : bool
+        Whether the last stretches hold no pulses: a disturbance, an interruption, or the tool is silent.
+    packets : int
+        Number of packets so far.
+    """
+
+    def __init__(self, score: float) -> None:
+        self._score = score
+        self._usual: deque[float] = deque(maxlen=24)
+        self._recent: list[Evidence] = []
+        self._total = 0.0
+        self.packets = 0
+        self.confirmed = self.faint = False
+
+    @property
+    def usual(self) -> float:
+        """Median evidence per packet so far."""
+        return float(np.median(self._usual)) if self._usual else 0.0
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether the sync was noise: no words came after it."""
+        return not self.confirmed and (self.packets >= _NO_WORDS_PACKETS or self._total < -_LEAST_EVIDENCE)
+
+    @property
+    def faint_words(self) -> int:
+        """Words before the last stretch that are now seen to have had no pulses."""
+        return sum(one.words for one in self._recent[:-1])
+
+    def judge(self, stretch: Evidence) -> None:
+        """Add a stretch, which may confirm the sync, or show that there are no pulses at present."""
+        self._recent.append(stretch)
+        self.packets += stretch.packets
+        self._total += stretch.evidence
+        if not self.confirmed:
+            # The sync counts at most as much as the words, so a clear sync without words is never confirmed.
+            self.confirmed = min(self._score, self._total) + self._total >= _LEAST_EVIDENCE
+            if self.confirmed:
+                self._accept(self._total / self.packets)
+            return
+        last = self._last()
+        packets = sum(one.packets for one in last)
+        if packets < _JUDGED_PACKETS:
+            return
+        evidence = sum(one.evidence for one in last)
+        was = self.faint
+        # Growing noise, as after stalls, lowers the expected evidence; but evidence that noise alone can reach is never
+        # a pulse.
+        noise = _LEAST_EVIDENCE * packets / _JUDGED_PACKETS
+        expected = max(_FAINT * sum(one.expected for one in last), noise)
+        self.faint = evidence <= min(_FAINT * self.usual * packets, expected)
+        if not self.faint:
+            self._accept(evidence / packets)
+        elif not was:
+            self._recent = last
+
+    def _accept(self, each: float) -> None:
+        self._usual.append(each)
+        while sum(one.packets for one in self._recent) >= _JUDGED_PACKETS:
+            del self._recent[0]
+
+    def _last(self) -> list[Evidence]:
+        """Return the last stretches with enough packets to be judged together."""
+        packets = 0
+        for k in range(len(self._recent) - 1, -1, -1):
+            packets += self._recent[k].packets
+            if packets >= _JUDGED_PACKETS:
+                return self._recent[k:]
+        return self._recent

@@ -11,15 +11,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core import budgets
 from mwd_surface import __version__
 from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import SetPoint
+from mwd_surface.control.status import Request, Sender
+from mwd_surface.live.alarms import Alarm, Severity
 from mwd_surface.rig.interface import (
     LISTENING,
     STOPPED,
@@ -35,15 +39,24 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
-from mwd_surface.rig.opcua.address_space import MANIFEST, VARIABLES, VariableValue, variable_values
-from mwd_surface.rig.opcua.conditions import Conditions
-from mwd_surface.rig.opcua.data_value import EPOCH, data_value
-from mwd_surface.rig.opcua.information_model import add_well
-from mwd_surface.rig.opcua.methods import Method, control_methods, survey_methods
+from mwd_surface.rig.opcua.address_space import (
+    MANIFEST,
+    NAMESPACE,
+    STATUS_CODES,
+    UNITS_NAMESPACE,
+    VARIABLES,
+    Variable,
+    VariableValue,
+    unit_id,
+    variable_values,
+)
+from mwd_surface.rig.opcua.data_value import EPOCH, data_value, moment
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.opcua.subscription_limits import LONGEST_QUEUE, SubscriptionLimits
-from mwd_surface.rig.opcua.survey_history import SurveyHistory
-from mwd_surface.rig.values import RigValues, nothing_yet
+from mwd_surface.rig.survey import AcceptedSurvey
+from mwd_surface.rig.values import RigValues, nothing_yet, survey_values
+from mwd_surface.signals.table import OF_SURVEY
+from mwd_surface.signals.units import UNITS
 
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # asyncua's logger for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
@@ -300,3 +313,339 @@ def _argument(ua: Any, name: str, kind: str, description: str) -> Any:
         ArrayDimensions=[],
         Description=ua.LocalizedText(description),
     )
+
+
+# History of the survey variables, from the accepted surveys, readable by HistoryRead (OPC 10000-11).
+
+
+SURVEY_VARIABLES = {signal.opcua: signal.name for signal in OF_SURVEY}
+
+
+class SurveyHistory:
+    """
+    History of the server's survey variables, kept equal to the accepted surveys.
+
+    Parameters
+    ----------
+    ua : module
+        `asyncua.ua`.
+    server : asyncua.Server
+    Node id of each variable by its name.
+        From the name of a variable to its node id.
+    """
+
+    def __init__(self, ua: Any, server: Any, nodes: Mapping[str, Any]) -> None:
+        self._ua, self._server, self._nodes = ua, server, nodes
+        self._shown: tuple[AcceptedSurvey, ...] = ()
+
+    async def open(self) -> None:
+        """Mark the survey variables as having a history."""
+        ua = self._ua
+        for name in SURVEY_VARIABLES:
+            node = self._server.get_node(self._nodes[name])
+            await node.write_attribute(ua.AttributeIds.Historizing, ua.DataValue(True))
+            for attribute in (ua.AttributeIds.AccessLevel, ua.AttributeIds.UserAccessLevel):
+                await node.set_attr_bit(attribute, ua.AccessLevel.HistoryRead)
+        await self._fill(())
+
+    async def show(self, surveys: tuple[AcceptedSurvey, ...]) -> None:
+        """Set the accepted surveys, oldest first; a survey that is no longer accepted leaves the history."""
+        if surveys != self._shown:
+            await self._fill(surveys)
+
+    async def _fill(self, surveys: tuple[AcceptedSurvey, ...]) -> None:
+        from asyncua.server.history import HistoryDict
+
+        storage = HistoryDict()
+        for name in SURVEY_VARIABLES:
+            await storage.new_historized_node(self._nodes[name], None)
+        for survey in surveys:
+            values = survey_values(survey, survey.decided_ns)
+            for name, quantity in SURVEY_VARIABLES.items():
+                value = values[quantity]
+                reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
+                await storage.save_node_value(self._nodes[name], data_value(self._ua, reading, "Double"))
+            # Saving to memory never yields, so give other clients a turn between two surveys.
+            await asyncio.sleep(0)
+        self._server.iserver.history_manager.set_storage(storage)
+        self._shown = surveys
+
+
+# Methods of the OPC UA object of a well: decisions on surveys, and control of top drive and pumps.
+
+
+_INTERFACE = "OPC UA"
+Argument = tuple[str, str, str]
+"""Name, type and description of an argument."""
+
+_DONE: tuple[Argument, ...] = (("success", "Boolean", "whether it was done"), ("message", "String", "or why not"))
+_DECISION: tuple[Argument, ...] = (
+    ("sequence", "UInt32", "number of the survey"),
+    ("operator_name", "String", "who decides"),
+    ("reason", "String", "why"),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """A method: arguments, results, and the function that runs it with an identity from `Access`, in any thread."""
+
+    name: str
+    inputs: tuple[Argument, ...]
+    call: Callable[[dict[str, Any], str], Sequence[Any]]
+    outputs: tuple[Argument, ...] = _DONE
+
+
+def survey_methods(on_command: OnCommand) -> list[Method]:
+    """Return the survey methods, run by a node; on_command: `on_command(name, arguments) -> (ok, message)`."""
+    table = {
+        "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
+        "accept_survey": _DECISION,
+        "reject_survey": _DECISION,
+    }
+
+    def asking(name: str) -> Callable[[dict[str, Any], str], Sequence[Any]]:
+        return lambda arguments, _identity: on_command(name, arguments)
+
+    return [Method(name, inputs, asking(name)) for name, inputs in table.items()]
+
+
+def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[Method]:
+    """Return the control methods; clock: steady time, s, the same clock as the authority's."""
+
+    def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        decision = authority.request(Request(Sender(_INTERFACE, identity), **given), clock())
+        return decision.message, int(decision.permission), decision.lease
+
+    def command(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        return authority.command(SetPoint(**given), clock(), Sender(_INTERFACE, identity))
+
+    def release(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        return authority.release(given["lease"], clock(), Sender(_INTERFACE, identity), given["reason"])
+
+    lease = ("lease", "UInt32", "number of the lease")
+    return [
+        Method(
+            "request_control",
+            (
+                ("controller", "String", "name of the controller"),
+                ("role", "String", "purpose of the controller, in a word or two"),
+                ("priority", "Byte", "0 to 255; a higher priority than the owner's takes over"),
+                ("wait", "Boolean", "wait while another has control"),
+                ("duration", "Double", "s; 0: the longest duration allowed"),
+            ),
+            request,
+            (
+                ("message", "String", "why it was refused, or what it waits for"),
+                ("permission", "Byte", "0 denied, 1 pending, 2 granted"),
+                ("lease", "UInt32", "number of the lease, or of the pending request; 0: denied"),
+            ),
+        ),
+        Method(
+            "set_point",
+            (
+                lease,
+                ("sequence", "UInt32", "increases with each set-point; 0: heartbeat only"),
+                ("mode", "Byte", "0 hold, 1 rotate, 2 orient, 3 pump, 4 release"),
+                ("rotary_speed", "Double", "rotate: rad/s"),
+                ("turn", "Double", "orient: rad from the present position of the top drive"),
+                ("flow_rate", "Double", "pump: m^3/s"),
+                ("valid_for", "Double", "s, above 0; the string is held after this time"),
+            ),
+            command,
+        ),
+        Method("release_control", (lease, ("reason", "String", "why")), release),
+    ]
+
+
+# Static part of the address space: the well, its type, its variables with units, and the namespace metadata.
+
+
+SAMPLING_MS = 100.0  # shortest interval at which values are written
+
+
+async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]]:
+    """
+    Add the object of the well with its variables.
+
+    Parameters
+    ----------
+    ua : module
+        `asyncua.ua`.
+    server : asyncua.Server
+    well : str
+        Browse name of the object.
+
+    Returns
+    -------
+    asyncua.Node
+        The object.
+    dict
+        Node id of each variable by its name.
+    """
+    index = await server.register_namespace(NAMESPACE)
+    await _describe_namespace(ua, server, index)
+    kind = await server.nodes.base_object_type.add_object_type(
+        ua.NodeId(f"{MANIFEST}Type", index), f"{index}:{MANIFEST}Type"
+    )
+    # The type declares the variables; the well has its own instances with values.
+    await _declare(ua, kind, index)
+    node = await server.nodes.objects.add_object(ua.NodeId(MANIFEST, index), f"{index}:{well}")
+    objects, organizes = server.nodes.objects, ua.ObjectIds.Organizes
+    await _set_type(ua, objects, organizes, node, ua.ObjectIds.BaseObjectType, kind)
+    return node, {v.name: (await _variable(ua, node, index, v, f"{MANIFEST}.{v.name}")).nodeid for v in VARIABLES}
+
+
+async def _declare(ua: Any, kind: Any, index: int) -> None:
+    for variable in VARIABLES:
+        declared = await _variable(ua, kind, index, variable, f"{MANIFEST}Type.{variable.name}")
+        await declared.set_modelling_rule(True)
+
+
+async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identifier: str) -> Any:
+    first = variable_values(nothing_yet())[variable.name].value
+    variant = ua.Variant(first, getattr(ua.VariantType, variable.kind))
+    node = await parent.add_variable(ua.NodeId(identifier, index), f"{index}:{variable.name}", variant)
+    described = ua.DataValue(ua.Variant(ua.LocalizedText(variable.description), ua.VariantType.LocalizedText))
+    await node.write_attribute(ua.AttributeIds.Description, described)
+    sampling = ua.DataValue(ua.Variant(SAMPLING_MS, ua.VariantType.Double))
+    await node.write_attribute(ua.AttributeIds.MinimumSamplingInterval, sampling)
+    if variable.unit:
+        plain, analog = ua.ObjectIds.BaseDataVariableType, ua.ObjectIds.AnalogUnitType
+        await _set_type(ua, parent, ua.ObjectIds.HasComponent, node, plain, analog)
+        unit = ua.EUInformation(
+            NamespaceUri=UNITS_NAMESPACE,
+            UnitId=unit_id(variable.unit),
+            DisplayName=ua.LocalizedText(variable.unit),
+            Description=ua.LocalizedText(UNITS[variable.unit].name),
+        )
+        await node.add_property(0, "EngineeringUnits", unit)
+    return node
+
+
+async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
+    """Change the type of a node, and recreate the parent's reference, from which a browsing client reads the type."""
+    await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
+    await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
+    await parent.delete_reference(node, reference)
+    await parent.add_reference(node, reference, True, True)
+
+
+async def _describe_namespace(ua: Any, server: Any, index: int) -> None:
+    """Add NamespaceMetadata (OPC 10000-5, 6.3.13): the version, and that node ids are strings that do not change."""
+    namespaces = server.get_node(ua.ObjectIds.Server_Namespaces)
+    node = await namespaces.add_object(
+        ua.NodeId(f"{MANIFEST}.Metadata", index), f"{index}:{NAMESPACE}", objecttype=ua.ObjectIds.NamespaceMetadataType
+    )
+    values = {
+        "NamespaceUri": ua.Variant(NAMESPACE, ua.VariantType.String),
+        "NamespaceVersion": ua.Variant(__version__, ua.VariantType.String),
+        "NamespacePublicationDate": ua.Variant(EPOCH, ua.VariantType.DateTime),
+        "IsNamespaceSubset": ua.Variant(False, ua.VariantType.Boolean),
+        "StaticNodeIdTypes": ua.Variant([int(ua.IdType.String)], ua.VariantType.Int32),
+    }
+    for name, value in values.items():
+        await (await node.get_child(f"0:{name}")).write_value(value)
+
+
+# Alarms of the well as OPC UA conditions: events of AlarmConditionType, with ConditionRefresh (OPC 10000-9).
+
+
+# Ranges of OPC 10000-5, 6.4.2: 1 to 333 low, 334 to 666 medium, 667 to 1000 high.
+_SEVERITY: Mapping[int, int] = {Severity.INFO: 200, Severity.WARNING: 500, Severity.CRITICAL: 900}
+
+
+class Conditions:
+    """
+    Sender of an event whenever an alarm is raised, changes, is acknowledged or ends.
+
+    Parameters
+    ----------
+    ua : module
+        `asyncua.ua`.
+    server : asyncua.Server
+    source : asyncua.Node
+        Object of the well that is the source of the events.
+    """
+
+    def __init__(self, ua: Any, server: Any, source: Any) -> None:
+        self._ua, self._server, self._source = ua, server, source
+        self._shown: dict[str, Alarm] = {}
+        # The event object is shared, so only one task may fill and send it at a time.
+        self._sending = asyncio.Lock()
+
+    async def open(self) -> None:
+        """Make the well a source of events, and serve ConditionRefresh."""
+        ua = self._ua
+        await self._source.set_event_notifier([ua.EventNotifier.SubscribeToEvents])
+        # The server is the root of all sources, so a client may also subscribe there.
+        server = self._server.nodes.server
+        await server.add_reference(self._source, ua.ObjectIds.HasEventSource, True, False)
+        self._events = await self._server.get_event_generator(
+            ua.ObjectIds.AlarmConditionType, emitting_node=self._source.nodeid
+        )
+        # Set the type, because asyncua knows the base type of UtcTime only by its node.
+        self._events.event.data_types["ActiveState/TransitionTime"] = ua.VariantType.DateTime
+        self._refresh = [
+            await self._server.get_event_generator(kind)
+            for kind in (ua.ObjectIds.RefreshStartEventType, ua.ObjectIds.RefreshEndEventType)
+        ]
+        refresh = self._server.get_node(ua.ObjectIds.ConditionType_ConditionRefresh)
+        self._server.link_method(refresh, self._refresh_all)
+
+    async def show(self, alarms: Sequence[Alarm]) -> None:
+        """Send the alarms that changed since the last call."""
+        now = {alarm.id: alarm for alarm in alarms}
+        async with self._sending:
+            await self._send_changes(now)
+
+    async def _send_changes(self, now: Mapping[str, Alarm]) -> None:
+        for alarm in sorted(now.values(), key=lambda a: a.last_ns):
+            before = self._shown.get(alarm.id)
+            # The count of a lasting cause grows each time it is seen; a new count alone sends no event.
+            if before is None or _news(before) != _news(alarm):
+                await self._send(alarm, retain=True)
+        for gone in self._shown.keys() - now.keys():
+            await self._send(self._shown[gone], retain=False)
+        self._shown = dict(now)
+
+    async def _refresh_all(self, _parent: Any, subscription: Any) -> list[Any]:
+        """Send all alarms again to one subscription, between start and end events, for a client that connects late."""
+        start, end = self._refresh
+        async with self._sending:
+            await start.trigger(subscription_id=subscription.Value)
+            for alarm in self._shown.values():
+                await self._send(alarm, retain=True, subscription=subscription.Value)
+            await end.trigger(subscription_id=subscription.Value)
+        return []
+
+    async def _send(self, alarm: Alarm, *, retain: bool, subscription: int | None = None) -> None:
+        ua, event, source = self._ua, self._events.event, self._source.nodeid
+        active = alarm.active and retain
+        acknowledged = alarm.acknowledged or not retain
+        fields = {
+            "NodeId": ua.NodeId(f"{source.Identifier}.alarm.{alarm.id}", source.NamespaceIndex),
+            "ConditionName": alarm.id,
+            "ConditionClassId": ua.NodeId(ua.ObjectIds.ProcessConditionClassType),
+            "ConditionClassName": ua.LocalizedText("ProcessConditionClass"),
+            "BranchId": ua.NodeId(),
+            "Retain": retain,
+            "Message": ua.LocalizedText(f"{alarm.text}; {alarm.remedy}" if alarm.remedy else alarm.text),
+            "Severity": _SEVERITY[alarm.severity],
+            "EnabledState": ua.LocalizedText("Enabled"),
+            "EnabledState/Id": True,
+            "ActiveState": ua.LocalizedText("Active" if active else "Inactive"),
+            "ActiveState/Id": active,
+            "ActiveState/TransitionTime": moment(alarm.raised_ns if active else alarm.last_ns),
+            "AckedState": ua.LocalizedText("Acknowledged" if acknowledged else "Unacknowledged"),
+            "AckedState/Id": acknowledged,
+            "ClientUserId": alarm.acknowledged_by,
+            "Quality": ua.StatusCode(ua.StatusCodes.Good),
+        }
+        for name, value in fields.items():
+            setattr(event, name, value)
+        await self._events.trigger(subscription_id=subscription)
+
+
+def _news(alarm: Alarm) -> tuple[object, ...]:
+    return alarm.text, alarm.severity, alarm.active, alarm.acknowledged

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Damage, Other
-from mwd_surface.bags.mcap.encode import channel_record, header_record, message_prefix
 from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import FOOTER_BYTES, MAGIC, Attachment, Channel, FormatError, Opcode, Schema
-from mwd_surface.bags.mcap.writer import McapWriter
+from mwd_surface.bags.mcap.writer import McapWriter, channel_record, header_record, message_prefix
 
 START = 1_700_000_000_000_000_000
 

@@ -23,7 +23,9 @@ from mwd_surface.bags.mcap.decode import (
     parse_schema,
     parse_statistics,
 )
-from mwd_surface.bags.mcap.encode import (
+from mwd_surface.bags.mcap.records import Attachment, Channel, ChunkHead, ChunkIndex, FormatError, Schema, Statistics
+from mwd_surface.bags.mcap.walk import walk_plain, walk_records
+from mwd_surface.bags.mcap.writer import (
     attachment_record,
     channel_record,
     chunk_index_record,
@@ -34,8 +36,6 @@ from mwd_surface.bags.mcap.encode import (
     schema_record,
     statistics_record,
 )
-from mwd_surface.bags.mcap.records import Attachment, Channel, ChunkHead, ChunkIndex, FormatError, Schema, Statistics
-from mwd_surface.bags.mcap.walk import walk_plain, walk_records
 
 words = st.text(max_size=12)
 tables = st.dictionaries(words, words, max_size=4)

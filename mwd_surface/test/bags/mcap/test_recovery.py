@@ -20,8 +20,8 @@ from mwd_surface.bags.bag_files import BagFiles
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.encode import channel_record, chunk_prefix, header_record, message_prefix
 from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead, Opcode
+from mwd_surface.bags.mcap.writer import channel_record, chunk_prefix, header_record, message_prefix
 
 START = 1_700_000_000_000_000_000
 IMU = "sensor_msgs/msg/Imu"

@@ -5,7 +5,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
 from mwd_surface.bags.recorder.message_queue import OVERHEAD, Item
-from mwd_surface.bags.recorder.snapshot import SnapshotRing
+from mwd_surface.bags.recorder.recorder import SnapshotRing
 
 TYPE = "std_msgs/msg/String"
 

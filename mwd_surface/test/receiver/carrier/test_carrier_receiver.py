@@ -10,9 +10,8 @@ from carrier_runs import RATE_HZ, block_errors, decoded, tool_of, white
 
 import telemetry_limits as limits
 from mwd_sensors.simulator.carrier_tool import siren_run, transmit
-from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.mud_channel import MudChannel, Pump
 from mwd_sensors.simulator.mud_line import Well
-from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.carrier.carrier_receiver import CarrierReceiver
 

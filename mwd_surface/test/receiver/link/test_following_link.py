@@ -10,9 +10,9 @@ from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.link.following_link import FollowingLink
 from mwd_surface.receiver.link.link import Link
 from mwd_surface.receiver.link.link_attitude import AgeRules
+from mwd_surface.receiver.link.link_feed import FollowingLink
 
 pytestmark = pytest.mark.slow
 

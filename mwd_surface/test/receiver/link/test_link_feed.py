@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator import serial_channel
-from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.mud_channel import MudChannel, Pump
 from mwd_sensors.simulator.mud_line import Well
-from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING

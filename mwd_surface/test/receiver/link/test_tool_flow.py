@@ -8,7 +8,7 @@ import pytest
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.flow_spans import FlowSpans, Span
-from mwd_surface.receiver.link.tool_flow import ToolFlow
+from mwd_surface.receiver.link.link import ToolFlow
 
 PULSES = ToolConfiguration()
 THRESHOLD = PULSES.flow_threshold

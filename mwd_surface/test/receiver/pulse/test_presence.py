@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Presence of pulses after a sync: confirmed by words, faint while pulses are missing, hopeless without words."""
 
-from mwd_surface.receiver.pulse.presence import Evidence, Presence
+from mwd_surface.receiver.pulse.transmission import Evidence, Presence
 
 WORD, NOTHING = Evidence(60.0, 60.0, 5, 1), Evidence(-1.0, 60.0, 5, 1)
 

@@ -17,8 +17,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Permission
-from mwd_surface.rig.modbus.control import COMMAND, COMMAND_COUNT, REQUEST, REQUEST_COUNT
-from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.server import COMMAND, COMMAND_COUNT, REQUEST, REQUEST_COUNT, ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSettings
 
 pytestmark = pytest.mark.fault_case(89)

@@ -9,8 +9,8 @@ from example_surveys import START, S, survey, surveys
 
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder
+from mwd_surface.rig.wits.link import Wits0Schedule, Wits0Sender
 from mwd_surface.rig.wits.records import Wits0Format
-from mwd_surface.rig.wits.sender import Wits0Schedule, Wits0Sender
 from mwd_surface.surveys.survey_list import SurveyList
 
 
