@@ -16,5 +16,8 @@ class Alarms:
     def clear_alarm(self, alarm_id):
         self.book.clear(alarm_id, 2)
 
+    def set_alarms(self, prefix, causes):
+        self.book.sync(prefix, causes, 3)
+
     def active(self):
         return {alarm.id: alarm for alarm in self.book.alarms() if alarm.active}

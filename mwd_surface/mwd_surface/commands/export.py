@@ -158,7 +158,9 @@ def _table(
     from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.commands.reference_options import assignments
     from mwd_surface.exports.report_clearance import clearance_sections
+    from mwd_surface.exports.report_logs import health_section, log_section
     from mwd_surface.exports.survey_table import survey_table
+    from mwd_surface.runs.run_logs import run_logs
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 
     surveys, notes = surveys_of(source)
@@ -180,6 +182,10 @@ def _table(
     sections, remarks = clearance_sections(surveys, surveys.plan, bit_depth, leg)
     for note in remarks:
         terminal.warn(note)
+    found = run_logs(source, surveys.well.sensor_offset)
+    if found is not None:
+        made = (health_section(found[1]), log_section(found[0].curves()))
+        sections = (*sections, *(one for one in made if one is not None))
     table = survey_table(
         surveys,
         time.time_ns(),

@@ -14,7 +14,9 @@ from mwd_surface.commands.recording_options import Reading, Recording, input_set
 @reads_recording
 def log(
     recording: Recording,
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .las, .csv or .parquet.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File to write: .las, .csv, .parquet or .xml (WITSML).")
+    ],
     which: Annotated[
         str,
         typer.Option(
@@ -35,7 +37,7 @@ def log(
     reading: Reading,
 ) -> None:
     """
-    Write gamma and other log channels over depth: LAS 2.0, CSV or Parquet.
+    Write gamma and other log channels over depth: LAS 2.0, CSV, Parquet or WITSML.
 
     Each depth step has the mean, its 1 sigma, the time of measurement and the counts; gamma also has its sectors, the
     first centred on the high side. Depth steps without data stay empty and are named.
@@ -52,8 +54,9 @@ def log(
     from mwd_surface.commands import terminal
     from mwd_surface.logs.depth_log import PASSES
     from mwd_surface.logs.log_files import FORMATS, gap_lines
-    from mwd_surface.logs.recorded_log import merged, recorded_samples
+    from mwd_surface.logs.recorded_log import recorded_samples
     from mwd_surface.processing.log_estimate import channels_of, computed_samples
+    from mwd_surface.runs.player import recorded_depths, recorded_source
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
 
@@ -69,8 +72,10 @@ def log(
             settings = recorded.estimator or EstimatorSettings()
             samples = computed_samples(bag, settings, given, channels_of(tool), recorded)
         else:
-            samples = recorded_samples(bag, well)
-        found = merged(bag, samples, described.sensor_offset, well=well, step_m=step)
+            samples = recorded_samples(bag, well, recorded_source(bag))
+        found = recorded_depths(bag, well, step)
+        found.add(samples)
+        found.finish()
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](found, which, described))
     for line in gap_lines(found, which):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from pathlib import Path
 from typing import Annotated
@@ -46,7 +47,9 @@ def dump(
 def merge(
     run: Annotated[Path, typer.Argument(help="Recording of the run, with rig data and real-time log.")],
     memory: Annotated[Path, typer.Argument(help="Dump of the tool's memory.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Log to write: .las, .csv or .parquet.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Log to write: .las, .csv, .parquet or .xml (WITSML).")
+    ],
     which: Annotated[str, typer.Option("--pass", help="first, deepest or all, as for `mwd log`.")] = "first",
     step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
     well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the run has several.")] = "",
@@ -69,7 +72,8 @@ def merge(
     from mwd_surface.logs.depth_log import PASSES
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.memory_clock import memory_clock
-    from mwd_surface.logs.recorded_log import merged, recorded_samples
+    from mwd_surface.logs.recorded_log import recorded_samples
+    from mwd_surface.runs.player import recorded_depths, recorded_source
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
 
@@ -82,13 +86,15 @@ def merge(
         clock = memory_clock(memory_merge.rotation_of_rig(bag, well), memory_merge.rotation_of_memory(dumped))
         of_memory = memory_merge.in_run_time(recorded_samples(dumped), clock)
         try:
-            of_run = recorded_samples(bag, well)
+            of_run = recorded_samples(bag, well, recorded_source(bag))
         except BagError:
             of_run = []
         together = memory_merge.combined(of_run, of_memory)
-        logs = [
-            merged(bag, part, described.sensor_offset, well=well, step_m=step) for part in (of_run, together, of_memory)
-        ]
+        depths = recorded_depths(bag, well, step)
+        logs = [copy.deepcopy(depths) for _ in range(3)]
+        for log, part in zip(logs, (of_run, together, of_memory), strict=True):
+            log.add(part)
+            log.finish()
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
     say = terminal.output()

@@ -198,6 +198,7 @@ def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Pa
     # The truth does not pass the surface, which subscribes to no topic of the tool.
     parameters["sonde"]["truth_file"] = str(folder / "truth.csv")
     parameters["estimator"] |= {f"transmit.{name}": str(file) for name, file in files.items()}
+    parameters["surface"]["tool_file"] = str(files["tool_file"])
     if story.telemetry.tool.downlink is not None:
         parameters["surface"]["downlink.tool_file"] = str(files["tool_file"])
     parameters["surface"]["link.source"] = "best" if len(files) > 1 else story.telemetry.tool.link

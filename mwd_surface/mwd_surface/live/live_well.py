@@ -156,7 +156,7 @@ class LiveWell:
         self.diagnostics = DiagnosticsMonitor(context, full_name)
         self._supervision = SupervisionMonitor(context)
         self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
-        self.logs = LogMonitor(context, book)
+        self.logs = LogMonitor(context, book, settings.link.source)
         self._clearance = ClearanceMonitor(context, plan)
         self._advice = AdviceMonitor(context)
         self._said = SaidByTheSurface(context, book, self.diagnostics.survey_ended, self._use_depth_by_hand, said)
@@ -284,6 +284,7 @@ class LiveWell:
     def _on_rig_state(self, samples: Samples) -> Samples:
         paired, shown = self.inputs.in_force(samples)
         bit_depth = self.book.on_rig_state(paired)
+        self.logs.on_rig_state(samples, bit_depth)
         self.slides.on_rig_state(paired, bit_depth, self.book.surveys.well.sensor_offset)
         self._outlet.on_rig_state(samples)
         return shown

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log channels of a well while drilling: accepts samples and shows curves over depth."""
+"""Log channels of a well while drilling: accepts samples, shows curves over depth and the health of the tool."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import RIG_VALID
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.health_alarms import health_alarms
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_context import WellContext
+from mwd_surface.live.well_state import LEAST_FLOW
 from mwd_surface.logs.depth_log import FIRST
+from mwd_surface.logs.recorded_log import DIRECT, of_link
 
 _SHOWN = 2000  # number of depth steps of each channel that are shown, the deepest ones
 _CLEARED_S = 60.0  # s without another one after which the alarm of refused samples ends
@@ -17,17 +22,41 @@ _REMEDY = "compare the tool configuration with the tool, and see that the rig se
 
 
 class LogMonitor:
-    """Merges the log samples of a well by the depths of its survey book."""
+    """
+    Merges the log samples of a well by the depths of its survey book, and keeps the account of the tool's health.
 
-    def __init__(self, context: WellContext, book: SurveyBook) -> None:
-        self._live, self._log = context.live, book.logs
-        self._alarm_log = context.alarm_log
+    Parameters
+    ----------
+    context : WellContext
+    book : SurveyBook
+    source : str
+        Link whose samples count, as the setting `link.source`.
+    """
+
+    def __init__(self, context: WellContext, book: SurveyBook, source: str = DIRECT) -> None:
+        self._live, self._book, self._source = context.live, book, source
+        self._log, self._alarm_log = book.logs, context.alarm_log
+        self._health_ns = -1
         self._shown = 0
         self._refused, self._refused_at = 0, 0.0
 
     def on_sample(self, message: Any) -> None:
         """Accept a mwd_msgs/LogSample."""
-        self._log.add([LogSample.from_message(message)])
+        sample = LogSample.from_message(message)
+        if of_link(sample, self._source) and self._log.add([sample]):
+            self._book.health.add(sample)
+            if self._book.journal is not None:
+                self._book.journal.add_sample(sample)
+
+    def on_rig_state(self, samples: Samples, depth: float | None) -> None:
+        """Accept rig data, `wire.RIG_STATE`, for the duty of the battery; depth: of the bit, m, if it was accepted."""
+        for sample in samples:
+            pumping = is_pumping(sample)
+            if pumping is not None:
+                self._book.health.add_flow(int(sample["stamp_ns"]), pumping=pumping)
+        if len(samples) and self._book.journal is not None:
+            last = samples[-1]
+            self._book.journal.add_rig(int(last["stamp_ns"]), depth, is_pumping(last))
 
     def update(self, now: float) -> None:
         """Place the samples whose depth is known now, and show the curves if they changed."""
@@ -36,6 +65,12 @@ class LogMonitor:
             self._shown = self._log.version
             self._live.show(now, logs=self._log.curves(FIRST, _SHOWN), newest_logs=self._log.newest())
         self._tell_refused(now)
+        health = self._book.health.health()
+        # The rig tells its flow all the time: the numbers follow with the next sample.
+        if health.stamp_ns != self._health_ns:
+            self._health_ns = health.stamp_ns
+            self._live.show(now, tool_health=health)
+            self._alarm_log.set_alarms("tool.", health_alarms(health, self._book.health.battery))
 
     def _tell_refused(self, now: float) -> None:
         """Raise an alarm while samples are refused."""
@@ -46,3 +81,9 @@ class LogMonitor:
             self._alarm_log.raise_alarm("log.refused", Severity.WARNING, text, _REMEDY)
         elif refused and now - self._refused_at > _CLEARED_S:
             self._alarm_log.clear_alarm("log.refused")
+
+
+def is_pumping(sample: Any) -> bool | None:
+    """Return whether the rig pumps, by its flow; None if it does not tell the flow."""
+    known = bool(sample["valid"] & RIG_VALID["flow_rate"])
+    return float(sample["flow_rate"]) > LEAST_FLOW if known else None

@@ -147,6 +147,5 @@ class SaidByTheSurface:
         known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
         if hand.data_age == 0.0 or not known:
             self._on_depth_by_hand(hand.bit_depth)
-            self._book.depth.set_by_hand(set_ns, hand.bit_depth)
-            self._book.logs.add_depth(set_ns, hand.bit_depth)
+            self._book.set_depth_by_hand(set_ns, hand.bit_depth)
         self._by_hand_ns = set_ns

@@ -16,7 +16,9 @@ from mwd_surface.list_files.remark import RemarkKind, distinct
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.logs.depth_log import DepthLog
+from mwd_surface.logs.depth_log import STEP_M, DepthLog
+from mwd_surface.logs.log_journal import LogJournal
+from mwd_surface.logs.tool_health import HealthLedger
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
@@ -57,6 +59,8 @@ class SurveyBook:
     surveys : SurveyList
         The list to begin with.
     depth : DepthRules
+    log_step : float
+        Depth step of the logs, m.
 
     Attributes
     ----------
@@ -66,12 +70,25 @@ class SurveyBook:
         Bit depth over time.
     logs : DepthLog
         Log channels over depth.
+    health : HealthLedger
+        Account of the tool's health.
+    journal : LogJournal or None
+        Log samples on disk.
     """
 
-    def __init__(self, context: WellContext, plan: PlanMonitor, surveys: SurveyList, depth: DepthRules) -> None:
+    def __init__(
+        self,
+        context: WellContext,
+        plan: PlanMonitor,
+        surveys: SurveyList,
+        depth: DepthRules,
+        log_step: float = STEP_M,
+    ) -> None:
         self.depth = DepthTrack(depth)
         self.surveys = surveys
-        self.logs = DepthLog(surveys.well.sensor_offset, history=depth.history)
+        self.logs = DepthLog(surveys.well.sensor_offset, log_step, history=depth.history)
+        self.health = HealthLedger()
+        self.journal: LogJournal | None = None
         self._clock, self._live, self._alarm_log, self._outlet = (
             context.clock,
             context.live,
@@ -104,6 +121,18 @@ class SurveyBook:
             if accepted and self.depth.latest is not None:
                 self.logs.add_depth(*self.depth.latest)
         return self.bit_depth if accepted else None
+
+    def set_depth_by_hand(self, stamp_ns: int, bit_depth: float) -> None:
+        """
+        Accept a bit depth that a person has set, m, for surveys and logs.
+
+        Raises
+        ------
+        ValueError
+            See `DepthTrack.set_by_hand`.
+        """
+        self.depth.set_by_hand(stamp_ns, bit_depth)
+        self.logs.add_depth(stamp_ns, bit_depth)
 
     def on_sonde(self, samples: Samples) -> None:
         """Accept the time of samples of the sonde, to compare its clock with the rig's."""

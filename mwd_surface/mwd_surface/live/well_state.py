@@ -30,6 +30,7 @@ from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
+from mwd_surface.logs.tool_health import ToolHealth
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
@@ -39,7 +40,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 NO_STATUS = Status(0)
 # Far below what drills and far above what a sensor reads of standing mud.
-_LEAST_FLOW = 100e-3 / 60.0  # m^3/s
+LEAST_FLOW = 100e-3 / 60.0  # m^3/s
 _LEAST_PRESSURE = 1e6  # Pa
 
 
@@ -169,7 +170,7 @@ class RigState:
     @property
     def pumps_on(self) -> bool | None:
         """Whether mud is pumped, by flow or else by standpipe pressure; None where the rig reports neither."""
-        for measured, least in ((self.flow_rate, _LEAST_FLOW), (self.pressure, _LEAST_PRESSURE)):
+        for measured, least in ((self.flow_rate, LEAST_FLOW), (self.pressure, _LEAST_PRESSURE)):
             if measured.state == Freshness.LIVE and measured.value is not None:
                 return measured.value > least
         return None
@@ -324,6 +325,8 @@ class WellState:
         Log channels over depth, first pass.
     newest_logs : mapping of str to Newest
         Newest value of each log channel.
+    tool_health : ToolHealth
+        Battery, run time, exposures, self-tests and parts of the tool.
     changes : mapping of str to Change
         How often and when each part was set, by its name (a field of this class). A part that was never set is missing.
     """
@@ -363,6 +366,7 @@ class WellState:
     depth_log: Chart = dataclasses.field(default_factory=Chart)
     logs: tuple[Curve, ...] = ()
     newest_logs: Mapping[str, Newest] = dataclasses.field(default_factory=dict)
+    tool_health: ToolHealth = dataclasses.field(default_factory=ToolHealth)
     changes: Mapping[str, Change] = dataclasses.field(default_factory=dict)
 
     @property

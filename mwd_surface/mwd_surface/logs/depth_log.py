@@ -257,19 +257,22 @@ class DepthLog:
                 del column[: max(1, self._history // 4)]
             self._placed = None
 
-    def add(self, samples: Iterable[LogSample]) -> None:
-        """Add samples; those whose end is later than the last depth wait for the next one."""
+    def add(self, samples: Iterable[LogSample]) -> list[LogSample]:
+        """Add samples; those whose end is later than the last depth wait for the next one. Return the valid samples."""
+        valid = []
         for sample in samples:
             reason = self._fault(sample)
             if reason:
                 self._refuse(reason)
             else:
+                valid.append(sample)
                 self._units.setdefault(sample.channel, sample.unit)
                 heapq.heappush(self._waiting, (_end_ns(sample), next(self._arrivals), sample))
         self.advance()
         while len(self._waiting) > _MOST_WAITING:
             heapq.heappop(self._waiting)
             self._refuse(f"no depth of the bit came while {_MOST_WAITING} samples waited for it")
+        return valid
 
     def _refuse(self, reason: str) -> None:
         self.unusable[reason] = self.unusable.get(reason, 0) + 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Logs over depth as files: LAS 2.0, CSV and Parquet, with the same numbers in each."""
+"""Logs over depth as files: LAS 2.0, CSV, Parquet and WITSML, with the same numbers in each."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def parquet(log: DepthLog, which: str, well: Well) -> bytes:
 
     del well
     found = columns(log, which)
-    table = arrow.table({one.key: arrow.array(_printed(one.values), arrow.float64()) for one in found})
+    table = arrow.table({one.key: arrow.array(printed(one.values), arrow.float64()) for one in found})
     out = io.BytesIO()
     files.write_table(table, out)
     return out.getvalue()
@@ -120,7 +120,7 @@ def las(log: DepthLog, which: str, well: Well) -> bytes:
         file.params.append(item(f"X{len(file.params):02d}", value=count, descr=f"SAMPLES OF {name} WITHOUT DEPTH"))
     file.other = "\n".join(gap_lines(log, which))
     for one in found:
-        values = np.array([math.nan if v is None else v for v in _printed(one.values)])
+        values = np.array([math.nan if v is None else v for v in printed(one.values)])
         file.append_curve(one.mnemonic, values, unit=one.unit.replace(" ", "").upper(), descr=one.description)
     text = io.StringIO()
     depth = found[0].values
@@ -144,9 +144,21 @@ def _gap_line(curve: Curve) -> str:
     )
 
 
-def _printed(values: Sequence[float] | Array) -> list[float | None]:
+def printed(values: Sequence[float] | Array) -> list[float | None]:
+    """Return numbers as files have them, rounded; None for an unknown one."""
     cells = (fixed(float(value), _DECIMALS) for value in values)
     return [float(cell) if cell else None for cell in cells]
 
 
-FORMATS: dict[str, Callable[[DepthLog, str, Well], bytes]] = {".las": las, ".csv": csv, ".parquet": parquet}
+def _witsml(log: DepthLog, which: str, well: Well) -> bytes:
+    from mwd_surface.logs.log_witsml import witsml_log
+
+    return witsml_log(log, which, well)
+
+
+FORMATS: dict[str, Callable[[DepthLog, str, Well], bytes]] = {
+    ".las": las,
+    ".csv": csv,
+    ".parquet": parquet,
+    ".xml": _witsml,
+}

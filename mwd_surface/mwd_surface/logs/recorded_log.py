@@ -1,25 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log samples of a recording, merged by depth as the surface node merges them live."""
+"""Log samples of a recording, as the surface node used them live."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-
-from mwd_sensors.core import wire
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag, BagError
-from mwd_surface.logs.depth_log import STEP_M, DepthLog
-from mwd_surface.surveys.depth import DepthRules, DepthTrack
 
 TOPICS = ("log", "link/log")
 RIG = "rig/state"
+#: Settings `link.source` of a surface that hears the tool itself, and of one that hears all of its links.
+DIRECT, BEST = "direct", "best"
 
 
-def recorded_samples(bag: Bag, well: str = "") -> list[LogSample]:
+def of_link(sample: LogSample, source: str) -> bool:
+    """Return whether a surface with this setting `link.source` uses a sample."""
+    return source in (DIRECT, BEST) or sample.link in ("", source)
+
+
+def recorded_samples(bag: Bag, well: str = "", source: str = DIRECT) -> list[LogSample]:
     """
     Return the log samples that a recording holds, in order of recording.
 
     Those of the tool itself are preferred to those that a link brought. well: its namespace, if there are several.
+    source: the setting `link.source` of the surface.
 
     Raises
     ------
@@ -29,57 +32,12 @@ def recorded_samples(bag: Bag, well: str = "") -> list[LogSample]:
     for relative in TOPICS:
         name = topic_of(bag, relative, LogSample.MESSAGE, well)
         if name is not None:
-            return [LogSample.from_message(bag.decode(name, data)) for _, _, _, data in bag.messages([name])]
+            found = (LogSample.from_message(bag.decode(name, data)) for _, _, _, data in bag.messages([name]))
+            return [sample for sample in found if of_link(sample, source)]
     raise BagError(
         f"{bag.path} has no log samples" + (f" of {well}" if well else ""),
         "use `--compute` to compute them from the counts and the IMU, if it has these",
     )
-
-
-def merged(
-    bag: Bag,
-    samples: Iterable[LogSample],
-    sensor_to_bit: float,
-    *,
-    well: str = "",
-    rules: DepthRules | None = None,
-    step_m: float = STEP_M,
-) -> DepthLog:
-    """
-    Return samples merged by the depths of the rig in a recording.
-
-    sensor_to_bit: distance from the sonde to the bit, m, for channels that do not say where their sensor is.
-
-    Raises
-    ------
-    BagError
-        The recording has no rig data.
-    """
-    log, track = DepthLog(sensor_to_bit, step_m), DepthTrack(rules)
-    for stamp_ns, bit_depth in rig_depths(bag, well):
-        if track.update(stamp_ns, bit_depth) and track.latest is not None:
-            log.add_depth(*track.latest)
-    log.add(samples)
-    log.finish()
-    return log
-
-
-def rig_depths(bag: Bag, well: str = "") -> Iterator[tuple[int, float]]:
-    """
-    Yield stamp, ns, and bit depth, m, of each valid message of the rig, in order of recording.
-
-    Raises
-    ------
-    BagError
-        The recording has no rig data.
-    """
-    name = topic_of(bag, RIG, wire.RIG_STATE.type_name, well)
-    if name is None:
-        raise BagError(f"{bag.path} has no depth of the bit, {RIG}", "log samples need it: record the rig's data")
-    for _, _, _, data in bag.messages([name]):
-        row = wire.RIG_STATE.decode(data)[0]
-        if row["valid"] & wire.RIG_VALID["bit_depth"]:
-            yield int(row["stamp_ns"]), float(row["bit_depth"])
 
 
 def topic_of(bag: Bag, relative: str, type_name: str, well: str = "") -> str | None:

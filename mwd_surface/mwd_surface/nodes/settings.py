@@ -52,6 +52,12 @@ class SurfaceSettings:
         "Refuse to start if the page cannot be served; false: raise an alarm and try again every 5 s",
         fixed=True,
     )
+    tool_file: str = setting(
+        "",
+        "Tool configuration (tool.yaml) whose section `health` states battery, limits and parts of the tool. Empty: "
+        "figures of a usual kit, shown as assumed",
+        fixed=True,
+    )
     link: LinkSettings = setting(LinkSettings, "How the surface receives the tool")
     well: Well = setting(Well, "The well")
     plan: PlanSettings = setting(PlanSettings, "The planned well path")

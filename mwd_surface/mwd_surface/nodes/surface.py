@@ -9,6 +9,7 @@ them with the topics.
 from __future__ import annotations
 
 import concurrent.futures
+import json
 import math
 import platform
 import time
@@ -43,6 +44,11 @@ from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext
+from mwd_surface.logs.log_journal import NAME as JOURNAL
+from mwd_surface.logs.log_journal import LogJournal
+from mwd_surface.logs.tool_health import HealthLedger
+from mwd_surface.logs.tool_table import FILE as TOOL_FILE
+from mwd_surface.logs.tool_table import TOOL, limits_table, read_limits
 from mwd_surface.nodes.control_server import ControlServer
 from mwd_surface.nodes.downlink_server import DownlinkServer
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
@@ -134,6 +140,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         earlier, bad = read_stretches(slide_file)
         if bad:
             outlet.alarm_log.log_event("slide sheet", f"{bad} lines of {slide_file} cannot be read", Severity.WARNING)
+        self._tool_limits = read_limits(settings.tool_file)
+        book = self._surveys
+        book.health = HealthLedger(self._tool_limits)
+        (folder / "surveys" / TOOL_FILE).write_text(json.dumps(limits_table(self._tool_limits)), encoding="utf-8")
+        book.journal = self._closed_on_cleanup(LogJournal(folder / "surveys" / JOURNAL))
+        book.journal.restore(book.logs, book.health)
         self._well = LiveWell(
             well_context,
             settings,
@@ -190,7 +202,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "node": self.get_fully_qualified_name(),
             "python": platform.python_version(),
         }
-        return {"mwd": versions, **self._parameter_tables.tables()}
+        return {"mwd": versions, TOOL: limits_table(self._tool_limits), **self._parameter_tables.tables()}
 
     def _open_topics(self) -> None:
         of_graph = (self._outlet, self._surveys, self._recording, self._parameter_tables)

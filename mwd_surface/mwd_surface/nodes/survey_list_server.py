@@ -193,7 +193,7 @@ class SurveyListServer(SurveyBook):
             response.success, response.message = False, "operator_name: must not be empty: it goes into the log"
             return response
         try:
-            self.depth.set_by_hand(self._decided_ns, request.bit_depth)
+            self.set_depth_by_hand(self._decided_ns, request.bit_depth)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response

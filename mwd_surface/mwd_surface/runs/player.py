@@ -17,7 +17,7 @@ from typing import Any
 from mwd_sensors.core import wire
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.settings import changed
-from mwd_surface.bags.bag_reader import Bag, Message
+from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
@@ -29,6 +29,10 @@ from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.live.well_state import WellState
+from mwd_surface.logs.depth_log import STEP_M, DepthLog
+from mwd_surface.logs.recorded_log import DIRECT, RIG, topic_of
+from mwd_surface.logs.tool_health import HealthLedger
+from mwd_surface.logs.tool_table import TOOL, recorded_limits
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
@@ -41,6 +45,7 @@ from mwd_surface.trajectory.slide_file import SLIDES, recorded_stretches
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
 _LINK_ATTITUDE = "link/attitude"
+_ALL_DEPTHS = 10**9  # number of depths that no recording has
 _STEP_S = 5.0  # seconds of the recording that are read at a time
 
 
@@ -73,6 +78,12 @@ def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
     return RecordedWell(link=LinkSettings("best")) if over_link else RecordedWell()
 
 
+def recorded_source(bag: Bag) -> str:
+    """Return the setting `link.source` of the surface of a recording; that of a tool heard directly if unknown."""
+    settings = recorded_sections(bag, RecordedWell())
+    return DIRECT if settings is None else settings.link.source
+
+
 class _Simulated(WellOutlet):
     """Stand-in that knows only that a simulator made the data."""
 
@@ -96,6 +107,10 @@ class Player:
         Plan of the well.
     said : collection of str
         Topics of the surface itself whose recorded content is shown; other results of the surface are computed again.
+    only : frozenset of str, optional
+        Topics to play; None plays all.
+    log_step : float
+        Depth step of the logs, m.
 
     Attributes
     ----------
@@ -114,8 +129,11 @@ class Player:
         plan: Plan | None = None,
         *,
         said: frozenset[str] = SAID,
+        only: frozenset[str] | None = None,
+        log_step: float = STEP_M,
     ) -> None:
         self._bag, self._namespace, self._plan = bag, namespace, plan
+        self._only, self._log_step = only, log_step
         self._settings = settings or recorded_well(bag, namespace)
         self._said = frozenset(topic for topic in said if self._count(topic))
         self.length_s = bag.duration_s
@@ -136,9 +154,10 @@ class Player:
         planned = PlanMonitor(context)
         planned.plan = self._plan
         begun = arranged(SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg)
-        book = SurveyBook(context, planned, begun, settings.depth)
-        full_name = f"{self._namespace}surface"
+        book = SurveyBook(context, planned, begun, settings.depth, self._log_step)
         tables = self._bag.metadata()
+        book.health = HealthLedger(recorded_limits(tables.get(TOOL, {})))
+        full_name = f"{self._namespace}surface"
         self.well = LiveWell(
             context,
             settings,
@@ -155,7 +174,7 @@ class Player:
         self.well.diagnostics.show_well(settings.well)
         planned.show_plan()
         book.show()
-        topics = {self._full(topic): topic for topic in self.well.topics}
+        topics = {self._full(topic): topic for topic in self.well.topics if self._only is None or topic in self._only}
         self._names = {full: topic for full, topic in topics.items() if full in self._bag.topics}
         self._messages: Iterator[Message] = self._bag.messages(list(self._names)) if self._names else iter(())
         self._next: Message | None = next(self._messages, None)
@@ -195,6 +214,31 @@ class Player:
     def state(self) -> WellState:
         """State of the well at this moment."""
         return self.well.state()
+
+
+def recorded_depths(bag: Bag, well: str = "", step_m: float = STEP_M) -> DepthLog:
+    """
+    Return a log without samples that has the depths of the bit of a recording, as the live surface had them.
+
+    The rules, the source of rig data and the depths set by hand are those of the recording. well: its namespace, if
+    there are several. step_m: depth step, m.
+
+    Raises
+    ------
+    BagError
+        The recording has no rig data.
+    """
+    name = topic_of(bag, RIG, wire.RIG_STATE.type_name, well)
+    if name is None:
+        raise BagError(f"{bag.path} has no depth of the bit, {RIG}", "log samples need it: record the rig's data")
+    namespace = name.removesuffix(RIG)
+    settings = recorded_well(bag, namespace)
+    settings = dataclasses.replace(settings, depth=dataclasses.replace(settings.depth, history=_ALL_DEPTHS))
+    player = Player(bag, namespace, settings, only=frozenset({RIG, "inputs"}), log_step=step_m)
+    player.seek(player.length_s)
+    # The last second is not a whole cell of time.
+    player.well.advance(bag.start_ns + round(bag.duration_s * 1e9) + wire.NANOSECONDS)
+    return player.well.book.logs
 
 
 @dataclasses.dataclass

@@ -12,6 +12,7 @@ from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.logs.depth_log import DepthLog
+from mwd_surface.logs.tool_health import HealthLedger
 
 S = 10**9
 T0 = 10**18
@@ -25,7 +26,9 @@ def message(at_s=50.0, **more):
 @pytest.mark.parametrize("offset", [math.inf, -math.inf, -1e9, 1e9])
 def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goes_on(offset):
     alarms, live, logs = Alarms(), LiveState(), DepthLog()
-    monitor = LogMonitor(SimpleNamespace(live=live, alarm_log=alarms), SimpleNamespace(logs=logs))
+    monitor = LogMonitor(
+        SimpleNamespace(live=live, alarm_log=alarms), SimpleNamespace(logs=logs, health=HealthLedger(), journal=None)
+    )
     for at in range(101):
         logs.add_depth(T0 + at * S, 1000.0)
     monitor.on_sample(message(sensor_to_bit=offset))

@@ -7,6 +7,7 @@ import io
 import lasio
 import numpy as np
 import pytest
+from lxml import etree
 from pyarrow import parquet
 from typer.testing import CliRunner
 
@@ -20,12 +21,13 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 from mwd_surface.logs.depth_log import FIRST
-from mwd_surface.logs.recorded_log import merged, recorded_samples
+from mwd_surface.logs.recorded_log import recorded_samples
+from mwd_surface.logs.tool_health import HealthLedger
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.log_estimate import computed_samples
 from mwd_surface.runs import simulate
-from mwd_surface.runs.player import Player
+from mwd_surface.runs.player import Player, recorded_depths
 from mwd_surface.runs.simulate import estimator_settings
 from mwd_surface.surveys.recorded_settings import recorded_settings
 
@@ -39,6 +41,7 @@ date: 2026-03-01T06:00:00
 precision: null
 well: {stations: [[0.0, 88.0, 40.0], [600.0, 88.0, 40.0]], bit_m: 100.0, sensor_to_bit_m: 3.0}
 gamma: {formation: [[0.0, 40.0], [101.0, 150.0]], by: md, sensor_to_bit_m: 2.0}
+battery: {used_ah: 1.0}
 schedule:
   - {kind: still, seconds: 11.0}
   - {kind: drill, seconds: 40.0, rpm: 90.0, rop_m_h: 432.0}
@@ -56,6 +59,7 @@ def live_samples(seconds):
         pipeline.push_temperature(block["imu/temperature"])
         output = pipeline.push_imu(block["imu/data_raw"])
         sampler.push("counts", block[wire.GAMMA_TOPIC])
+        sampler.push("status", block[wire.STATUS_TOPIC])
         sampler.push("temperature", block["imu/temperature"])
         sampler.push("dynamics", output.dynamics)
         found += sampler.advance(output.attitude)
@@ -92,7 +96,7 @@ def test_live_and_computed_samples_are_the_same(live, bags):
     with Bag(bags[0]) as bag:
         recorded = recorded_settings(bag)
         computed = computed_samples(bag, recorded.estimator, InputSettings(), dict(CHANNELS), recorded)
-    assert {sample.channel for sample in computed} == {"gamma", "inclination", "temperature", "lateral_vibration"}
+    assert {sample.channel for sample in computed} == set(CHANNELS)
     assert computed == live == live_samples(5.0)
 
 
@@ -102,8 +106,16 @@ def test_the_viewed_log_is_that_of_the_recorded_samples(bags):
         player.seek(player.length_s)
         viewed = player.state().logs
         table = StateJson().snapshot(player.state())["sections"]["logs"]
-        samples = recorded_samples(bag, "w1")
-        afterwards = merged(bag, samples, 3.0, well="w1").curves(FIRST)
+        health = HealthLedger()
+        log = recorded_depths(bag, "w1")
+        for sample in recorded_samples(bag, "w1"):
+            log.add([sample])
+            health.add(sample)
+        afterwards = log.curves(FIRST)
+        shown = player.state().tool_health
+        assert shown.exposures == health.health().exposures
+        assert shown.failed_tests == ()
+        assert shown.battery.used == pytest.approx(3600.0, rel=0.1)
     assert [curve.channel for curve in viewed] == [curve.channel for curve in afterwards]
     for one, two in zip(viewed, afterwards, strict=True):
         for field in dataclasses.fields(one):
@@ -113,7 +125,7 @@ def test_the_viewed_log_is_that_of_the_recorded_samples(bags):
 
 
 def test_the_bed_stands_at_its_depth_in_every_file(bags, tmp_path):
-    for ending in ("las", "csv", "parquet"):
+    for ending in ("las", "csv", "parquet", "xml"):
         done = CliRunner().invoke(app, ["log", str(bags[0]), "-o", str(tmp_path / f"g.{ending}"), "--compute"])
         assert done.exit_code == 0, done.output
     las = lasio.read(io.StringIO((tmp_path / "g.las").read_text()))
@@ -126,10 +138,17 @@ def test_the_bed_stands_at_its_depth_in_every_file(bags, tmp_path):
     for part, true in ((above, 40.0), (below, 150.0)):
         # Steps share samples, so their errors are not independent.
         assert np.abs(gamma[part].mean() - true) < 3.0 * sigma[part].mean()
+    name = "{http://www.witsml.org/schemas/1series}"
+    log = etree.parse(tmp_path / "g.xml").getroot().find(f"{name}log")
+    at = log.findtext(f"{name}logData/{name}mnemonicList").split(",").index("GR")
+    cells = [one.text.split(",")[at] for one in log.iterfind(f"{name}logData/{name}data")]
+    np.testing.assert_array_equal([float(cell) if cell else np.nan for cell in cells], gamma)
+    assert [one.findtext(f"{name}mnemonic") for one in log.iterfind(f"{name}logCurveInfo")][:1] == ["DEPT"]
     table = parquet.read_table(tmp_path / "g.parquet").to_pydict()
     np.testing.assert_array_equal(np.array(table["gamma"], dtype=float), gamma)
     rows = (tmp_path / "g.csv").read_text().splitlines()
-    assert rows[0].split(",")[:3] == ["md_m", "gamma_gAPI", "gamma_sigma_gAPI"]
+    assert rows[0].split(",")[0] == "md_m"
+    assert {"gamma_gAPI", "gamma_sigma_gAPI", "battery_voltage_V", "consumed_charge_C"} <= set(rows[0].split(","))
     assert float(rows[1].split(",")[0]) == depth[0]
     assert np.nanmean(las["INCL"]) == pytest.approx(88.0, abs=1.0)
 

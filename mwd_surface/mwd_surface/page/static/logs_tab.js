@@ -6,8 +6,9 @@ import * as units from "./units.js";
 import { say, t } from "./words.js";
 
 // Kind of the numbers by the unit of a channel; another unit is shown as it comes.
-const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation" };
-const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration") };
+const KIND = { rad: "angle", degC: "temperature", "m/s^2": "vibration", "rad/s": "rotation", V: "voltage", A: "current", C: "charge" };
+const TITLE = { gamma: t("Gamma"), inclination: t("Inclination"), temperature: t("Temperature"), lateral_vibration: t("Vibration"), battery_voltage: t("Battery"), consumed_charge: t("Charge used") };
+const ORDER = Object.keys(TITLE);
 const GAP = 14; // px between tracks
 const MOST_SHOWN = 300; // m of hole at most
 const [SATURATED, ONE_SIDED] = [4, 16]; // qualities, as in mwd_msgs/LogSample
@@ -19,7 +20,8 @@ const symbol = (unit) => (KIND[unit] ? units.unit(KIND[unit]) : unit.replace("gA
 
 export function showLogs(sections) {
   const place = byId("tab-logs");
-  const channels = sections.logs?.channels || [];
+  const rank = (c) => (ORDER.includes(c.name) ? ORDER.indexOf(c.name) : ORDER.length);
+  const channels = [...(sections.logs?.channels || [])].sort((a, b) => rank(a) - rank(b));
   if (place.hidden) return;
   if (!channels.length) {
     place.replaceChildren(el("p", { class: "empty" }, t("No logs yet: they grow with the samples of the tool while the rig sends its depth.")));

@@ -12,6 +12,7 @@ import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell }
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
 import { showLogs } from "./logs_tab.js";
+import { showTool } from "./tool_tab.js";
 import { showPath } from "./path_tab.js";
 import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
@@ -82,6 +83,7 @@ const SHOW = {
   advice: showControlAndAdvice,
   depth_log: showCharts,
   logs: showLogs,
+  tool_health: showTool,
   path: (sections) => { showSurveys(); showWellPath(); showOffPlan(sections); },
   plan: (sections) => { showWellPath(); showOffPlan(sections); },
   alarms: showAlarmsAndEvents,

@@ -5,7 +5,7 @@ import { current, fills, setView, startView } from "./view.js";
 import { t } from "./words.js";
 
 const TABS = [
-  ["surveys", t("Surveys")], ["path", t("Path")], ["charts", t("Charts")], ["logs", t("Logs")], ["steering", t("Steering")], ["link", t("Link")], ["alarms", t("Alarms")], ["system", t("System")], ["controls", t("Operator")],
+  ["surveys", t("Surveys")], ["path", t("Path")], ["charts", t("Charts")], ["logs", t("Logs")], ["tool", t("Tool")], ["steering", t("Steering")], ["link", t("Link")], ["alarms", t("Alarms")], ["system", t("System")], ["controls", t("Operator")],
 ];
 const NAMES = TABS.map(([key]) => key);
 

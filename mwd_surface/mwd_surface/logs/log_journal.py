@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Log samples on disk, so that a surface node that starts again has the log and the health of the tool from before.
+
+The file holds one JSON value a line: a sample, or once a second the depth of the bit and whether the rig pumps. A line
+that a power cut has torn is left out. The file is bounded: where it grows too long, its older half is dropped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any, TextIO
+
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_surface.logs.depth_log import DepthLog
+from mwd_surface.logs.tool_health import HealthLedger
+
+NAME = "log_samples.jsonl"
+_MOST_BYTES = 64 * 1024 * 1024  # about a week
+_FIELDS = frozenset(field.name for field in dataclasses.fields(LogSample))
+
+
+class LogJournal:
+    """
+    Journal of one well; call `close` at the end.
+
+    Parameters
+    ----------
+    path : Path
+    most_bytes : int
+        Size at which the older half is dropped when it is opened.
+
+    Attributes
+    ----------
+    unreadable : int
+        Lines that were left out when it was read.
+    """
+
+    def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
+        self.unreadable = 0
+        self._lines: list[str] = []
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists():
+            data = path.read_bytes()
+            if len(data) > most_bytes:
+                data = data[data.find(b"\n", len(data) // 2) + 1 :]
+                fresh = path.with_suffix(".writing")
+                fresh.write_bytes(data)
+                fresh.replace(path)
+            self._lines = data.decode(errors="replace").splitlines()
+        self._file: TextIO | None = path.open("a", encoding="utf-8")
+        if self._lines and not data.endswith(b"\n"):
+            self._file.write("\n")
+        self._rig_ns = 0
+
+    @classmethod
+    def read(cls, path: Path) -> LogJournal:
+        """Return the journal of a finished run, which changes nothing on the disk."""
+        made = cls.__new__(cls)
+        made.unreadable, made._file, made._rig_ns = 0, None, 0
+        made._lines = path.read_bytes().decode(errors="replace").splitlines()
+        return made
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def restore(self, log: DepthLog, health: HealthLedger) -> None:
+        """Hand all that the file held to a log and to an account of the tool's health."""
+        for line in self._lines:
+            try:
+                self._restore(json.loads(line), log, health)
+            except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+                self.unreadable += 1
+        self._lines = []
+
+    def _restore(self, row: Any, log: DepthLog, health: HealthLedger) -> None:
+        if "at" in row:
+            stamp_ns, depth, pumping = int(row["at"]), row["bit"], row["pumping"]
+            if depth is not None:
+                log.add_depth(stamp_ns, float(depth))
+            if pumping is not None:
+                health.add_flow(stamp_ns, pumping=bool(pumping))
+            return
+        sample = LogSample(**{name: _read(value) for name, value in row.items() if name in _FIELDS})
+        for valid in log.add([sample]):
+            health.add(valid)
+
+    def add_sample(self, sample: LogSample) -> None:
+        """Write a sample."""
+        self._write({name: _written(value) for name, value in vars(sample).items()})
+
+    def add_rig(self, stamp_ns: int, bit_depth: float | None, pumping: bool | None) -> None:
+        """Write depth of the bit, m, and whether the rig pumps, once a second; None: unknown."""
+        if not 0 <= stamp_ns - self._rig_ns < NANOSECONDS:
+            self._rig_ns = stamp_ns
+            self._write({"at": stamp_ns, "bit": bit_depth, "pumping": pumping})
+
+    def _write(self, row: dict[str, Any]) -> None:
+        if self._file is None:
+            raise ValueError("the journal was opened to be read")
+        self._file.write(json.dumps(row, allow_nan=False, separators=(",", ":")) + "\n")
+        self._file.flush()
+
+
+def _written(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    return [_written(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _read(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_read(one) for one in value)
+    return float(value) if value in ("nan", "inf", "-inf") else value

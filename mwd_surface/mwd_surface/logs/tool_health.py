@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Health of the tool from its log samples: battery, run time, exposure to temperature and vibration, self-tests, parts.
+
+The dose of an exposure is the sum of the times at each level over the time that the tool stands at that level, so that
+1 uses the tool up (M. A. Miner, Cumulative Damage in Fatigue, J. Appl. Mech. 12, 1945). Time without a sample is not in
+it: the observed time is stated beside the run time.
+
+The charge comes from the counter of the tool, or else from the duty: the times with the pumps on and off, and the
+currents of the tool file. A charge drawn at a temperature uses the share of the capacity at that temperature.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+from collections import Counter
+
+from mwd_sensors.core.wire import NANOSECONDS, SELF_TESTS
+from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, LogSample
+from mwd_sensors.telemetry.tool_limits import EXPOSURES, Battery, ExposureLimit, Part, ToolLimits
+
+_HOUR_S = 3600.0
+# Longest time between two samples over which the value holds, s: words come in turn. A tool warms slowly.
+_HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
+_FLOW_HELD_S = 60.0  # s between two messages of the rig over which the pumps stay as they are
+_LEAST_COUNTED_S = 600.0  # s of counted charge from which the current of the tool is known
+# 1 sigma of the figures of a usual kit, as shares, where the tool file states no battery.
+_ASSUMED = Battery(capacity_sigma=0.25, current_sigma=0.4)
+_ROOM_C = 25.0
+_MOST_SOURCES, _MOST_BINS = 64, 100
+
+
+@dataclasses.dataclass(frozen=True)
+class BatteryHealth:
+    """
+    Battery of the tool. Unknown numbers are NaN.
+
+    Attributes
+    ----------
+    voltage, sigma_voltage : float
+        Newest voltage and its 1 sigma, V.
+    used, sigma_used : float
+        Used charge and its 1 sigma, C.
+    capacity : float
+        Capacity at the temperature, C.
+    current : float
+        Mean current on which the remaining time rests, A.
+    remaining, sigma_remaining : float
+        Time until the battery is used at this temperature and mean current, and its 1 sigma, s.
+    remaining_active, remaining_idle : float
+        The same with the pumps always on, and always off, s.
+    assumed : tuple of str
+        Sentences on what is assumed; empty if the time rests on the tool file and on measurements alone.
+    """
+
+    voltage: float
+    sigma_voltage: float
+    used: float
+    sigma_used: float
+    capacity: float
+    current: float
+    remaining: float
+    sigma_remaining: float
+    remaining_active: float
+    remaining_idle: float
+    assumed: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Exposure:
+    """
+    Exposure of the tool to one quantity.
+
+    Attributes
+    ----------
+    source, unit : str
+    newest, largest : float
+        Newest and largest sample.
+    observed : float
+        Time for which there are samples, s.
+    bins : tuple of (float, float)
+        Histogram: lower edge of each filled bin, rising, and the time in it, s.
+    width : float
+        Width of a bin.
+    dose : float
+        Share of the life that is used; 1 is the limit.
+    limit : float
+        Level from which on life is used.
+    assumed : bool
+        Whether the limit is that of a usual kit, because the tool file states none.
+    """
+
+    source: str
+    unit: str
+    newest: float
+    largest: float
+    observed: float
+    bins: tuple[tuple[float, float], ...]
+    width: float
+    dose: float
+    limit: float
+    assumed: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class PartHealth:
+    """A part of the tool: serial number, day of calibration (empty: none), days for which it is overdue."""
+
+    name: str
+    serial_number: str
+    calibrated: str
+    overdue_days: int
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolHealth:
+    """
+    Health of the tool.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        End of the newest sample, ns; 0 before the first.
+    run_time : float
+        Run time of the electronics: their own counter, else the time since the first sample, s; NaN before it.
+    pumping : float
+        Time with the pumps on, s; NaN if the rig has not told it.
+    battery : BatteryHealth or None
+        None if neither the tool nor its file tells of a battery.
+    exposures : tuple of Exposure
+    failed_tests : tuple of str or None
+        Self-tests that have failed, by name; None: the tool has reported none.
+    parts : tuple of PartHealth
+    """
+
+    stamp_ns: int = 0
+    run_time: float = math.nan
+    pumping: float = math.nan
+    battery: BatteryHealth | None = None
+    exposures: tuple[Exposure, ...] = ()
+    failed_tests: tuple[str, ...] | None = None
+    parts: tuple[PartHealth, ...] = ()
+
+
+class _Series:
+    """One quantity: its newest sample, and the time at each level."""
+
+    def __init__(self, sample: LogSample, limit: ExposureLimit | None, width: float) -> None:
+        self.unit, self._limit, self.width = sample.unit, limit, width
+        self.end_ns = self.newest_ns = -(2**63)
+        self.newest = self.sigma = math.nan
+        self.largest = -math.inf
+        self.dose = self.seconds = 0.0
+        self.bins: Counter[int] = Counter()
+
+    def add(self, sample: LogSample, held_s: float) -> float:
+        """Add a sample, and return the time since the former one that it stands for, s."""
+        half = round(0.5 * sample.span * NANOSECONDS)
+        begin, end = sample.stamp_ns - half, sample.stamp_ns + half
+        if sample.stamp_ns > self.newest_ns:
+            self.newest, self.sigma, self.newest_ns = sample.value, sample.sigma, sample.stamp_ns
+        # A sample stands for the time since the former one, where that is near; else for its own interval.
+        near = 0 < begin - self.end_ns <= held_s * NANOSECONDS
+        seconds = max(0.0, (end - (self.end_ns if near else max(begin, self.end_ns))) / NANOSECONDS)
+        self.end_ns = max(self.end_ns, end)
+        self.largest = max(self.largest, sample.value)
+        if self._limit is not None and seconds:
+            self.seconds += seconds
+            self.dose += seconds / (_HOUR_S * self._limit.allowed_h(sample.value))
+            self.bins[min(max(math.floor(sample.value / self.width), -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
+        return seconds
+
+
+class HealthLedger:
+    """
+    Account of one tool.
+
+    Parameters
+    ----------
+    limits : ToolLimits, optional
+        Section `health` of the tool file; None: there is no file.
+
+    Attributes
+    ----------
+    battery : Battery
+        Figures of the battery in force.
+    """
+
+    def __init__(self, limits: ToolLimits | None = None) -> None:
+        self._limits = limits or ToolLimits()
+        self._limited = dict(self._limits.exposures or EXPOSURES)
+        self.battery = self._limits.battery or _ASSUMED
+        self._series: dict[str, _Series] = {}
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._flow: tuple[int, bool] | None = None
+        self._pumping_s = self._standing_s = 0.0
+        self._by_duty = _Charge(self.battery)
+        self._counted = _Charge(self.battery)
+        self._count: tuple[int, float] | None = None
+        self._failed = 0
+
+    def add(self, sample: LogSample) -> None:
+        """Add a sample, in order of arrival; of another tool's or a wrong unit it is ignored."""
+        source = sample.source or sample.channel
+        if not math.isfinite(sample.value) or (source not in self._series and len(self._series) >= _MOST_SOURCES):
+            return
+        if source not in self._series:
+            limit = self._limited.get(source)
+            self._series[source] = _Series(sample, limit, 1.0 if limit is None else _bin_width(limit.hours[0][0]))
+        series = self._series[source]
+        if sample.unit != series.unit:
+            return
+        series.add(sample, _HELD_TEMPERATURE_S if source == "temperature" else _HELD_S)
+        self._first_ns = min(self._first_ns or sample.stamp_ns, sample.stamp_ns)
+        self._last_ns = max(self._last_ns, series.end_ns)
+        if source == "consumed_charge":
+            self._count_charge(sample)
+        elif source == "failed_self_tests":
+            self._failed |= int(sample.value)
+
+    def _count_charge(self, sample: LogSample) -> None:
+        if self._count is None:
+            # The counter holds what was used before the run, at temperatures that nobody knows.
+            self._counted.use(sample.value, 0.0, _ROOM_C)
+        elif sample.stamp_ns > self._count[0] and sample.value >= self._count[1]:
+            seconds = (sample.stamp_ns - self._count[0]) / NANOSECONDS
+            self._counted.use(sample.value - self._count[1], seconds, self._temperature)
+        if self._count is None or sample.stamp_ns > self._count[0]:
+            self._count = (sample.stamp_ns, sample.value)
+
+    def add_flow(self, stamp_ns: int, *, pumping: bool) -> None:
+        """Add whether the pumps are on, in order of time."""
+        if self._flow is not None and stamp_ns <= self._flow[0]:
+            return
+        if self._flow is not None:
+            seconds = (stamp_ns - self._flow[0]) / NANOSECONDS
+            # While the rig is silent the tool may run: the larger current is the safe one.
+            on = self._flow[1] or seconds > _FLOW_HELD_S
+            self._pumping_s += seconds if self._flow[1] and seconds <= _FLOW_HELD_S else 0.0
+            self._standing_s += seconds
+            current = self.battery.active_a if on else self.battery.idle_a
+            self._by_duty.use(current * seconds, seconds, self._temperature)
+        self._flow = (stamp_ns, pumping)
+
+    @property
+    def _temperature(self) -> float:
+        """Newest temperature, degC; room temperature if unknown."""
+        series = self._series.get("temperature")
+        return _ROOM_C if series is None else series.newest
+
+    def health(self, day: datetime.date | None = None) -> ToolHealth:
+        """Return the health of the tool; day: on which the calibrations must hold, by default that of the samples."""
+        since = math.nan if self._first_ns is None else (self._last_ns - self._first_ns) / NANOSECONDS
+        if day is None and self._last_ns:
+            day = datetime.datetime.fromtimestamp(self._last_ns / NANOSECONDS, datetime.UTC).date()
+        counter = self._series.get("run_time")
+        return ToolHealth(
+            stamp_ns=self._last_ns,
+            run_time=since if counter is None else counter.newest,
+            pumping=math.nan if self._flow is None else self._pumping_s,
+            battery=self._battery_health(since),
+            exposures=tuple(self._exposure(name) for name in self._limited if name in self._series),
+            failed_tests=(
+                tuple(name for bit, name in SELF_TESTS.items() if self._failed & bit)
+                if "failed_self_tests" in self._series
+                else None
+            ),
+            parts=tuple(_part(name, part, day) for name, part in self._limits.parts.items()),
+        )
+
+    def _exposure(self, name: str) -> Exposure:
+        series = self._series[name]
+        return Exposure(
+            source=name,
+            unit=series.unit,
+            newest=series.newest,
+            largest=series.largest,
+            observed=series.seconds,
+            bins=tuple((index * series.width, float(seconds)) for index, seconds in sorted(series.bins.items())),
+            width=series.width,
+            dose=series.dose,
+            limit=self._limited[name].hours[0][0],
+            assumed=not self._limits.exposures,
+        )
+
+    def _battery_health(self, since_s: float) -> BatteryHealth | None:
+        voltage = self._series.get(BATTERY_VOLTAGE)
+        if voltage is None and self._count is None and self._limits.battery is None:
+            return None
+        item, assumed = self.battery, []
+        if self._limits.battery is None:
+            assumed.append("the tool file states no battery: capacity and currents of a usual kit")
+        temperature = self._temperature
+        share = item.share(temperature)
+        spread = 0.0
+        if "temperature" not in self._series:
+            assumed.append(f"the temperature is not known: {_ROOM_C:.0f} degC")
+            shares = [row[1] for row in item.by_temperature]
+            spread = (max(shares) - min(shares)) / math.sqrt(12.0)
+        charge, scale = self._counted, item.counter_sigma
+        if self._count is None:
+            charge, scale = self._by_duty, item.current_sigma
+            if self._flow is None:
+                assumed.append("neither the charge nor the flow is known: pumps on since the first sample")
+                charge = _Charge(item)
+                charge.use(item.active_a * (0.0 if math.isnan(since_s) else since_s), since_s, temperature)
+            before = item.used_ah * _HOUR_S
+            charge = charge.after(before)
+            assumed.append("the tool does not count its charge: currents by duty")
+        full = item.capacity_ah * _HOUR_S
+        known = charge.seconds >= _LEAST_COUNTED_S
+        current = charge.in_run / charge.seconds if known else item.active_a
+        if not known:
+            assumed.append("the run is short: pumps always on")
+        left = max(0.0, full * share * (1.0 - charge.used))
+        sigma_used = scale * charge.total
+        # The used share falls as the capacity grows, so its error is that of the whole capacity.
+        sigma_left = math.hypot(
+            full * item.capacity_sigma * share, sigma_used * share, full * (1.0 - charge.used) * spread
+        )
+        return BatteryHealth(
+            voltage=math.nan if voltage is None else voltage.newest,
+            sigma_voltage=math.nan if voltage is None else voltage.sigma,
+            used=charge.total,
+            sigma_used=sigma_used,
+            capacity=full * share,
+            current=current,
+            remaining=_ratio(left, current),
+            sigma_remaining=math.hypot(_ratio(sigma_left, current), _ratio(left, current) * item.current_sigma),
+            remaining_active=_ratio(left, item.active_a),
+            remaining_idle=_ratio(left, item.idle_a),
+            assumed=tuple(assumed),
+        )
+
+
+class _Charge:
+    """Charge drawn from a battery: its sum, C, the used share of the capacity, and that of the run with its time."""
+
+    def __init__(self, battery: Battery) -> None:
+        self._battery = battery
+        self.total = self.used = self.in_run = self.seconds = 0.0
+
+    def use(self, charge: float, seconds: float, celsius: float) -> None:
+        """Draw a charge, C, in a time, s; a time of 0: before the run."""
+        self.total += charge
+        self.used += charge / (self._battery.capacity_ah * _HOUR_S * self._battery.share(celsius))
+        if seconds > 0.0:
+            self.in_run += charge
+            self.seconds += seconds
+
+    def after(self, before: float) -> _Charge:
+        """Return the same charge after another that was drawn before the run, C."""
+        made = _Charge(self._battery)
+        made.use(before, 0.0, _ROOM_C)
+        made.total, made.used = made.total + self.total, made.used + self.used
+        made.in_run, made.seconds = self.in_run, self.seconds
+        return made
+
+
+def _ratio(charge: float, current: float) -> float:
+    return charge / current if current > 0.0 else math.nan
+
+
+def _part(name: str, part: Part, day: datetime.date | None) -> PartHealth:
+    return PartHealth(name, part.serial_number, part.calibrated, 0 if day is None else part.overdue_days(day))
+
+
+def _bin_width(level: float) -> float:
+    """Return a round width of the bins of a histogram: about a fifth of the first level of a limit."""
+    exponent = math.floor(math.log10(max(abs(level) / 5.0, 1e-9)))
+    return float(next(k * 10.0**exponent for k in (1, 2, 5, 10) if k * 10.0**exponent >= abs(level) / 5.0 * 0.999))

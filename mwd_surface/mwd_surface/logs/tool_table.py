@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Limits of the tool as a table of a recording, so that a viewer and `mwd report` know those of the live surface."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from mwd_sensors.core import settings
+from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry.tool_limits import ToolLimits
+
+TOOL = "tool"  # name of the table
+FILE = "tool_health.json"  # the same beside the survey list
+_HEALTH = "health"
+
+
+def read_limits(tool_file: str) -> ToolLimits | None:
+    """
+    Return the limits in a tool file; None without a file.
+
+    Raises
+    ------
+    ValueError, OSError
+        See `tool_configuration.read_several`.
+    """
+    if not tool_file:
+        return None
+    (tool,) = tool_configuration.read_several([Path(tool_file).expanduser()])
+    return tool.health
+
+
+def limits_table(limits: ToolLimits | None) -> dict[str, str]:
+    """Return the table of a recording; empty without limits."""
+    return {} if limits is None else {_HEALTH: json.dumps(settings.to_mapping(limits))}
+
+
+def recorded_limits(table: Mapping[str, str]) -> ToolLimits | None:
+    """Return the limits in a table of a recording; None if it has none that this version can read."""
+    try:
+        return settings.from_mapping(ToolLimits, json.loads(table[_HEALTH])) if _HEALTH in table else None
+    except ValueError:
+        return None

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logs over depth and health of the tool of a finished run, from its folder or from a recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.logs.depth_log import DepthLog
+from mwd_surface.logs.log_journal import NAME, LogJournal
+from mwd_surface.logs.recorded_log import RIG, topic_of
+from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
+from mwd_surface.logs.tool_table import FILE, recorded_limits
+from mwd_surface.runs.player import Player
+
+_PLAYED = frozenset({RIG, "inputs", "log", "link/log"})
+
+
+def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | None:
+    """
+    Return the logs and the health of the tool of a run; None if it has none.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of a run, its list of surveys, or a recording.
+    sensor_to_bit : float
+        Distance from the sonde to the bit, m, for a folder.
+    """
+    folders = [path.parent] if path.is_file() else [path, path / "surveys", *path.glob("*/surveys")]
+    journal = next((folder / NAME for folder in folders if (folder / NAME).is_file()), None)
+    if journal is not None:
+        table = journal.with_name(FILE)
+        limits = recorded_limits(json.loads(table.read_text(encoding="utf-8"))) if table.is_file() else None
+        log, health = DepthLog(sensor_to_bit), HealthLedger(limits)
+        LogJournal.read(journal).restore(log, health)
+        return log, health.health()
+    if not path.is_dir() or not any(path.glob("*.mcap")):
+        return None
+    with Bag(path) as bag:
+        name = topic_of(bag, RIG, "mwd_msgs/msg/RigState")
+        if name is None:
+            return None
+        player = Player(bag, name.removesuffix(RIG), only=_PLAYED)
+        player.seek(player.length_s)
+        return player.well.book.logs, player.state().tool_health

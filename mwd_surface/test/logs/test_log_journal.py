@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A surface node that starts again has the log and the health of the tool from before."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_surface.logs.depth_log import FIRST, DepthLog
+from mwd_surface.logs.log_journal import LogJournal
+from mwd_surface.logs.tool_health import HealthLedger
+
+S = 10**9
+T0 = 10**18
+GAMMA = LogSample(T0, "gamma", "gAPI", 10.0, 10.0, 80.0, 5.0, 53.0, 8.0, (math.nan, 2.0), (1.0, 2.0), (0.0, 5.0))
+
+
+def drill(path, begin, end):
+    """Drill from `begin` to `end`, s, with a surface that starts anew; return its log and health."""
+    log, health = DepthLog(), HealthLedger()
+    journal = LogJournal(path)
+    journal.restore(log, health)
+    for at in range(begin, end):
+        journal.add_rig(T0 + at * S, 100.0 + 0.01 * at, pumping=True)
+        log.add_depth(T0 + at * S, 100.0 + 0.01 * at)
+        health.add_flow(T0 + at * S, pumping=True)
+        if at % 10 == 5:
+            for one in (
+                dataclasses.replace(GAMMA, stamp_ns=T0 + at * S, value=80.0 + at % 7),
+                LogSample(T0 + at * S, "temperature", "degC", 10.0, 10.0, 130.0, 0.5, source="temperature"),
+                LogSample(T0 + at * S, "axial_vibration", "m/s^2", 10.0, 10.0, math.inf, math.nan),
+            ):
+                journal.add_sample(one)
+                log.add([one])
+                health.add(one)
+    journal.close()
+    return log, health, journal
+
+
+def test_a_restart_changes_neither_log_nor_health(tmp_path):
+    whole, health, _ = drill(tmp_path / "one", 0, 2000)
+    for at in (0, 500, 505, 1205):
+        drill(tmp_path / "two", at, {0: 500, 500: 505, 505: 1205, 1205: 2000}[at])
+    again, health_again, _ = drill(tmp_path / "two", 2000, 2000)
+    assert health_again.health() == health.health()
+    assert again.channels == whole.channels
+    for one, two in zip(whole.curves(FIRST), again.curves(FIRST), strict=True):
+        for field in dataclasses.fields(one):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(two, field.name))
+
+
+def test_a_torn_line_and_foreign_text_cost_that_line_alone(tmp_path):
+    path = tmp_path / "journal"
+    drill(path, 0, 100)
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:-1]) + b"[1]\n\xff\xfe\n{}\n" + lines[-1][: len(lines[-1]) // 2])
+    log, _, journal = drill(path, 100, 200)
+    assert journal.unreadable == 4
+    log.finish()
+    assert log.curves(FIRST)[1].samples.sum() >= 20
+
+
+def test_a_long_file_loses_its_older_half(tmp_path):
+    path = tmp_path / "journal"
+    drill(path, 0, 2000)
+    size = path.stat().st_size
+    LogJournal(path, most_bytes=size // 2).close()
+    assert 0.4 * size < path.stat().st_size < 0.6 * size
+    log, _, journal = drill(path, 2000, 2001)
+    assert journal.unreadable == 0
+    assert log.curves(FIRST)[-1].depth[-1] > 119.0
