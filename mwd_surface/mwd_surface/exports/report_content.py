@@ -10,6 +10,7 @@ from pathlib import Path
 from mwd_estimation.survey.survey import Verdict
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
+from mwd_surface.exports.report_hole import deviation
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
 from mwd_surface.exports.report_positions import positions, programme
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
@@ -18,6 +19,12 @@ from mwd_surface.exports.report_trajectory import high_density
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import plain
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
+
+# Of an oil or gas well, and of a mine hole.
+_SIGNATURES = (
+    ("Survey engineer", "Directional driller", "Company representative"),
+    ("Driller", "Surveyor", "Head of the shift", "Representative of the mine"),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,8 +75,9 @@ def content(table: SurveyTable) -> Content:
     except (OSError, ValueError) as error:
         notes.append(f"The logo {well.logo} is not printed: {error}")
     made = (make(table) for make in SECTIONS)
+    title = f"Hole report {well.name}" if well.angles.points else f"Survey report {well.name}"
     return Content(
-        title=plain(f"Survey report {well.name}" + (f", {well.wellbore}" if well.wellbore else "")),
+        title=plain(title + (f", {well.wellbore}" if well.wellbore else "")),
         header=table.header,
         notes=tuple(notes),
         sections=(*(one for one in made if one is not None), *table.sections),
@@ -82,7 +90,7 @@ def content(table: SurveyTable) -> Content:
                 else ""
             )
         ),
-        signatures=("Survey engineer", "Directional driller", "Company representative"),
+        signatures=_SIGNATURES[bool(well.angles.points)],
     )
 
 
@@ -155,6 +163,7 @@ def drawn(table: SurveyTable) -> Section:
 
 # In printed order; a function returns None if its section would be empty.
 SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
+    deviation,
     definitive,
     positions,
     drawn,

@@ -30,6 +30,7 @@ from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
+from mwd_surface.surveys.deviation import Deviation
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
@@ -292,6 +293,8 @@ class WellState:
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     offset : Offset or None
         Offset of the end of the path from the plan.
+    deviation : tuple of Deviation
+        Deviation of a mine hole from its plan, ahead of the bit first; as of the last change of the list.
     clearance, clearance_remarks
         Clearance to offset wells from the last survey on, the closest by the rule first, and remarks on what was left
         out or assumed.
@@ -343,6 +346,7 @@ class WellState:
     covariance: Array | None = None
     plan: Plan | None = None
     offset: Offset | None = None
+    deviation: tuple[Deviation, ...] = ()
     clearance: tuple[Clearance, ...] = ()
     clearance_remarks: tuple[Remark, ...] = ()
     stretches: tuple[Stretch, ...] = ()

@@ -196,7 +196,7 @@ class Signal:
         if self.listed is None or not self.is_inclination or not convention.points:
             return self.listed
         las = convention.value.upper()
-        return self.listed._replace(key=convention.column, title=convention.title, las=las)
+        return self.listed._replace(key=convention.column, title=convention.heading, las=las)
 
     @property
     def wrap(self) -> float:

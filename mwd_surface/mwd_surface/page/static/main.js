@@ -12,7 +12,7 @@ import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell }
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
 import { showLogs } from "./logs_tab.js";
-import { showPath } from "./path_tab.js";
+import { showDeviation, showPath } from "./path_tab.js";
 import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
 import { showOffset, showProgress, showQuality } from "./survey_quality.js";
@@ -75,6 +75,7 @@ const SHOW = {
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
   offset: showOffPlan,
+  deviation: ({ deviation }) => showDeviation(deviation),
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
