@@ -275,6 +275,15 @@ class Change:
 
 
 @dataclasses.dataclass(frozen=True)
+class RodCount:
+    """Rods in the hole by the tally: their number, the bit depth that they make, m, and the usual length, m."""
+
+    rods: int
+    bit_depth: float
+    length: float
+
+
+@dataclasses.dataclass(frozen=True)
 class WellState:
     """
     All that is known of a well at `now`; the defaults until something arrives.
@@ -291,6 +300,8 @@ class WellState:
         The survey list in force.
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
+    rods : RodCount or None
+        The rods in the hole; None where the depth is not counted by rods.
     offset : Offset or None
         Offset of the end of the path from the plan.
     deviation : tuple of Deviation
@@ -344,6 +355,7 @@ class WellState:
     surveys: SurveyList = dataclasses.field(default_factory=SurveyList)
     path: Definitive | None = None
     covariance: Array | None = None
+    rods: RodCount | None = None
     plan: Plan | None = None
     offset: Offset | None = None
     deviation: tuple[Deviation, ...] = ()

@@ -9,7 +9,7 @@ import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
 import { showDownlink } from "./downlink_panel.js";
 import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell } from "./header.js";
-import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
+import { act, mayCommand, operatorName, showControls, showRods } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
 import { showLogs } from "./logs_tab.js";
 import { showDeviation, showPath } from "./path_tab.js";
@@ -75,6 +75,7 @@ const SHOW = {
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
   offset: showOffPlan,
+  rods: ({ rods }) => showRods(rods),
   deviation: ({ deviation }) => showDeviation(deviation),
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
@@ -104,7 +105,10 @@ const connection = new Connection((names) => {
     showControlAndAdvice();
     showDownlink(connection.sections.downlink, connection.server);
   };
-  if (names === null) showControls(connection.server, restart);
+  if (names === null) {
+    showControls(connection.server, restart);
+    showRods(connection.sections.rods);
+  }
   tick();
 });
 const charts = new ChartsTab(byId("tab-charts"), connection, memory);
