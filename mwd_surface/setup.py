@@ -44,6 +44,7 @@ setup(
         "lz4",
         "welleng",
         "matplotlib",
+        "ezdxf",
         "lasio",
         "openpyxl",
         "lxml",

@@ -45,6 +45,7 @@ from mwd_surface.commands.security import security
 from mwd_surface.commands.survey import survey
 from mwd_surface.commands.terminal import PrintableStream
 from mwd_surface.commands.tool import tool
+from mwd_surface.commands.tools import tools
 from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.commands.version import version
 from mwd_surface.commands.view import view
@@ -124,6 +125,7 @@ app.add_typer(rig, name="rig", rich_help_panel=_LIVE)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
 app.add_typer(tool, name="tool", rich_help_panel=_RECORDINGS)
 app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
+app.command(rich_help_panel=_PLANNING)(tools)
 app.command(rich_help_panel=_PLANNING)(sag)
 app.command(rich_help_panel=_PLANNING)(spacing)
 app.command(rich_help_panel=_MACHINE)(doctor)

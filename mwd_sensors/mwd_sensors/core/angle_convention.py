@@ -61,7 +61,7 @@ class AngleConvention(enum.StrEnum):
         return f"hole_{self.value}_deg" if self.points else "inclination_deg"
 
     @property
-    def title(self) -> str:
+    def heading(self) -> str:
         """Short title of the angle's column on paper; the dip of the magnetic field is called Dip."""
         return _TITLES[self]
 

@@ -269,7 +269,7 @@ def _show_scores(console: Console, scored: list[Scored], convention: AngleConven
         padding=(0, 1, 0, 0),
         header_style="dim",
     )
-    angle = convention.title if convention.points else "incl"
+    angle = convention.heading if convention.points else "incl"
     columns = ("no", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr")
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)

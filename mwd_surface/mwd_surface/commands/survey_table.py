@@ -39,7 +39,7 @@ def show_surveys(
     title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
     # With the widest numbers it just fits the 80 columns of a plain terminal.
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
-    angle = convention.title if convention.points else "inclination"
+    angle = convention.heading if convention.points else "inclination"
     for name in ("no", "depth m", angle, "azimuth", "", "toolface", "nT", "dip"):
         table.add_column(name, justify="left" if not name else "right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)

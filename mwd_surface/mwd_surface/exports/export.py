@@ -86,12 +86,33 @@ def _pdf(table: SurveyTable) -> bytes:
     return report_pdf(table)
 
 
+def _deviation(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.deviation_csv import deviation_csv
+
+    return deviation_csv(table).encode()
+
+
+def _dxf(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.export_dxf import dxf
+
+    return dxf(table)
+
+
+def _xlsx(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.export_xlsx import xlsx
+
+    return xlsx(table)
+
+
 FORMATS: dict[str, Format] = {
     "html": Format(".html", "report", "survey report, HTML", _html),
     "pdf": Format(".pdf", "report", "survey report, PDF", _pdf),
     "csv": Format(".csv", "definitive", "definitive survey, CSV", _csv),
     "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", _raw_csv),
     "las": Format(".las", "definitive", "definitive survey, LAS 2.0", _las),
+    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", _deviation),
+    "dxf": Format(".dxf", "drawing", "plan and section, DXF", _dxf),
+    "xlsx": Format(".xlsx", "report", "survey report, workbook", _xlsx),
     "witsml": Format(".xml", "trajectory", "definitive survey, WITSML 1.4.1.1", _witsml),
 }
 

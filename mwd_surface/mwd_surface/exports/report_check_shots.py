@@ -58,7 +58,7 @@ def repeated(table: SurveyTable) -> Section | None:
     )
     sheet = sheet_of(
         "Rotation shots and check shots",
-        [(convention.title if title == "Inc" else title, unit) for title, unit in _COLUMNS],
+        [(convention.heading if title == "Inc" else title, unit) for title, unit in _COLUMNS],
         rows,
         tints=tints,
         legend=legend,

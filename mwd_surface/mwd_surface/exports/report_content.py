@@ -14,6 +14,7 @@ from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import earth
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
+from mwd_surface.exports.report_hole import deviation
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
@@ -137,6 +138,13 @@ def high_density(table: SurveyTable) -> Section | None:
     )
 
 
+# Of an oil or gas well, and of a mine hole.
+_SIGNATURES = (
+    ("Survey engineer", "Directional driller", "Company representative"),
+    ("Driller", "Surveyor", "Head of the shift", "Representative of the mine"),
+)
+
+
 @dataclasses.dataclass(frozen=True)
 class Content:
     """The report: title, head block, notes, sections, certificate and signature lines."""
@@ -185,8 +193,9 @@ def content(table: SurveyTable) -> Content:
     except (OSError, ValueError) as error:
         notes.append(f"The logo {well.logo} is not printed: {error}")
     made = (make(table) for make in SECTIONS)
+    title = f"Hole report {well.name}" if well.angles.points else f"Survey report {well.name}"
     return Content(
-        title=plain(f"Survey report {well.name}" + (f", {well.wellbore}" if well.wellbore else "")),
+        title=plain(title + (f", {well.wellbore}" if well.wellbore else "")),
         header=table.header,
         notes=tuple(notes),
         sections=(*(one for one in made if one is not None), *table.sections),
@@ -199,7 +208,7 @@ def content(table: SurveyTable) -> Content:
                 else ""
             )
         ),
-        signatures=("Survey engineer", "Directional driller", "Company representative"),
+        signatures=_SIGNATURES[bool(well.angles.points)],
     )
 
 
@@ -272,6 +281,7 @@ def drawn(table: SurveyTable) -> Section:
 
 # In printed order; a function returns None if its section would be empty.
 SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
+    deviation,
     definitive,
     positions,
     drawn,

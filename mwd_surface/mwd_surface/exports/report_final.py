@@ -87,7 +87,7 @@ def final_sections(
 
 def _titled(angles: AngleConvention) -> list[tuple[str, str]]:
     """Return titles and units of the changes, with the vertical angle of the well's convention."""
-    first = {"Inc first": f"{angles.title}, first", "Inc final": f"{angles.title}, final"} if angles.points else {}
+    first = {"Inc first": f"{angles.heading}, first", "Inc final": f"{angles.heading}, final"} if angles.points else {}
     return [(first.get(title, title), unit) for title, unit in _CHANGES]
 
 

@@ -103,7 +103,7 @@ def stations(table: SurveyTable) -> Section | None:
         rows.append((*cells, *verdicts, "yes" if record.in_use else "no"))
     sheet = sheet_of(
         "Quality control of every survey taken",
-        [(angles.title if title == "Inc" else title, unit) for title, unit in _STATION],
+        [(angles.heading if title == "Inc" else title, unit) for title, unit in _STATION],
         rows,
         [row_mark(record) for record in records],
         tints=tints,

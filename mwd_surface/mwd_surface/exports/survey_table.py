@@ -26,6 +26,7 @@ from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
 from mwd_surface.signals.signal import AS_STORED, SURVEY, Display, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.signals.units import METRIC, UNITS
+from mwd_surface.surveys.deviation import Deviation, deviations
 from mwd_surface.surveys.imported_list import TOOL_CODES
 from mwd_surface.surveys.leg import MAIN
 from mwd_surface.surveys.survey_csv import beside_path
@@ -99,6 +100,11 @@ class SurveyTable:
         """Sentences about the assumptions of path, list and plan."""
         planned = self.plan.remarks if self.plan is not None else ()
         return sentences((*self.path.assumptions, *self.surveys.remarks, *planned))
+
+    @property
+    def deviations(self) -> tuple[Deviation, ...]:
+        """Deviation from the plan at every station, at the bit and ahead of it; empty without a plan."""
+        return deviations(self.surveys, self.path, self.records)
 
     @property
     def rows(self) -> range:
@@ -280,6 +286,7 @@ def _header(
         ("Company", typed(well.company)),
         ("Field", typed(well.field)),
         ("Rig", typed(well.rig)),
+        *_mine_head(well, plan),
         ("Survey company", typed(well.service_company)),
         ("Job number", typed(well.job_number)),
         ("Revision", typed(well.revision)),
@@ -310,6 +317,28 @@ def _header(
         ("Software", software),
     ]
     return tuple((label, value if isinstance(value, Typed) else plain(value)) for label, value in lines if value)
+
+
+def _mine_head(well: Well, plan: Plan | None) -> tuple[tuple[str, str], ...]:
+    """Return the lines of the head that only a hole of a mine has."""
+    mine = well.mine
+    given = (mine.opening_x, mine.opening_y, mine.opening_z)
+    opening = ", ".join(
+        f"{name} {fixed(value, 3)} m" for name, value in zip("xyz", given, strict=True) if value is not None
+    )
+    design = ""
+    if plan is not None and well.angles.points:
+        angle = well.angles.shown(float(plan.inclination[0]))
+        design = f"azimuth {fixed(float(plan.azimuth[0]) * _DEG, 2, 360.0)} deg, dip {fixed(angle * _DEG, 2)} deg"
+    return (
+        ("Mine", typed(mine.name)),
+        ("Working face", typed(mine.working_face)),
+        ("Drill site", typed(mine.drill_site)),
+        ("Opening, mine coordinates", opening),
+        ("Design at the opening", design),
+        ("Probe", typed(mine.probe)),
+        ("Probe calibrated", typed(mine.calibration_date)),
+    )
 
 
 def _tools(own: Sequence[SurveyRecord]) -> str:

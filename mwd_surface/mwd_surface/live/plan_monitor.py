@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from mwd_sensors.core.foreign_text import without_contents
@@ -12,7 +13,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import PlanSettings
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
+from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end, straight
 from mwd_surface.trajectory.plan_file import in_north, read_plan
 from mwd_surface.trajectory.well_path import Definitive
 
@@ -35,7 +36,7 @@ class PlanMonitor:
     def read(settings: PlanSettings, well: Well) -> Plan | ListFileError | None:
         """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
         if not settings.file:
-            return None
+            return _straight(settings, well)
         path = Path(settings.file).expanduser()
         try:
             given = settings.given().with_dip(well.angles.points)
@@ -74,3 +75,12 @@ class PlanMonitor:
     def show_offset(self, path: Definitive) -> None:
         """Show where the end of the path is relative to the plan."""
         self._live.show(self._clock.now, offset=offset_of_end(self.plan, path))
+
+
+def _straight(settings: PlanSettings, well: Well) -> Plan | None:
+    """Return the straight plan that the settings describe; None if they describe none."""
+    azimuth, angle = settings.opening_azimuth_deg, settings.opening_angle_deg
+    if azimuth is None or angle is None:
+        return None
+    inclination = well.angles.inclination(math.radians(angle))
+    return straight(inclination, math.radians(azimuth), settings.length_m, well.north_reference, "straight design")

@@ -78,13 +78,29 @@ class LiveSettings:
 
 @dataclasses.dataclass(frozen=True)
 class PlanSettings(ListSettings):
-    """The planned well path, and how its list is read."""
+    """The planned well path: a list and how it is read, or a straight hole from its opening."""
 
     file: str = setting(
         "",
         "File of the planned path, any list that `mwd path` reads; empty: no plan. Any change of a parameter of the "
         "node reads it again",
     )
+    opening_azimuth_deg: float | None = setting(
+        None,
+        "Azimuth of a straight planned hole, from the north of the well; nan if the plan is a file",
+        unit="deg",
+        low=0.0,
+        high=360.0,
+    )
+    opening_angle_deg: float | None = setting(
+        None,
+        "Vertical angle of a straight planned hole, in the convention of the well: dip or inclination; nan if the plan "
+        "is a file",
+        unit="deg",
+        low=-180.0,
+        high=180.0,
+    )
+    length_m: float = setting(100.0, "Length of a straight planned hole", unit="m", low=1.0, high=5000.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.survey.survey import Survey, Verdict
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.exports.survey_table import table_of
 from mwd_surface.list_files.remark import RemarkKind, distinct
@@ -20,6 +20,7 @@ from mwd_surface.logs.depth_log import STEP_M, DepthLog
 from mwd_surface.logs.log_journal import LogJournal
 from mwd_surface.logs.tool_health import HealthLedger
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.deviation import Deviation
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
@@ -269,17 +270,17 @@ class SurveyBook:
         self._covariance, self._shown_bit = None, self.bit_depth
         self._show_path(path)
         made_ns = self._alarm_log.now_ns()
-        self._outlet.run(
-            lambda: table_of(surveys, path, made_ns).covariance, lambda job: self._show_ellipses(surveys, job)
-        )
+        self._outlet.run(lambda: _uncertain(surveys, path, made_ns), lambda job: self._show_uncertain(surveys, job))
 
     def _show_path(self, path: Definitive) -> None:
         self._path = path
         self._live.show(self._clock.now, path=path, covariance=self._covariance)
         self._plan.show_offset(path)
 
-    def _show_ellipses(self, surveys: SurveyList, job: concurrent.futures.Future[Any]) -> None:
-        covariance = job.result()
+    def _show_uncertain(self, surveys: SurveyList, job: concurrent.futures.Future[Any]) -> None:
+        covariance, deviation = job.result()
+        if surveys is self.surveys:
+            self._live.show(self._clock.now, deviation=deviation)
         # Meanwhile the bit may have moved, and another list may have come into force, which computes its own.
         if covariance is not None and surveys is self.surveys:
             measured = np.isfinite(covariance).all(axis=(1, 2))
@@ -293,6 +294,12 @@ class SurveyBook:
             return
         self._shown_bit = bit
         self._show_path(self.definitive())
+
+
+def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Array | None, tuple[Deviation, ...]]:
+    """Return the covariance of a path's stations and, of a mine hole, its deviation from the plan, deepest first."""
+    table = table_of(surveys, path, made_ns)
+    return table.covariance, tuple(reversed(table.deviations)) if surveys.well.angles.points else ()
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:

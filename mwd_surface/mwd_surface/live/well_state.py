@@ -31,6 +31,7 @@ from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.logs.tool_health import ToolHealth
+from mwd_surface.surveys.deviation import Deviation
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
@@ -275,6 +276,15 @@ class Change:
 
 
 @dataclasses.dataclass(frozen=True)
+class RodCount:
+    """Rods in the hole by the tally: their number, the bit depth that they make, m, and the usual length, m."""
+
+    rods: int
+    bit_depth: float
+    length: float
+
+
+@dataclasses.dataclass(frozen=True)
 class WellState:
     """
     All that is known of a well at `now`; the defaults until something arrives.
@@ -291,8 +301,12 @@ class WellState:
         The survey list in force.
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
+    rods : RodCount or None
+        The rods in the hole; None where the depth is not counted by rods.
     offset : Offset or None
         Offset of the end of the path from the plan.
+    deviation : tuple of Deviation
+        Deviation of a mine hole from its plan, ahead of the bit first; as of the last change of the list.
     clearance, clearance_remarks
         Clearance to offset wells from the last survey on, the closest by the rule first, and remarks on what was left
         out or assumed.
@@ -344,8 +358,10 @@ class WellState:
     surveys: SurveyList = dataclasses.field(default_factory=SurveyList)
     path: Definitive | None = None
     covariance: Array | None = None
+    rods: RodCount | None = None
     plan: Plan | None = None
     offset: Offset | None = None
+    deviation: tuple[Deviation, ...] = ()
     clearance: tuple[Clearance, ...] = ()
     clearance_remarks: tuple[Remark, ...] = ()
     stretches: tuple[Stretch, ...] = ()

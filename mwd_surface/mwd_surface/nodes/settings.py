@@ -18,6 +18,7 @@ from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.rods import RodSettings
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.slide_sheet import SlideRules
@@ -65,6 +66,7 @@ class SurfaceSettings:
     rules: ListRules = setting(ListRules, "Rules of the survey list")
     leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool")
     depth: DepthRules = setting(DepthRules, "Depth of a survey")
+    rods: RodSettings = setting(RodSettings, "Depth by counting rods")
     rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data")
     slides: SlideRules = setting(SlideRules, "The slide sheet")
     record: RecordSettings = setting(RecordSettings, "What is recorded")

@@ -55,6 +55,7 @@ from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
 from mwd_surface.nodes.page_bridge import PageBridge, Services, call_service
 from mwd_surface.nodes.recording_server import RecordingServer
 from mwd_surface.nodes.rig_bridge import RigBridge
+from mwd_surface.nodes.rod_server import RodServer
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.nodes.topic_router import TopicRouter
@@ -137,6 +138,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._plan = PlanMonitor(well_context)
         self._plan.use(self._plan.read(settings.plan, settings.well))
         self._surveys = outlet.surveys = self._closed_on_cleanup(SurveyListServer(context, settings, plan=self._plan))
+        self._rods = RodServer(context, settings.rods, self._surveys)
         earlier, bad = read_stretches(slide_file)
         if bad:
             outlet.alarm_log.log_event("slide sheet", f"{bad} lines of {slide_file} cannot be read", Severity.WARNING)
@@ -283,6 +285,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _handle_request(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
         """Carry out a request of page or rig in the thread of the node."""
+        if name == "count_rods":
+            return self._rods.count(**arguments)
         if name != "take_survey":
             return call_service(self._service_callbacks, name, arguments)
         if self._survey_client is None:

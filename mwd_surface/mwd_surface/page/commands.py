@@ -27,6 +27,13 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     "draft_downlink": {"command": (str, False), "value": (float, True), "operator_name": (str, False)},
     "decide_downlink": {"decision": (int, False), "operator_name": (str, False), "number": (int, True)},
     "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
+    "count_rods": {
+        "operator_name": (str, False),
+        "change": (int, True),
+        "count": (int, True),
+        "length": (float, True),
+        "reason": (str, True),
+    },
     "take_survey": {"duration": (float, True)},
     "acknowledge_alarm": {"id": (str, False), "operator_name": (str, False)},
     "start_recording": {"name": (str, True)},

@@ -208,7 +208,7 @@ class Signal:
         """Return the column `listed` of this signal under the name that its unit and its convention give it."""
         if self.is_inclination and display.angles.points:
             las = display.angles.value.upper()
-            return listed._replace(key=display.angles.column, title=display.angles.title, las=las)
+            return listed._replace(key=display.angles.column, title=display.angles.heading, las=las)
         return listed._replace(key=UNITS[self.unit].key_in(listed.key, display.units)) if self.unit else listed
 
     @property

@@ -181,11 +181,9 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
     """
     point = np.asarray(position, dtype=float)
     md = nearest(plan, point)
-    inc, azi, foot = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
+    _, _, foot = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
     away = point - foot
-    mat_plan = mat_nt(inc, azi, 0.0)
-    # At toolface 0 the scribe line is the high side, and the right side is minus the second axis.
-    up, right = float(away @ mat_plan[:, 2]), float(-away @ mat_plan[:, 1])
+    right, up = (float(axis @ away) for axis in across(plan, md))
     return Offset(
         distance=float(np.linalg.norm(away)),
         plan_md=md,
@@ -195,6 +193,28 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
         vertical=float(away[2]),
         toolface=_toolface_of(-away, inclination, azimuth),
     )
+
+
+def across(plan: Plan, md: float) -> Array:
+    """Return the directions to the right of the plan and above it, across it, at a measured depth; shape (2, 3)."""
+    inc, azi, _ = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
+    mat_plan = mat_nt(inc, azi, 0.0)
+    # At toolface 0 the scribe line is the high side, and the right side is minus the second axis.
+    return np.stack([-mat_plan[:, 1], mat_plan[:, 2]])
+
+
+def straight(inclination: float, azimuth: float, length: float, north: str = "", name: str = "") -> Plan:
+    """
+    Return the plan of a straight hole from its opening, rad and m.
+
+    Raises
+    ------
+    ValueError
+        The length is not positive.
+    """
+    if not length > 0.0:
+        raise ValueError(f"length: must be positive, got {length}")
+    return plan_of([0.0, length], [inclination] * 2, [azimuth] * 2, (0.0, 0.0, 0.0), north, name)
 
 
 def offset_of_end(plan: Plan | None, path: Definitive) -> Offset | None:

@@ -67,7 +67,7 @@ def test_every_sheet_of_the_report_has_dips_where_it_had_inclinations(convention
         for k, (title, unit) in enumerate(zip(usual.titles, usual.units, strict=True)):
             if title == "Inc" and unit == "deg":
                 found += 1
-                assert told.titles[k] == angles.title
+                assert told.titles[k] == angles.heading
                 for before, after in zip(usual.rows, told.rows, strict=True):
                     shown = angles.shown(math.radians(float(before[k])))
                     assert float(after[k]) == pytest.approx(math.degrees(shown), abs=0.0101)

@@ -16,6 +16,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
+from mwd_surface.nodes.rod_server import RodServer
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
@@ -23,6 +24,7 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_of
+from mwd_surface.surveys.rods import RodSettings
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Value
@@ -90,7 +92,7 @@ def server(tmp_path):
     outlet.on_surveys, outlet.on_accepted = server.publish, server.publish_accepted
     server.open()
     server.depth.set_by_hand(example.survey(1, 10.0, 40.0).stamp_ns, 500.0)
-    yield SimpleNamespace(server=server, published=published, events=log.events, log=log)
+    yield SimpleNamespace(server=server, context=context, published=published, events=log.events, log=log)
     server.close()
 
 
@@ -193,3 +195,53 @@ def test_a_path_without_a_tie_on_raises_an_alarm_until_one_is_given_and_the_plan
     listed.change_settings(dataclasses.replace(well, section_azimuth_deg=75.0), ListRules(), LegSettings(), plan)
     assert math.degrees(listed.definitive().section_azimuth) == pytest.approx(75.0)
     assert listed.surveys.plan == plan
+
+
+def test_rods_set_the_bit_depth_and_their_tally_outlives_the_node(server):
+    settings = RodSettings(1.5, 501.0)
+    rods = RodServer(server.context, settings, server.server)
+    for _ in range(3):
+        done, words = rods.count(change=1, operator_name="Li")
+        assert done, words
+    assert rods.count(change=1, length=0.75, operator_name="Li")[1] == "4 rods in the hole, bit depth 506.25 m"
+    assert rods.count(change=-1, operator_name="Li")[0]
+    assert server.server.bit_depth == pytest.approx(505.5)
+    # A recording has each depth as one set by hand.
+    assert [one.depth for one in server.published["operator_events"]] == [502.5, 504.0, 505.5, 506.25, 505.5]
+    again = RodServer(server.context, settings, server.server)
+    assert again.tally == rods.tally
+    assert server.context.live.at(0.0).rods.rods == 3
+
+
+def test_a_rod_without_a_survey_and_a_tally_beside_the_rig_are_told(server):
+    rods = RodServer(server.context, RodSettings(1.5, 501.0), server.server)
+    rods.count(change=1, operator_name="Li")
+    rods.count(change=1, operator_name="Li")
+    assert any("no survey since rod 1" in text for _, text, _ in server.events)
+    server.events.clear()
+    server.server.on_survey(example.survey(1, 10.0, 40.0))
+    rods.count(change=1, operator_name="Li")
+    assert not any("no survey" in text for _, text, _ in server.events)
+    assert server.log.standing == {}
+    stamp = server.server.depth.latest[0]
+    for k in range(1, 6):
+        server.server.depth.update(stamp + k * 10**9, 508.5)
+    rods.count(change=1, operator_name="Li")
+    assert "too few rods" in server.log.standing["rods.apart"][1]
+    assert rods.count(count=5, operator_name="Li", reason="one was not told")[0]
+    assert "rods.apart" not in server.log.standing
+    assert any("corrected from 4 to 5 rods, Li" in text for _, text, _ in server.events)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{}, {"change": 2}, {"change": 1, "count": 4}, {"count": -3, "reason": "x"}, {"count": 3}, {"change": -1}],
+)
+def test_a_wrong_request_changes_no_depth(server, wrong):
+    rods = RodServer(server.context, RodSettings(1.5, 501.0), server.server)
+    before = server.server.bit_depth
+    done, why = rods.count(operator_name="Li", **wrong)
+    assert not done
+    assert why
+    assert server.server.bit_depth == before
+    assert not RodServer(server.context, RodSettings(), server.server).count(change=1, operator_name="Li")[0]

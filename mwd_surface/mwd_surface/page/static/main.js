@@ -9,11 +9,11 @@ import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
 import { showDownlink } from "./downlink_panel.js";
 import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell } from "./header.js";
-import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
+import { act, mayCommand, operatorName, showControls, showRods } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
 import { showLogs } from "./logs_tab.js";
 import { showTool } from "./tool_tab.js";
-import { showPath } from "./path_tab.js";
+import { showDeviation, showPath } from "./path_tab.js";
 import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
 import { showOffset, showProgress, showQuality } from "./survey_quality.js";
@@ -76,6 +76,8 @@ const SHOW = {
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
   offset: showOffPlan,
+  rods: ({ rods }) => showRods(rods),
+  deviation: ({ deviation }) => showDeviation(deviation),
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
@@ -105,7 +107,10 @@ const connection = new Connection((names) => {
     showControlAndAdvice();
     showDownlink(connection.sections.downlink, connection.server);
   };
-  if (names === null) showControls(connection.server, restart);
+  if (names === null) {
+    showControls(connection.server, restart);
+    showRods(connection.sections.rods);
+  }
   tick();
 });
 const charts = new ChartsTab(byId("tab-charts"), connection, memory);

@@ -72,7 +72,15 @@ export function showControls(server, onToken) {
     const problem = await download(name, operator.token);
     if (problem) setText(answerBox, `${name}: ${say(problem)}`);
   };
-  const all = [...buttons, setDepth, writing];
+  const reason = el("input", { type: "text", id: "rod-reason", autocomplete: "off", maxlength: 120 });
+  const counted = el("input", { type: "text", id: "rod-count", inputmode: "numeric", autocomplete: "off", maxlength: 5 });
+  const rod = (given) => ({ operator_name: operator.name, ...given });
+  const rods = [
+    button("add-rod", t("Rod added"), "count_rods", () => rod({ change: 1 })),
+    button("remove-rod", t("Rod removed"), "count_rods", () => rod({ change: -1 })),
+    button("correct-rods", t("Correct the number"), "count_rods", () => rod({ count: Number(counted.value), reason: reason.value })),
+  ];
+  const all = [...buttons, setDepth, writing, ...rods];
   place.replaceChildren(
     el("h2", {}, t("Operator")),
     el("p", { class: "quiet-text" }, t("With the token you can judge surveys in their table row and acknowledge alarms; without it this page is read-only.")),
@@ -81,7 +89,17 @@ export function showControls(server, onToken) {
     el("div", { class: "buttons" },
       el("label", { for: "bit-depth" }, t("Bit depth, "), el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
       el("label", { for: "export-format" }, t("Survey list as")), format, writing),
+    el("div", { class: "buttons", id: "rods", hidden: true }, el("span", { id: "rod-tally" }), rods[0], rods[1],
+      el("label", { for: "rod-count" }, t("Rods counted")), counted, el("label", { for: "rod-reason" }, t("because")), reason, rods[2]),
     answerBox,
     files,
   );
+}
+
+// Rods in the hole by the tally, where the depth is counted by rods.
+export function showRods(rods) {
+  const place = document.getElementById("rods");
+  if (!place) return;
+  place.hidden = !rods;
+  if (rods) setText(document.getElementById("rod-tally"), t`${rods.rods} rods, bit depth ${units.number("length", rods.bit_depth)} ${units.unit("length")}`);
 }

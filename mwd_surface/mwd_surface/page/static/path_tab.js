@@ -30,6 +30,32 @@ export function showPath(sections) {
   }
 }
 
+// Panel of a mine hole: left or right and up or down of the design at every station, at the bit and ahead of it.
+export function showDeviation(deviation) {
+  const place = byId("deviation");
+  const rows = deviation?.rows || [];
+  place.hidden = !rows.length;
+  if (!rows.length) return;
+  const way = (value, sigma, more, less) => {
+    const spread = sigma === null ? "" : ` ± ${units.spread("length", sigma)}`;
+    return `${units.size("length", Math.abs(value))}${spread} ${value < 0 ? less : more}`;
+  };
+  const name = (row) => row.station || (row.kind === "planned" ? t("ahead") : row.kind === "projected" ? t("bit") : say(row.kind));
+  const head = [[t("Survey"), ""], [t("Depth"), "length"], [units.titled("inclination", t("Inclination")), "inclination"], [t("Azi"), "bearing"], [t("Left/right"), "length"], [t("Up/down"), "length"]];
+  place.replaceChildren(el("table", { class: "deviation" },
+    el("caption", {}, t("Deviation from the design, 1σ")),
+    el("thead", {}, el("tr", {}, head.map(([title, kind]) => el("th", { scope: "col" }, title, el("small", {}, kind && units.unit(kind)))))),
+    el("tbody", {}, rows.map((row) => el("tr", { class: row.kind === "survey" ? "" : "projected-row" },
+      el("th", { scope: "row" }, name(row)),
+      el("td", {}, units.number("length", row.measured_depth)),
+      el("td", {}, units.number("inclination", row.inclination)),
+      el("td", {}, units.bearing(row.azimuth, 2)),
+      el("td", {}, way(row.right, row.sigma_right, t("right"), t("left"))),
+      el("td", {}, way(row.up, row.sigma_up, t("up"), t("down"))),
+    ))),
+  ));
+}
+
 // Offset wells from the last survey on, sorted by the separation rule, nearest first.
 function near(clearance) {
   if (!clearance?.rows.length) return [];

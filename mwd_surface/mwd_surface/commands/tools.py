@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mwd tools`: comparison of the two tools of a probe, conventional and gyro, in simulated holes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mwd_sensors.core.angle_convention import AngleConvention
+from mwd_surface.commands.scenario import scenario_names
+
+if TYPE_CHECKING:
+    from mwd_surface.processing.tool_comparison import ToolStation
+
+
+def tools(
+    scenarios: Annotated[
+        list[str],
+        typer.Argument(metavar="SCENARIO...", help="Names or YAML files.", autocompletion=scenario_names),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Table of all stations to write, CSV.", metavar="CSV")
+    ] = None,
+    angles: Annotated[
+        AngleConvention | None,
+        typer.Option("--angles", help="Vertical angle of the tables; by default that of each scenario."),
+    ] = None,
+) -> None:
+    """
+    Compare the conventional tool of a probe with its gyro tool, station by station, in simulated holes.
+
+    The conventional tool has the azimuth of the magnetometer as measured, the gyro tool that of north seeking; both are
+    from true north. A survey is taken at the end of each rest.
+
+    \b
+    Examples:
+      mwd tools s1_lab s1_field --angles dip_down
+      mwd tools s1_field -o tools.csv
+    """
+    from rich.table import Table
+
+    from mwd_sensors.simulator import scenario_files
+    from mwd_sensors.simulator.scenario import read
+    from mwd_surface.commands import terminal
+    from mwd_surface.processing.tool_comparison import compared
+    from mwd_surface.signals.cells import table as csv_table
+
+    lines: list[dict[str, str]] = []
+    for name in scenarios:
+        story = read(scenario_files.find(name).resolve())
+        convention = angles or AngleConvention(story.well.convention)
+        with terminal.progress(f"surveying {story.name}"):
+            stations = compared(story)
+        heading = convention.heading if convention.points else "inclination"
+        shown = Table(title=f"{story.name} (deg, azimuth from true north)", title_justify="left", box=None)
+        titles = ("depth m", f"{heading} conv.", "gyro", "true", "azimuth conv.", "gyro", "true", "error conv.", "gyro")
+        for title in titles:
+            shown.add_column(title, justify="right")
+        for station in stations:
+            cells = _cells(station, convention)
+            shown.add_row(*cells.values())
+            lines.append({"scenario": story.name, "angle": convention.value, **cells})
+        terminal.output().print(shown)
+    if output is not None:
+        terminal.write(output.parent, {output.name: csv_table(tuple(lines[0]), lines)})
+
+
+def _cells(station: ToolStation, convention: AngleConvention) -> dict[str, str]:
+    """Return the numbers of a station as text, in degrees, by the names of their columns."""
+    from mwd_surface.processing.tool_comparison import azimuth_error
+    from mwd_surface.signals.cells import fixed
+
+    readings = {"conventional": station.conventional, "gyro": station.gyro, "true": station.truth}
+    return {
+        "md_m": fixed(station.measured_depth, 1),
+        **{
+            f"angle_{tool}_deg": fixed(math.degrees(convention.shown(one.inclination)), 2)
+            for tool, one in readings.items()
+        },
+        **{f"azimuth_{tool}_deg": fixed(math.degrees(one.azimuth), 2, 360.0) for tool, one in readings.items()},
+        **{
+            f"error_azimuth_{tool}_deg": fixed(math.degrees(azimuth_error(one, station.truth)), 2)
+            for tool, one in readings.items()
+            if tool != "true"
+        },
+    }

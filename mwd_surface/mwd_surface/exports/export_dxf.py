@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plan and section of a hole as a DXF drawing, one drawing unit a metre, both at the same scale.
+
+The plan has mine coordinates: east to the right, north up. The section lies below it, along the azimuth of the vertical
+section: distance from the opening to the right, height up. Design, hole, stations and texts have layers of their own.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.signals.cells import fixed
+from mwd_surface.trajectory.plan import interpolated
+from mwd_surface.trajectory.well_path import ASSUMED
+
+DESIGN, HOLE, STATIONS, TEXT = "DESIGN", "HOLE", "STATIONS", "TEXT"
+_COLOURS = {DESIGN: 3, HOLE: 5, STATIONS: 1, TEXT: 7}  # AutoCAD colour index: green, blue, red, black or white
+_METRES = 6  # $INSUNITS
+_STEP = 10.0  # m between two points of a drawn line
+
+
+def dxf(table: SurveyTable) -> bytes:
+    """Return the drawing as DXF R2010; a list without a plan has no design in it."""
+    from ezdxf.filemanagement import new
+
+    drawing = new("R2010", setup=True)
+    drawing.units = _METRES
+    for name, colour in _COLOURS.items():
+        drawing.layers.add(name, color=colour, linetype="DASHED" if name == DESIGN else "CONTINUOUS")
+    path, space = table.path, drawing.modelspace()
+    measured = [k for k in table.rows if path.kind[k] != ASSUMED]
+    lines = {HOLE: path.positions[measured]}
+    if table.plan is not None:
+        lines[DESIGN] = interpolated(table.plan, _STEP).positions
+    views = {layer: (_plan(table, points), _section(table, points)) for layer, points in lines.items()}
+    everything = np.vstack([plan for plan, _ in views.values()]), np.vstack([side for _, side in views.values()])
+    size = max(float(np.ptp(everything[0], axis=0).max()), float(np.ptp(everything[1], axis=0).max()), 1.0)
+    height = size / 60.0
+    # The section begins at the left edge of the plan, below it.
+    corner = everything[0].min(axis=0) - [0.0, 6.0 * height] - [everything[1][:, 0].min(), everything[1][:, 1].max()]
+    for layer, (plan, side) in views.items():
+        for points in (plan, side + corner):
+            space.add_lwpolyline([tuple(map(float, point)) for point in points], dxfattribs={"layer": layer})
+    for points in (views[HOLE][0], views[HOLE][1] + corner):
+        for k, point in zip(measured, points, strict=True):
+            place = tuple(map(float, point))
+            space.add_circle(place, height / 4.0, dxfattribs={"layer": STATIONS})
+            label = space.add_text(f"{fixed(float(path.md[k]), 1)} m", height=height / 2.0, dxfattribs={"layer": TEXT})
+            label.set_placement((place[0] + height / 2.0, place[1] + height / 2.0))
+    along = fixed(math.degrees(path.section_azimuth), 2, 360.0)
+    name = table.surveys.well.wellbore_name
+    titles = (
+        (f"{name}: plan, {path.north.name.lower()} north up, 1 unit = 1 m", everything[0].max(axis=0)[1]),
+        (f"{name}: section along azimuth {along} deg, 1 unit = 1 m", (everything[1] + corner).max(axis=0)[1]),
+    )
+    for title, top in titles:
+        label = space.add_text(title, height=height, dxfattribs={"layer": TEXT})
+        label.set_placement((float(everything[0].min(axis=0)[0]), float(top) + 2.0 * height))
+    out = io.StringIO()
+    drawing.write(out)
+    return out.getvalue().encode()
+
+
+def _plan(table: SurveyTable, points: Array) -> Array:
+    """Return east and north of positions in mine coordinates, shape (n, 2), m."""
+    x, y, _ = table.surveys.well.mine.opening
+    return np.column_stack([points[:, 1] + y, points[:, 0] + x])
+
+
+def _section(table: SurveyTable, points: Array) -> Array:
+    """Return distance along the section from the opening, and mine height, of positions, shape (n, 2), m."""
+    azimuth = table.path.section_azimuth
+    along = points[:, 0] * math.cos(azimuth) + points[:, 1] * math.sin(azimuth)
+    return np.column_stack([along, table.surveys.well.mine.opening[2] - points[:, 2]])

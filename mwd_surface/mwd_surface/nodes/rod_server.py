@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth by counting rods: a person tells each rod, the tally gives the bit depth, its log survives a crash."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mwd_msgs import srv
+
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.well_state import RodCount
+from mwd_surface.nodes.survey_list_server import SurveyListServer
+from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.surveys.rods import COLUMNS, RodSettings, RodTally, disagreement, read_log
+
+Answer = tuple[bool, str]
+NAME = "rods.csv"
+
+
+class RodServer:
+    """
+    Rods of one well.
+
+    Parameters
+    ----------
+    context : SurfaceContext
+    settings : RodSettings
+    surveys : SurveyListServer
+        Takes the bit depth of the tally as one given by hand, so that recordings have it.
+    """
+
+    def __init__(self, context: SurfaceContext, settings: RodSettings, surveys: SurveyListServer) -> None:
+        self._context, self._settings, self._surveys = context, settings, surveys
+        self._file = context.folder / "surveys" / NAME
+        self.tally = RodTally(settings.first_m)
+        self._taken = 0  # surveys in the list at the last change
+        if self._file.exists():
+            with self._file.open(encoding="utf-8", newline="") as lines:
+                self.tally, bad = read_log(lines, settings.first_m)
+            if bad:
+                text = f"{bad} lines of {self._file} cannot be read: count the rods and correct the tally"
+                context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text)
+        self.show()
+
+    def count(
+        self,
+        *,
+        operator_name: str,
+        change: int | None = None,
+        count: int | None = None,
+        length: float | None = None,
+        reason: str = "",
+    ) -> Answer:
+        """
+        Add a rod (change 1), remove one (change -1), or correct the tally by a count, and set the bit depth.
+
+        length: of a rod that differs from the others, m. Returns whether it was done, and the outcome in words.
+        """
+        usual = self._settings.length_m
+        if usual is None:
+            return False, "the depth is not counted by rods: set rods.length_m to the length of a rod"
+        if (change is None) == (count is None) or change not in (None, 1, -1):
+            return False, "give either change, 1 or -1, or count, the number of rods in the hole"
+        now, rod = self._context.alarm_log.now_ns(), usual if length is None else length
+        try:
+            if count is not None:
+                tally = self.tally.correct(now, count, rod, operator_name, reason)
+            elif change == 1:
+                tally = self.tally.add(now, rod, operator_name, reason)
+            else:
+                tally = self.tally.remove(now, operator_name, reason)
+        except ValueError as error:
+            return False, str(error)
+        apart = self._apart(tally, usual)
+        request = srv.SetDepth.Request(bit_depth=tally.bit_depth, operator_name=operator_name)
+        response: Any = self._surveys.set_depth(request, srv.SetDepth.Response())
+        if not response.success:
+            return False, response.message
+        missed = self._without_survey()
+        before, self.tally = self.tally, tally
+        self._write(tally)
+        self.show()
+        words = f"{len(tally.lengths)} rods in the hole, bit depth {tally.bit_depth:.2f} m"
+        log = self._context.alarm_log
+        if count is not None:
+            because = reason
+            text = (
+                f"tally corrected from {len(before.lengths)} to {len(tally.lengths)} rods, {operator_name}: {because}"
+            )
+            log.log_event("rods", text, Severity.WARNING)
+        else:
+            log.log_event("rods", f"{words}, by {operator_name}")
+        if change == 1 and missed:
+            log.log_event("rods", missed, Severity.WARNING)
+        remedy = "count the rods in the hole, and correct the tally by their number"
+        log.set_alarms("rods.apart", {"rods.apart": (int(Severity.WARNING), apart, remedy)} if apart else {})
+        return True, words
+
+    def show(self) -> None:
+        """Show the tally on the page; nothing where depth is not counted by rods."""
+        length = self._settings.length_m
+        if length is not None:
+            known = RodCount(len(self.tally.lengths), self.tally.bit_depth, length)
+            self._context.well.live.show(self._context.well.clock.now, rods=known)
+
+    def _apart(self, tally: RodTally, length: float) -> str:
+        """Return how the tally differs from the depth of the rig, if the rig gives one; empty if they agree."""
+        rig = self._surveys.depth.latest_of_rig
+        return "" if rig is None else disagreement(tally, rig[1], length)
+
+    def _without_survey(self) -> str:
+        """Return that no survey was taken since the last rod; empty if one was, or before the first rod."""
+        rods, taken = len(self.tally.lengths), len(self._surveys.surveys.records)
+        known, self._taken = self._taken, taken
+        if not rods or taken > known:
+            return ""
+        return f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until it is taken"
+
+    def _write(self, tally: RodTally) -> None:
+        """Append the last change to the log; a full disk raises an alarm, and the tally goes on."""
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            head = "" if self._file.exists() else ",".join(COLUMNS) + "\n"
+            with self._file.open("a", encoding="utf-8", newline="") as log:
+                log.write(head + tally.changes[-1].line())
+        except OSError as error:
+            text = f"the log of rods {self._file} could not be written: {error.strerror}"
+            self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Comparison of two tools in one probe: the conventional unit against the precision gyro, station by station.
+
+The conventional tool gives the inclination of its accelerometers and the azimuth of its magnetometer as measured, with
+the declination alone. The gyro tool gives the inclination of the accelerometers beside the precision gyro, over the
+same samples as the survey, and the azimuth of its north seeking. Azimuths are from true north. A survey is asked for at
+the end of each rest; the last one of a station counts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from mwd_estimation.core.north import North
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.decided_survey import DecidedSurvey
+from mwd_estimation.survey.survey import STATIC, Survey
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.frames import inclination, wrap_pi
+from mwd_sensors.core.settings import changed
+from mwd_sensors.simulator.scenario import Scenario
+from mwd_sensors.simulator.sonde import Sonde
+from mwd_surface.runs.launch_plan import estimator_parameters
+
+_SAME = 0.3  # m; surveys nearer than this are of one station
+_LAST_S = 12.0  # s before the end of a rest at which a survey is asked for, 8 s long
+_ASKED_S = 8.0
+_SHORTEST = 20.0  # s; a shorter rest has only the survey that the tool takes by itself
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """Inclination and azimuth from true north of one tool, rad; sigma_azimuth: 1 sigma, rad; NaN if unknown."""
+
+    inclination: float
+    azimuth: float
+    sigma_azimuth: float = math.nan
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolStation:
+    """One station: measured depth, m, the readings of both tools, and the truth of the simulation."""
+
+    measured_depth: float
+    conventional: Reading
+    gyro: Reading
+    truth: Reading
+
+
+def compared(story: Scenario) -> list[ToolStation]:
+    """
+    Return the stations of a scenario as both tools survey them.
+
+    Raises
+    ------
+    ValueError
+        The scenario has no precision gyro, or no survey is taken in it.
+    """
+    if story.precision is None:
+        raise ValueError(f"{story.name}: its probe has no precision gyro to compare with")
+    sonde = Sonde(story)
+    pipeline = Pipeline(changed(EstimatorSettings(), estimator_parameters(story)))
+    asked = _requests(story)
+    found: list[DecidedSurvey] = []
+    truth, precision = [], []
+    rest = 0
+    for block in sonde.blocks(1.0):
+        true = block["truth"]
+        moves = max(np.abs(true["angular_velocity"]).max(), np.abs(true["velocity"]).max()) > 1e-3
+        rest = 0 if moves else rest + 1
+        if rest == 1:
+            wanted = next(asked, math.inf)
+        if rest and rest == wanted:
+            pipeline.request_survey(_ASKED_S)
+        truth.append(true)
+        precision.append(block["gyro/data_raw"])
+        pipeline.push_mag(block["imu/mag"])
+        pipeline.push_precision(block["gyro/data_raw"])
+        found += pipeline.push_imu(block["imu/data_raw"]).surveys
+    found += pipeline.finish().surveys
+    rows, samples = np.concatenate(truth), np.concatenate(precision)
+    stations = [_station(one, rows, samples) for one in found if one.kind == STATIC]
+    last: list[ToolStation] = []
+    for station in sorted(stations, key=lambda one: one.measured_depth):
+        if last and station.measured_depth - last[-1].measured_depth < _SAME:
+            last[-1] = station
+        else:
+            last.append(station)
+    if not last:
+        raise ValueError(f"{story.name}: no survey is taken in it")
+    return last
+
+
+def _requests(story: Scenario) -> Iterator[float]:
+    """Return for each rest of the schedule the second of it at which a survey is asked for; infinity for none."""
+    for phase in story.schedule * story.cycles:
+        if phase.kind == "still":
+            yield round(phase.seconds - _LAST_S) if phase.seconds >= _SHORTEST else math.inf
+
+
+def _station(one: DecidedSurvey, truth: Samples, precision: Samples) -> ToolStation:
+    survey = one.record()
+    at = truth[min(int(np.searchsorted(truth["stamp_ns"], survey.stamp_ns)), len(truth) - 1)]
+    start, end = np.searchsorted(precision["stamp_ns"], [one.average.start_ns, one.average.end_ns])
+    mean = precision["linear_acceleration"][start:end].mean(axis=0) if end > start else np.full(3, math.nan)
+    return ToolStation(
+        float(at["measured_depth"]),
+        Reading(survey.inclination, *_azimuth(survey, AzimuthMethod.RAW)),
+        Reading(float(inclination(mean)), *_azimuth(survey, AzimuthMethod.GYRO)),
+        Reading(float(at["inclination"]), float(at["azimuth"])),
+    )
+
+
+def _azimuth(survey: Survey, method: AzimuthMethod) -> tuple[float, float]:
+    """Return azimuth from true north and sigma by one method, rad; NaN if the survey has none."""
+    estimate = next((each for each in survey.azimuths if each.method == method), None)
+    if estimate is None:
+        return math.nan, math.nan
+    turned = survey.turned(estimate.azimuth, North(estimate.north), North.TRUE)
+    return (math.nan if turned is None else turned), estimate.sigma
+
+
+def azimuth_error(reading: Reading, truth: Reading) -> float:
+    """Return measured minus true azimuth, rad, within half a turn."""
+    return float(wrap_pi(reading.azimuth - truth.azimuth))

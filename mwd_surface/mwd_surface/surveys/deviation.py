@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Deviation of a hole from its design: left or right and up or down at every station, at the bit and ahead of it.
+
+The offsets are those of `trajectory.plan.offset_from`, across the design. Their sigmas come from the position
+covariance of the error model, in the same two directions. Ahead of the bit the hole is continued straight; the stations
+there count as stations of the tool in the hole, so that their sigmas grow with the error of its direction.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.surveys.well_position import AHEAD, continued, uncertain
+from mwd_surface.trajectory.plan import across, offset_from, plan_of
+from mwd_surface.trajectory.well_path import Definitive
+
+_REACH, _STEP = 30.0, 10.0  # m ahead of the bit: what is drilled in a shift's part, and short enough to be straight
+
+
+@dataclasses.dataclass(frozen=True)
+class Deviation:
+    """
+    Deviation at one station; unknown numbers are NaN.
+
+    station: number of the survey, or kind of the station. kind: as in a path, or "planned" ahead of the bit.
+    measured_depth: m. inclination, azimuth: rad. right, up: from the design to the hole, across the design, m, negative
+    to the left and below. sigma_right, sigma_up: 1 sigma, m. distance: from the design, m. x, y, z: mine coordinates,
+    m, north, east and up.
+    """
+
+    station: str
+    kind: str
+    measured_depth: float
+    inclination: float
+    azimuth: float
+    right: float
+    up: float
+    sigma_right: float
+    sigma_up: float
+    distance: float
+    x: float
+    y: float
+    z: float
+
+
+def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> tuple[Deviation, ...]:
+    """
+    Return the deviation of a path of the list from its plan; empty without a plan or a survey.
+
+    records: record of each station of the path; None for tie-ons and the projection to the bit.
+    """
+    plan = surveys.plan
+    if plan is None or path.md.size < 2:
+        return ()
+    longer = _straight_on(path)
+    known = [*records, *[None] * (longer.md.size - path.md.size)]
+    covariance = uncertain(surveys, longer, known).covariance
+    opening = surveys.well.mine.opening
+    rows = []
+    for k, (position, inclination, azimuth) in enumerate(
+        zip(longer.positions, longer.inclination, longer.azimuth, strict=True)
+    ):
+        offset = offset_from(plan, position, float(inclination), float(azimuth))
+        sigma = np.full(2, math.nan)
+        if covariance is not None:
+            axes = across(plan, offset.plan_md)
+            sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", axes, covariance[k], axes), 0.0))
+        record = known[k]
+        rows.append(
+            Deviation(
+                station=str(record.survey.sequence) if record is not None else "",
+                kind=longer.kind[k],
+                measured_depth=float(longer.md[k]),
+                inclination=float(inclination),
+                azimuth=float(azimuth),
+                right=offset.right,
+                up=offset.up,
+                sigma_right=float(sigma[0]),
+                sigma_up=float(sigma[1]),
+                distance=offset.distance,
+                x=opening[0] + float(position[0]),
+                y=opening[1] + float(position[1]),
+                z=opening[2] - float(position[2]),
+            )
+        )
+    return tuple(rows)
+
+
+def is_ahead(row: Deviation) -> bool:
+    """Return whether a row lies ahead of the bit."""
+    return row.kind == AHEAD
+
+
+def _straight_on(path: Definitive) -> Definitive:
+    """Return the path continued straight from its end."""
+    inclination, azimuth = float(path.inclination[-1]), float(path.azimuth[-1])
+    line = plan_of([0.0, _REACH], [inclination] * 2, [azimuth] * 2, path.positions[-1])
+    return continued(path, line, _REACH, _STEP)

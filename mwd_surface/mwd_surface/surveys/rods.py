@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Bit depth by counting rods: the rods in the hole with their lengths, and the log of every change.
+
+The depth is the length in front of the first rod plus the lengths of the rods in the hole. A person tells each rod that
+is added or removed. A count of the rods in the hole that differs from the tally corrects it, with a reason. The log is
+a table to which each change is appended; reading it again gives the tally.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+from collections.abc import Iterable
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.signals.cells import utc
+
+COLUMNS = ("stamp_ns", "time_utc", "action", "length_m", "rods", "bit_depth_m", "operator", "reason")
+ADD, REMOVE, CORRECT = "add", "remove", "correct"
+_MOST = 5000  # rods; a larger count is a slip of the keyboard
+
+
+@dataclasses.dataclass(frozen=True)
+class RodSettings:
+    """Rods by which the depth is counted."""
+
+    length_m: float | None = setting(
+        None, "Length of a rod; nan: the depth is not counted by rods", unit="m", low=0.1, high=30.0
+    )
+    first_m: float = setting(
+        0.0, "Bit depth without a rod in the hole: the length of bit, probe and motor", unit="m", low=0.0, high=100.0
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class RodChange:
+    """One line of the log: rods and bit_depth, m, are those after the change; length of the rods changed, m each."""
+
+    stamp_ns: int
+    action: str
+    length: float
+    rods: int
+    bit_depth: float
+    operator: str
+    reason: str = ""
+
+    def line(self) -> str:
+        """Return the change as a line of the log."""
+        out = io.StringIO()
+        cells = (self.length, self.rods, self.bit_depth, self.operator, self.reason)
+        csv.writer(out, lineterminator="\n").writerow((self.stamp_ns, utc(self.stamp_ns), self.action, *cells))
+        return out.getvalue()
+
+
+@dataclasses.dataclass(frozen=True)
+class RodTally:
+    """
+    Rods in the hole.
+
+    first: bit depth without a rod, m. lengths: of the rods, the one at the bit first, m. changes: the log.
+    """
+
+    first: float
+    lengths: tuple[float, ...] = ()
+    changes: tuple[RodChange, ...] = ()
+
+    @property
+    def bit_depth(self) -> float:
+        """Measured depth of the bit, m."""
+        return self.first + math.fsum(self.lengths)
+
+    def add(self, stamp_ns: int, length: float, operator: str, reason: str = "") -> RodTally:
+        """
+        Return the tally with one rod more.
+
+        Raises
+        ------
+        ValueError
+            The length is not positive, or there are too many rods.
+        """
+        if not (math.isfinite(length) and 0.0 < length <= 30.0):
+            raise ValueError(f"length: a rod is longer than 0 m and at most 30 m, got {length:g}")
+        return self._with((*self.lengths, length), ADD, length, stamp_ns, operator, reason)
+
+    def remove(self, stamp_ns: int, operator: str, reason: str = "") -> RodTally:
+        """
+        Return the tally without the rod at the collar.
+
+        Raises
+        ------
+        ValueError
+            There is no rod in the hole.
+        """
+        if not self.lengths:
+            raise ValueError("no rod is in the hole by the tally; correct it by the number that you count")
+        return self._with(self.lengths[:-1], REMOVE, self.lengths[-1], stamp_ns, operator, reason)
+
+    def correct(self, stamp_ns: int, count: int, length: float, operator: str, reason: str) -> RodTally:
+        """
+        Return the tally with the counted number of rods; rods are added or removed at the collar.
+
+        Raises
+        ------
+        ValueError
+            There is no reason, or the count is not possible.
+        """
+        if not reason.strip():
+            raise ValueError("reason: a correction of the tally needs one, for the log")
+        if count < 0:
+            raise ValueError(f"count: must not be negative, got {count}")
+        missing = max(0, min(count, _MOST + 1) - len(self.lengths))
+        lengths = (*self.lengths[:count], *[length] * missing)
+        return self._with(lengths, CORRECT, length, stamp_ns, operator, reason)
+
+    def _with(
+        self, lengths: tuple[float, ...], action: str, length: float, stamp_ns: int, operator: str, reason: str
+    ) -> RodTally:
+        if not operator.strip():
+            raise ValueError("operator_name: must not be empty: it goes into the log")
+        if len(lengths) > _MOST:
+            raise ValueError(f"count: more than {_MOST} rods are not possible, got {len(lengths)}")
+        depth = self.first + math.fsum(lengths)
+        change = RodChange(stamp_ns, action, length, len(lengths), depth, operator, reason)
+        return RodTally(self.first, lengths, (*self.changes, change))
+
+
+def disagreement(tally: RodTally, bit_depth: float, length: float) -> str:
+    """Return how the tally differs from another source of the bit depth, m, by half a rod or more; empty if not."""
+    apart = tally.bit_depth - bit_depth
+    if not math.isfinite(apart) or abs(apart) < 0.5 * length:
+        return ""
+    way = "too many" if apart > 0.0 else "too few"
+    return (
+        f"{len(tally.lengths)} rods make {tally.bit_depth:.2f} m, the rig says {bit_depth:.2f} m: {way} rods in the"
+        f" tally by {abs(apart) / length:.1f}, or the depth of the rig is wrong"
+    )
+
+
+def read_log(lines: Iterable[str], first: float) -> tuple[RodTally, int]:
+    """Return the tally that a log gives, and the number of lines that cannot be read, such as one cut by a crash."""
+    tally, bad = RodTally(first), 0
+    for row in csv.reader(lines):
+        if not row or row[0] == COLUMNS[0]:
+            continue
+        try:
+            stamp, _, action, length, rods, _, operator, reason = row
+            made = int(stamp), float(length), operator
+            if action == ADD:
+                tally = tally.add(*made, reason)
+            elif action == REMOVE:
+                tally = tally.remove(made[0], operator, reason)
+            else:
+                tally = tally.correct(made[0], int(rods), made[1], operator, reason)
+        except ValueError:
+            bad += 1
+    return tally, bad
