@@ -145,7 +145,7 @@ def _propagate(s: State, sample: Sample) -> None:
     sample.turned = min(math.hypot(along, across * gx / side), math.pi)
     sample.sigma_inclination = min(math.hypot(sample.sigma_inclination, across), math.pi)
     sample.sigma_toolface = min(math.hypot(sample.sigma_toolface, sample.turned), math.pi)
-    sample.sigma_down = min(math.hypot(sample.sigma_inclination, along * side / size), math.pi)
+    sample.sigma_down = max(sample.sigma_inclination, sample.sigma_toolface * side / size)
 
 
 @compiled

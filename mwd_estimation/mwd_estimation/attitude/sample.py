@@ -36,7 +36,7 @@ class Sample:
     status: int
     suspect: int
     rate_x: float  #: rate about the axis, rad/s; for a rejected sample the rate used to propagate it, NaN if none
-    sigma_down: float  #: sigma of the direction down, rad; for a used sample that of the inclination
+    sigma_down: float  #: sigma of the direction down, rad: the larger of those along and across the tilt of the axis
     #: 1 sigma added to the toolfaces of a rejected sample, rad; 0 for a used sample, infinite if nothing is known.
     turned: float
     #: `turn`, `gyro_turn`: rotation about the tool axis since the start, by `time_alignment`, and rotation of the axis
@@ -60,5 +60,7 @@ def samples_of(stamps: Stamps, gyro: Array, accel: Array, track: Track, suspect:
     samples["down"] = track.g_t
     for name in ("sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status", "gyro_step"):
         samples[name] = getattr(track, name)
-    samples["rate_x"], samples["sigma_down"] = gyro[:, 0], track.sigma_inclination
+    samples["rate_x"] = gyro[:, 0]
+    across = track.sigma_toolface * np.hypot(track.g_t[:, 1], track.g_t[:, 2])
+    samples["sigma_down"] = np.fmax(track.sigma_inclination, across)
     return samples

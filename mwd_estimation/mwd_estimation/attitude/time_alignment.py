@@ -114,8 +114,8 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
     """
     Pair one magnetic sample with gravity at its stamp, and move azimuth and magnetic toolface towards it.
 
-    `pair` contains the field; its directions and azimuth are filled. Returns False, with the state unchanged, for a
-    sample without information.
+    `pair` contains the field and the sigma of the tilt; its directions and azimuth are filled. Returns False, with the
+    state unchanged, for a sample without information.
     """
     size, turn = _gravity_at(s, at, pair.g_t)
     off_x, off_y, off_z = model.interference
@@ -132,7 +132,7 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
     north_x, north_y, north_z = b_x - along * d_x, b_y - along * d_y, b_z - along * d_z
     toolface = math.atan2(d_x * north_y - d_y * north_x, north_z) + model.north_correction
     toolface -= (1.0 if d_x > 0.0 else -1.0) * turn
-    _smooth(p, s, at, pair.azimuth, toolface)
+    _smooth(p, s, at, pair, toolface)
     s.total, s.vertical = total, along
     s.horizontal = math.sqrt(max(total * total - along * along, 0.0))
     s.dip = math.atan2(along, s.horizontal)
@@ -140,17 +140,18 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
 
 
 @compiled
-def _smooth(p: Params, s: State, at: int, azimuth: float, toolface: float) -> None:
-    """Move the smoothed azimuth and toolface (minus the rotation), rad, towards those of a magnetic sample."""
+def _smooth(p: Params, s: State, at: int, pair: Pair, toolface: float) -> None:
+    """Move the smoothed azimuth, toolface (minus the rotation) and tilt sigma, rad, towards those of a pair."""
     gap = (at - s.mag_ns) * 1e-9
     whole = not s.have_mag or s.restart or p.smoothing_s <= 0.0 or gap <= 0.0 or gap > 10.0 * p.smoothing_s
     keep = 0.0 if whole else math.exp(-gap / p.smoothing_s)
-    s.azimuth_vector[0] = keep * s.azimuth_vector[0] + (1.0 - keep) * math.cos(azimuth)
-    s.azimuth_vector[1] = keep * s.azimuth_vector[1] + (1.0 - keep) * math.sin(azimuth)
+    s.azimuth_vector[0] = keep * s.azimuth_vector[0] + (1.0 - keep) * math.cos(pair.azimuth)
+    s.azimuth_vector[1] = keep * s.azimuth_vector[1] + (1.0 - keep) * math.sin(pair.azimuth)
     s.toolface_vector[0] = keep * s.toolface_vector[0] + (1.0 - keep) * math.cos(toolface)
     s.toolface_vector[1] = keep * s.toolface_vector[1] + (1.0 - keep) * math.sin(toolface)
     s.azimuth = _wrap(math.atan2(s.azimuth_vector[1], s.azimuth_vector[0]))
     s.toolface = math.atan2(s.toolface_vector[1], s.toolface_vector[0])
+    s.tilt = keep * s.tilt + (1.0 - keep) * pair.sigma_tilt
     s.mag_ns, s.have_mag, s.restart = at, True, False
 
 
@@ -164,17 +165,34 @@ def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosin
     """
     if s.horizontal <= 0.0 or sine <= 0.0:
         return math.pi
-    field = axial * axial + model.sigma_cross * model.sigma_cross + (s.vertical * tilt) ** 2
-    field /= s.horizontal * s.horizontal
-    return min(math.sqrt(field + (tilt * cosine / sine) ** 2 + model.sigma_north * model.sigma_north), math.pi)
+    field = axial * axial + model.sigma_cross * model.sigma_cross
+    turned = _turned(s, tilt) + tilt * tilt * (cosine * cosine / (sine * sine) + tilt * tilt)
+    if turned >= 1.0:
+        return math.pi
+    variance = field / (s.horizontal * s.horizontal) + turned / (1.0 - turned)
+    return min(math.sqrt(variance + model.sigma_north * model.sigma_north), math.pi)
+
+
+@compiled
+def _turned(s: State, tilt: float) -> float:
+    """
+    Return the variance by which a tilt, rad, rotates the horizontal field, rad^2.
+
+    The tilt also changes the vertical field, so a field that seems horizontal is rotated to second order. The ratio of
+    a variance to 1 minus that variance is the same for the strength by which the rotation is divided.
+    """
+    slope = s.vertical / s.horizontal
+    return tilt * tilt * (slope * slope + tilt * tilt)
 
 
 @compiled
 def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
     """Return 1 sigma of the scribe line from north: like the azimuth, but without the tilt term near vertical."""
-    horizontal = max(s.horizontal, 1e-9)
-    field = (model.sigma_cross * model.sigma_cross + (s.vertical * tilt) ** 2) / (horizontal * horizontal)
-    return min(math.sqrt(field + model.sigma_north * model.sigma_north), math.pi)
+    turned = _turned(s, tilt) if s.horizontal > 0.0 else 1.0
+    if turned >= 1.0:
+        return math.pi
+    field = model.sigma_cross / s.horizontal
+    return min(math.sqrt(field * field + turned / (1.0 - turned) + model.sigma_north * model.sigma_north), math.pi)
 
 
 @compiled
@@ -190,13 +208,12 @@ def _keep(s: State, sample: Sample) -> None:
 
 
 @compiled
-def _hand_on(s: State, model: FieldModel, at: int, sigma_tilt: float, pair: Pair) -> None:
-    """Complete a selected pair with its stamp and sigmas."""
+def _hand_on(s: State, model: FieldModel, at: int, pair: Pair) -> None:
+    """Complete a selected pair with its stamp and the sigma of its azimuth."""
     cosine = pair.g_t[0]
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     axial = model.sigma_axial * sine * math.sin(pair.azimuth - model.north_correction)
     pair.stamp_ns = at
-    pair.sigma_tilt = sigma_tilt if math.isfinite(sigma_tilt) else math.pi
     pair.sigma = _sigma_azimuth(model, s, axial, sine, cosine, pair.sigma_tilt)
 
 
@@ -243,8 +260,10 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
         else:
             row.magnetic_toolface = _wrap(s.azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
         sine, cosine = across / size, d_x / size
-        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, sample.sigma_down)
-        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, sample.sigma_down)
+        # The azimuth is a mean: it still contains errors of gravity that was less certain than the present one.
+        tilt = max(sample.sigma_down, s.tilt)
+        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, tilt)
+        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, tilt)
     else:
         status |= _NO_MAG
     row.status = np.uint32(status)
@@ -267,12 +286,13 @@ def _run(
                 pair = pairs[handed_on]
                 for c in range(3):
                     pair.b_t[c] = mag.b_t[used, c]
+                pair.sigma_tilt = sample.sigma_down if math.isfinite(sample.sigma_down) else math.pi
                 taken = _take_mag(p, s, model, at, pair)
                 across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
                 if taken and at // p.interval_ns != s.last_interval:
                     s.last_interval = at // p.interval_ns
                     pair.place = i
-                    _hand_on(s, model, at, sample.sigma_down, pair)
+                    _hand_on(s, model, at, pair)
                     handed_on += 1
             used += 1
         _write(p, s, model, sample, across_axis, rows[i])

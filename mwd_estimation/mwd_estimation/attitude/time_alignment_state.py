@@ -68,6 +68,7 @@ class State:
     #: `azimuth`, `toolface`: angles of these vectors, rad.
     azimuth: float
     toolface: float
+    tilt: float  #: sigma of the direction down, rad, averaged like these angles
     #: `total`, `dip`, `horizontal`, `vertical`: strength, T, dip, rad, horizontal and vertical field, T, of the last
     #: magnetic sample.
     total: float

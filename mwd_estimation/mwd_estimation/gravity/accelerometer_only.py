@@ -38,12 +38,18 @@ class Params(NamedTuple):
 
 
 class Record:
-    """Common clock and motion, last direction down, and mean square error of the force's magnitude, (m/s^2)^2."""
+    """Common clock and motion, the last direction down, and averages of the force over the memory."""
 
     clock: track.Clock
     motion: track.Motion
     down: Annotated[Array, 3]
+    """Last direction down, unit vector."""
+    mean: Annotated[Array, 3]
+    """Mean force in tool axes, m/s^2."""
+    square: Annotated[Array, 3]
+    """Mean square of the force along each tool axis, (m/s^2)^2."""
     power: float
+    """Mean square of the difference between the force's magnitude and gravity, (m/s^2)^2."""
 
 
 RECORD = dtype_of(Record)
@@ -53,7 +59,6 @@ def initial(params: Params) -> State:  # noqa: ARG001  (every method has this si
     """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
-    state["power"] = 1e6
     return state
 
 
@@ -61,7 +66,8 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     """
     Return minus the direction of the specific force, sample by sample; arguments and errors as for `fuzzy_mahony.run`.
 
-    Sigma assumes that the disturbance across gravity is as large as the observed change of magnitude along gravity.
+    Sigma comes from the mean square of all forces other than gravity (`_disturbance`), because the direction of a
+    disturbance is not known: vibration along a horizontal hole does not change the magnitude of the force at all.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
@@ -86,9 +92,54 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
                 s.down[c] = -f[c] / norm
             non_gravity = abs(norm - p.gravity)
             share = dt / (p.memory + dt) if dt > 0.0 else 1.0
+            for c in range(3):
+                s.mean[c] += share * (f[c] - s.mean[c])
+                s.square[c] += share * (f[c] * f[c] - s.square[c])
             s.power += share * (non_gravity * non_gravity - s.power)
             bits |= track.follow_motion(s.motion, dt, w, non_gravity)
-        sigma = min(math.pi, math.sqrt(s.power / (p.gravity * p.gravity) + p.sigma_floor * p.sigma_floor))
         for c in range(3):
             out.g_t[i, c] = s.down[c]
-        track.write_row(out, i, math.hypot(s.down[1], s.down[2]), sigma, s.motion, bits)
+        across = math.hypot(s.down[1], s.down[2])
+        inclination, aside = _tilts(p, s, across)
+        track.write_row(out, i, across, inclination, s.motion, bits)
+        out.sigma_toolface[i] = min(math.pi, aside / max(across, 1e-3))
+
+
+@compiled
+def _tilts(p: Params, s: Any, across: float) -> tuple[float, float]:
+    """
+    Return 1 sigma of the direction down in the vertical plane of the axis and across that plane, rad, at most pi.
+
+    across is the sine of the inclination. The hole hardly changes its direction within the memory, so every change of
+    the axial force is a disturbance; the rest of the disturbance acts equally on both axes across the tool.
+    """
+    axial = s.square[0] - s.mean[0] * s.mean[0]
+    total = _disturbance(p, s)
+    share = total / (p.gravity * p.gravity)
+    if not (share < 1.0 and math.isfinite(across)):
+        return math.pi, math.pi
+    aside = 0.5 * max(total - axial, 0.0)
+    along = axial * across * across + aside * (1.0 - across * across)
+    # A disturbance that is nearly as strong as gravity leaves no direction. The third power keeps the sigma of weaker
+    # ones (`test_any_rate_from_50_to_1000_hz_is_followed_from_a_start_in_motion`).
+    scale = 1.0 / ((1.0 - share * share * share) * p.gravity * p.gravity)
+    floor = p.sigma_floor * p.sigma_floor
+    along = math.sqrt(max(along, s.power) * scale + floor)
+    aside = math.sqrt(max(aside, s.power) * scale + floor)
+    return min(along, math.pi), min(aside, math.pi)
+
+
+@compiled
+def _disturbance(p: Params, s: Any) -> float:
+    """
+    Return the mean square of the forces other than gravity over the memory, (m/s^2)^2.
+
+    A disturbance that is not correlated with gravity adds its mean square to that of the force, whatever its direction;
+    the errors of the accelerometers make this sum uncertain by `slack`. Within the slack, the changes of the force in
+    tool axes tell more. They also contain the gravity that a turning tool sees rotate, and no force that is constant in
+    tool axes, such as the centripetal force.
+    """
+    square = s.square[0] + s.square[1] + s.square[2]
+    changes = square - (s.mean[0] * s.mean[0] + s.mean[1] * s.mean[1] + s.mean[2] * s.mean[2])
+    excess, slack = square - p.gravity * p.gravity, 2.0 * p.gravity * p.gravity * p.sigma_floor
+    return float(max(min(max(changes, excess - slack), excess + slack), s.power))

@@ -8,6 +8,7 @@ from consistency import assert_consistent
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import accelerometer_only as raw
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.frames import wrap_pi
 
 DOWN = np.array([0.6, 0.0, 0.8])
 STAMPS = np.arange(1000, dtype=np.int64) * 10_000_000
@@ -34,3 +35,29 @@ def test_no_force_at_all_is_rejected():
     p = raw.Params()
     got = raw.run(p, raw.initial(p), [0], np.zeros((1, 3)), np.zeros((1, 3)))
     assert Status(int(got.status[0])) & Status.REJECTED
+
+
+@pytest.mark.fault_case(21, 22)
+@pytest.mark.parametrize("inclination_deg", [8.0, 45.0, 90.0])
+@pytest.mark.parametrize(
+    ("axial", "turning", "circle"),
+    [(3.0, 0.0, 0.0), (4.0, 0.0, 35.6), (1.0, 12.7, 35.6), (2.0, 39.5, 62.8), (12.5, 0.0, 62.8)],
+)
+def test_sigma_covers_a_disturbance_whatever_its_direction(inclination_deg, axial, turning, circle):
+    # Vibration along the hole, and the centripetal force, m/s^2, of a sensor that turns at `circle`, rad/s.
+    rng = np.random.default_rng(3)
+    time = np.arange(3000) * 0.01
+    roll = circle * time + 1.0
+    inclination = np.radians(inclination_deg)
+    across = np.sin(inclination)
+    down = np.stack([np.full(3000, np.cos(inclination)), -across * np.sin(roll), -across * np.cos(roll)], axis=-1)
+    accel = -STANDARD_GRAVITY * down + [0.0, -0.8 * turning, 0.6 * turning]
+    accel[:, 0] += axial * np.sin(71.3 * time + 0.3) + 0.1 * axial * rng.standard_normal(3000)
+    p = raw.Params()
+    stamps = np.arange(3000, dtype=np.int64) * 10_000_000
+    got = raw.run(p, raw.initial(p), stamps, np.zeros((3000, 3)), accel)
+    late = slice(500, None)
+    turned = wrap_pi(np.arctan2(-got.g_t[:, 1], -got.g_t[:, 2]) - np.arctan2(-down[:, 1], -down[:, 2]))
+    for error, sigma in ((got.inclination - inclination, got.sigma_inclination), (turned, got.sigma_toolface)):
+        assert np.mean(np.abs(error[late]) > 3.0 * sigma[late]) < 0.003
+        assert np.mean(np.square(error[late] / sigma[late])) < 1.5

@@ -71,9 +71,8 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     w is the measured rate, rad/s, and f the measured specific force, m/s^2, of the interval of dt s that ends at the
     sample.
     """
-    scaled = w[0] - s.bias[0]
-    seen = scaled * (1.0 - s.scale)
-    wx = seen + s.missing
+    scaled = w[0] - s.bias[0] + s.missing
+    wx = scaled * (1.0 - s.scale)
     wy, wz = w[1] - s.bias[1] - s.askew[0] * scaled, w[2] - s.bias[2] - s.askew[1] * scaled
     px, py, pz = wx * dt, wy * dt, wz * dt
     coning, sampled = s.meaning.coning, s.meaning.sampled
@@ -89,7 +88,7 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     # Turn a mean force to the end of the interval, except by what the unit has turned it already: a unit that
     # integrates does so with its measured rate, one that averages does not. The mean over a rotation of 2 h is short by
     # sin(h) / h.
-    h = 0.0 if sampled else 0.5 * dt * ((w[0] if coning == 0.0 else 0.0) - seen)
+    h = 0.0 if sampled else 0.5 * dt * ((w[0] if coning == 0.0 else 0.0) - wx)
     keep = 1.0 - h * h / 3.0
     fy, fz = keep * f[1] - h * f[2], keep * f[2] + h * f[1]
     C, sums = s.C, s.sums

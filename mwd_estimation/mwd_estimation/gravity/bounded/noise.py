@@ -46,8 +46,8 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
 
     flag means that the unit reports a cross-axis gyro beyond its range in this sample.
     """
-    sums, motion = s.sums, s.motion
-    sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
+    sums, motion, rotary = s.sums, s.motion, w[0] + s.missing
+    sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * rotary * rotary) * dt
     if flag or max(abs(w[1]), abs(w[2])) >= track.AT_RANGE * p.gyro_range:
         sums.turn += (CROSS_TURN * dt) ** 2
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
@@ -99,7 +99,7 @@ def follow_motion(s: Record, w: Array) -> None:
         motion.folded = motion.folded_aside = explained(s)
     # The tool vibrates along and across its hole; white force is equal in all directions.
     motion.white = min(motion.across, explained(s))
-    s.turning += T / (TURNING_MEMORY + T) * (abs(w[0]) - s.turning)
+    s.turning += T / (TURNING_MEMORY + T) * (abs(w[0] + s.missing) - s.turning)
     share = T / (min(RATE_MEMORY, s.age + s.settled) + T)
     s.rate_walk[0] += share * ((w[0] - s.tick_w[0]) ** 2 / T - s.rate_walk[0])
     across = 0.5 * ((w[1] - s.tick_w[1]) ** 2 + (w[2] - s.tick_w[2]) ** 2)

@@ -244,8 +244,8 @@ class RunFilter:
         covariance = 0.5 * (covariance + np.swapaxes(covariance, 2, 3))
         if math.isnan(one["gyro"]) and not branched.covariance[:, Shared.DECLINATION, Shared.GYRO].any():
             # No gyro has tied the azimuth to true north yet. The readings of a magnetometer depend on the magnetic
-            # azimuth only, so that no number of stations shows the declination. A linear filter would learn it, because its
-            # slopes are tangents of a circle.
+            # azimuth only, so that no number of stations shows the declination. A linear filter would learn it, because
+            # its slopes are tangents of a circle.
             mean[..., Shared.DECLINATION] = branched.mean[:, None, Shared.DECLINATION]
             covariance[..., Shared.DECLINATION] = branched.covariance[:, None, :, Shared.DECLINATION]
             covariance[:, :, Shared.DECLINATION] = branched.covariance[:, None, Shared.DECLINATION]
