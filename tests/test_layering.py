@@ -5,30 +5,12 @@ import ast
 import functools
 import graphlib
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from project import ROOT, ROS
+
 LINE = ("mwd_msgs", "mwd_sensors", "mwd_estimation", "mwd_surface")
-ROS = {
-    "rclpy",
-    "rosidl_runtime_py",
-    "launch",
-    "launch_ros",
-    "builtin_interfaces",
-    "std_msgs",
-    "sensor_msgs",
-    "nav_msgs",
-    "geometry_msgs",
-    "diagnostic_msgs",
-    "rcl_interfaces",
-    "lifecycle_msgs",
-    "std_srvs",
-    "tf2_msgs",
-    "rosgraph_msgs",
-    "mwd_msgs",
-}
 MODULES = [path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()]
 KERNELS = [path for path in MODULES if not {"nodes", "ros"} & set(path.parts)]
 # Rooms by rank: a room imports only rooms of a lower rank, and no module outside rooms. Rooms of mwd_surface that are

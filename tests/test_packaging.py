@@ -5,35 +5,16 @@ import ast
 import re
 import sys
 from importlib import metadata
-from pathlib import Path
 
 import pytest
 import yaml
 
-ROOT = Path(__file__).resolve().parents[1]
+from project import ROOT, ROS
+
 LICENCE = "# SPDX-License-Identifier: Apache-2.0"
 PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
 # The distribution of a module where the two have different names.
 DISTRIBUTIONS = {"yaml": "pyyaml", "fpdf": "fpdf2", "serial": "pyserial", "foxglove": "foxglove-sdk"}
-# Comes with ROS: package.xml names it, no Python index has it.
-ROS = {
-    "rclpy",
-    "launch",
-    "launch_ros",
-    "ament_index_python",
-    "builtin_interfaces",
-    "std_msgs",
-    "sensor_msgs",
-    "nav_msgs",
-    "geometry_msgs",
-    "diagnostic_msgs",
-    "rcl_interfaces",
-    "lifecycle_msgs",
-    "std_srvs",
-    "tf2_msgs",
-    "rosgraph_msgs",
-    "mwd_msgs",
-}
 
 
 def imported(package):
