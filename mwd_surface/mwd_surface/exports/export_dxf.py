@@ -48,9 +48,13 @@ def dxf(table: SurveyTable) -> bytes:
         for points in (plan, side + corner):
             space.add_lwpolyline([tuple(map(float, point)) for point in points], dxfattribs={"layer": layer})
     for points in (views[HOLE][0], views[HOLE][1] + corner):
+        labelled = -math.inf
         for k, point in zip(measured, points, strict=True):
             place = tuple(map(float, point))
             space.add_circle(place, height / 4.0, dxfattribs={"layer": STATIONS})
+            if path.md[k] < labelled + 3.0 * height:
+                continue
+            labelled = float(path.md[k])
             label = space.add_text(f"{fixed(float(path.md[k]), 1)} m", height=height / 2.0, dxfattribs={"layer": TEXT})
             label.set_placement((place[0] + height / 2.0, place[1] + height / 2.0))
     along = fixed(math.degrees(path.section_azimuth), 2, 360.0)

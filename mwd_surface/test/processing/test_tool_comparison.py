@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conventional tool against gyro tool: the two tables of paper S1 from its two scenarios."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_sensors.core.angle_convention import AngleConvention
+from mwd_sensors.simulator.scenario import parse, read
+from mwd_surface.processing.tool_comparison import Reading, azimuth_error, compared
+from project import SCENARIOS
+
+# S1 tables 1 and 2: depth, dip and true azimuth of the gyro tool; azimuth of the conventional tool in table 2, deg.
+GYRO = ((30.0, 19.74, 159.42), (60.0, 20.81, 161.53), (90.0, 22.28, 163.17))
+DISTURBED = (136.63, 179.23, 185.60)
+
+
+@pytest.mark.slow(20)
+@pytest.mark.parametrize("name", ["s1_lab", "s1_field"])
+def test_the_tables_of_the_paper_come_from_its_scenarios(name):
+    stations = compared(read(SCENARIOS / f"{name}.yaml"))
+    assert [round(one.measured_depth, 1) for one in stations] == [depth for depth, _, _ in GYRO]
+    shown = AngleConvention.DIP_DOWN.shown
+    for station, (_, dip, azimuth), disturbed in zip(stations, GYRO, DISTURBED, strict=True):
+        for tool in (station.conventional, station.gyro):
+            assert math.degrees(shown(tool.inclination)) == pytest.approx(dip, abs=0.1)
+        assert math.degrees(station.truth.azimuth) == pytest.approx(azimuth, abs=0.01)
+        # The gyro does not feel the steel.
+        assert abs(azimuth_error(station.gyro, station.truth)) < 4.0 * station.gyro.sigma_azimuth < 0.2
+        expected = azimuth if name == "s1_lab" else disturbed
+        assert math.degrees(station.conventional.azimuth) == pytest.approx(expected, abs=1.0)
+
+
+def test_a_probe_without_a_gyro_has_nothing_to_compare():
+    with pytest.raises(ValueError, match="no precision gyro"):
+        compared(parse("name: plain\nprecision: null\n"))
+
+
+def test_an_error_of_azimuth_is_within_half_a_turn():
+    one, other = Reading(1.5, math.radians(359.0)), Reading(1.5, math.radians(1.0))
+    np.testing.assert_allclose(math.degrees(azimuth_error(one, other)), -2.0)
