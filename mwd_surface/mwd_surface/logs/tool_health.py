@@ -369,6 +369,7 @@ def _part(name: str, part: Part, day: datetime.date | None) -> PartHealth:
 
 
 def _bin_width(level: float) -> float:
-    """Return a round width of the bins of a histogram: about a fifth of the first level of a limit."""
-    exponent = math.floor(math.log10(max(abs(level) / 5.0, 1e-9)))
-    return float(next(k * 10.0**exponent for k in (1, 2, 5, 10) if k * 10.0**exponent >= abs(level) / 5.0 * 0.999))
+    """Return a round width of the bins of a histogram: about a tenth of the first level of a limit."""
+    wanted = max(abs(level), 1e-9) / 10.0
+    exponent = math.floor(math.log10(wanted))
+    return float(next(k * 10.0**exponent for k in (1, 2, 5, 10) if k * 10.0**exponent >= 0.8 * wanted))

@@ -218,6 +218,7 @@ byId("view").addEventListener("click", () => {
 
 new ResizeObserver(showWellPath).observe(byId("tab-path"));
 new ResizeObserver(() => showLogs(connection.sections)).observe(byId("tab-logs"));
+new ResizeObserver(() => showTool(connection.sections)).observe(byId("tab-tool"));
 
 showSwitches();
 chooseLanguage(byId("language"));
