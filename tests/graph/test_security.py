@@ -23,23 +23,6 @@ from mwd_surface.runs import launch_plan
 from project import ROOT
 from running_graph import until
 
-LOOK = """
-import json, sys, time, rclpy
-from mwd_surface.ros.security_policy import read_graph
-rclpy.init(); node = rclpy.create_node("visitor", start_parameter_services=False)
-wanted, before, table = sys.argv[1:], None, {}
-until = time.monotonic() + 120.0
-while time.monotonic() < until:
-    for _ in range(30):
-        rclpy.spin_once(node, timeout_sec=0.1)
-    there = {f"{space}/{name}" for name, space in node.get_node_names_and_namespaces()}
-    if not set(wanted) <= there:
-        continue
-    before, table = table, read_graph(node, wanted)
-    if table == before:
-        break
-print(json.dumps(table))
-"""
 # What nodes open by their settings only: bursts, other links, rig data in, simulated time.
 OPTIONAL = {
     "sonde": {"publish": ["gyro/burst", "imu/burst", "rig/earth_voltage", "rig/standpipe_2"], "subscribe": ["/clock"]},
@@ -56,7 +39,7 @@ def read(folder, **started):
         names = [graph.command(node, "w1", **parameters) for node, parameters in started.items()]
         for name in names:
             until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
-        words = [sys.executable, "-c", LOOK, *(f"/w1/{node}" for node in started)]
+        words = [sys.executable, Path(__file__).with_name("open_names.py"), *(f"/w1/{node}" for node in started)]
         done = subprocess.run(words, env=graph.environment, capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])

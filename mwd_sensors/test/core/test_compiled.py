@@ -165,3 +165,21 @@ def test_processes_that_need_a_kernel_at_the_same_time_compile_it_once(tmp_path)
         process.stdin.flush()
     said = sorted(process.communicate()[0].split() for process in begun)
     assert said == [["4"], ["4"], ["compiling", "4"]]
+
+
+@pytest.mark.slow
+def test_machine_code_is_kept_for_one_version_and_for_the_user_where_the_module_cannot_have_it(tmp_path):
+    source = (
+        "from mwd_sensors.core.compiled import compiled\n\n"
+        "@compiled\ndef step(x):\n    return x + {}\n\nprint(step(1))\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment["XDG_CACHE_HOME"] = str(tmp_path / "user")
+    (tmp_path / "__pycache__").write_text("a file, so that no folder can be made here")
+    for added in (1, 2):
+        (tmp_path / "mwd_step.py").write_text(source.format(added))
+        command = [sys.executable, "-c", "import mwd_step"]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == [str(1 + added)]
+        (folder,) = (tmp_path / "user" / "mwd").glob("mwd_step-*")
+        assert any(folder.rglob("*.nbc"))

@@ -25,7 +25,6 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.message_record import UnknownNumberError
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
-from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.live.input_monitor import InputMonitor
@@ -337,10 +336,6 @@ class LiveWell:
         return not_evaluated(
             self._supervision.heard, self._supervision.judged, over_link=self.settings.link.source != "direct"
         )
-
-    def evaluated_alarms(self) -> tuple[Alarm, ...]:
-        """Return the alarms that were evaluated here, whether or not they are those that are shown."""
-        return self.alarm_log.book.alarms()
 
     def state(self) -> WellState:
         """Return the state at the end of the last cell that was taken."""

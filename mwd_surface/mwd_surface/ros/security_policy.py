@@ -2,15 +2,14 @@
 """
 Rights of each node of a well with DDS security (SROS2): its topics, services and actions, and nothing else.
 
-The table is read from a running graph (`read_graph`) and kept in `security_policy.yaml`; a test compares the two.
+The table is kept in `security_policy.yaml`; a test compares it with a running graph.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -37,37 +36,6 @@ def shipped() -> Table:
     """Return the table shipped with the package."""
     table: Table = yaml.safe_load(_FILE.read_text(encoding="utf-8"))
     return table
-
-
-def read_graph(visitor: Any, nodes: Iterable[str]) -> Table:
-    """
-    Read the topics, services and actions that nodes of a running graph have open.
-
-    visitor: rclpy node on the same domain. nodes: full names.
-    """
-    from rclpy.action.graph import get_action_client_names_and_types_by_node as action_clients
-    from rclpy.action.graph import get_action_server_names_and_types_by_node as action_servers
-
-    table: Table = {}
-    for full in nodes:
-        space, _, name = full.rpartition("/")
-        open_: dict[str, Callable[[str, str], list[tuple[str, list[str]]]]] = {
-            "publish": visitor.get_publisher_names_and_types_by_node,
-            "subscribe": visitor.get_subscriber_names_and_types_by_node,
-            "reply": visitor.get_service_names_and_types_by_node,
-            "request": visitor.get_client_names_and_types_by_node,
-            "execute": lambda node, where: action_servers(visitor, node, where),
-            "call": lambda node, where: action_clients(visitor, node, where),
-        }
-        table[name] = {kind: _relative(found(name, space or "/"), space, name) for kind, found in open_.items()}
-    return table
-
-
-def _relative(found: Iterable[tuple[str, list[str]]], space: str, node: str) -> list[str]:
-    """Return names without the well; the parts of actions are left out, because rights to actions cover them."""
-    names = {name.removeprefix(f"{space}/") if space else name for name, _ in found if "/_action/" not in name}
-    # Write a node's own services with a tilde, so that they apply if the node has another name.
-    return sorted(f"~/{name.removeprefix(f'{node}/')}" if name.startswith(f"{node}/") else name for name in names)
 
 
 def merged(first: Mapping[str, Mapping[str, list[str]]], second: Mapping[str, Mapping[str, list[str]]]) -> Table:
