@@ -9,10 +9,17 @@ import pytest
 from example_alarms import Alarms
 
 from mwd_sensors.telemetry.log_channels import LogSample
+from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.log_monitor import LogMonitor
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.survey_book import SurveyBook
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.tool_health import HealthLedger
+from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.survey_list import SurveyList
 
 S = 10**9
 T0 = 10**18
@@ -41,3 +48,37 @@ def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goe
     assert alarms.active()
     monitor.update(100.0)
     assert not alarms.active()
+
+
+@pytest.mark.parametrize(
+    ("source", "link", "used"),
+    [
+        ("em", "mud_pulse", False),
+        ("mud_pulse", "mud_pulse", True),
+        ("best", "em", True),
+        ("em", "", True),
+        ("direct", "em", True),
+        ("serial", "em", False),
+    ],
+)
+def test_a_surface_of_one_link_uses_no_sample_of_another(source, link, used):
+    logs, health = DepthLog(), HealthLedger()
+    book = SimpleNamespace(logs=logs, health=health, journal=None)
+    monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=Alarms()), book, source)
+    for at in range(101):
+        logs.add_depth(T0 + at * S, 1000.0)
+    monitor.on_sample(message(link=link))
+    monitor.update(1.0)
+    assert (logs.channels == ("gamma",)) is used
+    assert (health.health().stamp_ns > 0) is used
+
+
+def test_a_depth_set_by_hand_places_the_samples_of_its_time():
+    clock = WellClock(T0)
+    context = WellContext(clock, LiveState(), AlarmLog(clock), WellOutlet())
+    book = SurveyBook(context, PlanMonitor(context), SurveyList(), DepthRules())
+    for at in (45, 55):
+        book.set_depth_by_hand(T0 + at * S, 500.0)
+    book.logs.add([LogSample(T0 + 50 * S, "gamma", "gAPI", 10.0, 10.0, 80.0, 5.0, sensor_to_bit=10.0)])
+    (curve,) = book.logs.curves()
+    assert curve.depth.tolist() == pytest.approx([490.05])
