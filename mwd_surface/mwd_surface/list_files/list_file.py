@@ -641,6 +641,8 @@ class _Reader:
             if len(good) == 1:
                 way, why = good[0], "as its vertical depths say"
         if not way:
+            way, why = self.given.usual_dip, "like those of the well"
+        if not way:
             raise ListFileError(
                 f"{self.table.at}: column {column.name!r} has angles from the horizontal, from"
                 f" {math.degrees(dips.min()):g} to {math.degrees(dips.max()):g} deg, and the list does not say whether"
