@@ -8,7 +8,7 @@ import pytest
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.simulator.scenario import parse, read
-from mwd_surface.processing.tool_comparison import Reading, azimuth_error, compared
+from mwd_surface.runs.tool_comparison import Reading, azimuth_error, compared
 from project import SCENARIOS
 
 # S1 tables 1 and 2: depth, dip and true azimuth of the gyro tool; azimuth of the conventional tool in table 2, deg.
