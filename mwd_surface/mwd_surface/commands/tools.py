@@ -13,7 +13,7 @@ from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands.scenario import scenario_names
 
 if TYPE_CHECKING:
-    from mwd_surface.processing.tool_comparison import ToolStation
+    from mwd_surface.runs.tool_comparison import ToolStation
 
 
 def tools(
@@ -45,7 +45,7 @@ def tools(
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
-    from mwd_surface.processing.tool_comparison import compared
+    from mwd_surface.runs.tool_comparison import compared
     from mwd_surface.signals.cells import table as csv_table
 
     lines: list[dict[str, str]] = []
@@ -70,7 +70,7 @@ def tools(
 
 def _cells(station: ToolStation, convention: AngleConvention) -> dict[str, str]:
     """Return the numbers of a station as text, in degrees, by the names of their columns."""
-    from mwd_surface.processing.tool_comparison import azimuth_error
+    from mwd_surface.runs.tool_comparison import azimuth_error
     from mwd_surface.signals.cells import fixed
 
     readings = {"conventional": station.conventional, "gyro": station.gyro, "true": station.truth}

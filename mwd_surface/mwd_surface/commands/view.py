@@ -140,7 +140,7 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
     from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
-    from mwd_surface.runs.player import named_plan
+    from mwd_surface.runs.player import named_plan, usual_dip
     from mwd_surface.trajectory.plan_file import read_plan
 
     if path is not None or said:
@@ -153,6 +153,6 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
         terminal.remark(f"the plan of this recording, {file}, is not on this machine; give it with --plan")
         return None
     try:
-        return read_plan(file, given=named.given())
+        return read_plan(file, given=named.given().with_dip(usual_dip(bag)))
     except ListFileError as error:
         raise asked(error, "--plan-set {}={}") from error

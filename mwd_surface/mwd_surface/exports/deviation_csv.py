@@ -32,7 +32,17 @@ def deviation_csv(table: SurveyTable) -> str:
     """
     rows = table.deviations
     angles = table.surveys.well.angles
-    names = ("survey", "station", "ahead", "md_m", angles.column, "azimuth_deg", "azimuth_reference", *_LENGTHS)
+    names = (
+        "survey",
+        "station",
+        "ahead",
+        "md_m",
+        angles.column,
+        "azimuth_deg",
+        "azimuth_reference",
+        *_LENGTHS,
+        "coordinates",
+    )
     lines = [
         {
             "survey": row.station,
@@ -43,6 +53,7 @@ def deviation_csv(table: SurveyTable) -> str:
             "azimuth_deg": cells.fixed(row.azimuth * _DEG, 4, 360.0),
             "azimuth_reference": table.path.north.name.lower(),
             **{name: cells.fixed(getattr(row, field), 3) for name, field in _LENGTHS.items()},
+            "coordinates": "assumed" if table.path.assumed else "",
         }
         for row in rows
     ]

@@ -58,7 +58,7 @@ def dxf(table: SurveyTable) -> bytes:
             label = space.add_text(f"{fixed(float(path.md[k]), 1)} m", height=height / 2.0, dxfattribs={"layer": TEXT})
             label.set_placement((place[0] + height / 2.0, place[1] + height / 2.0))
     along = fixed(math.degrees(path.section_azimuth), 2, 360.0)
-    name = table.surveys.well.wellbore_name
+    name = table.surveys.well.wellbore_name + (" (coordinates assumed)" if path.assumed else "")
     titles = (
         (f"{name}: plan, {path.north.name.lower()} north up, 1 unit = 1 m", everything[0].max(axis=0)[1]),
         (f"{name}: section along azimuth {along} deg, 1 unit = 1 m", (everything[1] + corner).max(axis=0)[1]),

@@ -312,6 +312,9 @@ class Given:
         Direction of positive angles from the horizontal, "down" or "up"; empty: inferred from the vertical depths.
     wellhead : tuple of float, optional
         Northing and easting of the wellhead, in m, subtracted from map coordinates.
+    usual_dip : str
+        Direction of positive angles from the horizontal in the well of the list, where neither caller nor list nor
+        vertical depths say it.
     confirm : tuple of str
         Words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct.
     """
@@ -324,6 +327,7 @@ class Given:
     dip: str = ""
     wellhead: tuple[float, float] | None = None
     confirm: tuple[str, ...] = ()
+    usual_dip: str = ""
 
     def __post_init__(self) -> None:
         """Refuse an unknown quantity, unit, north or word."""
@@ -340,8 +344,8 @@ class Given:
                 raise ValueError(f"unknown {what} {value!r}; choose one of {', '.join(known)}")
 
     def with_dip(self, way: str) -> Given:
-        """Return the facts with the usual direction of dips, that of the well, where the caller states none."""
-        return self if self.dip or not way else dataclasses.replace(self, dip=way)
+        """Return the facts with the usual direction of dips, that of the well."""
+        return dataclasses.replace(self, usual_dip=way)
 
 
 def columns_of(text: str) -> dict[str, str]:

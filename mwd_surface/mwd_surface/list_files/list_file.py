@@ -222,9 +222,11 @@ class _Reader:
         self.name = table.name
         self.of = dict(columns.of)
         if provenance is not None:
-            # The raw log of this program also has the azimuth by each method; the names of those columns have unknown
-            # words.
-            self.of = {what: tuple(one for one in found if not one.strange) or found for what, found in self.of.items()}
+            # The exports of this program also have the azimuth by each method.
+            self.of = {
+                what: tuple(one for one in found if one.name == f"{what}_deg") or found
+                for what, found in self.of.items()
+            }
         self.german = any(_GERMAN.search(name) for name in table.names)
         self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
         for one in columns.unread:
@@ -638,6 +640,8 @@ class _Reader:
             good = [name for name, inc in ways.items() if fits((md, inc, np.zeros_like(md)), positions)]
             if len(good) == 1:
                 way, why = good[0], "as its vertical depths say"
+        if not way:
+            way, why = self.given.usual_dip, "like those of the well"
         if not way:
             raise ListFileError(
                 f"{self.table.at}: column {column.name!r} has angles from the horizontal, from"

@@ -89,7 +89,7 @@ class RodServer:
             )
             log.log_event("rods", text, Severity.WARNING)
         else:
-            log.log_event("rods", f"{words}, by {operator_name}")
+            log.log_event("rods", f"rod told by {operator_name}: {words}")
         if change == 1 and missed:
             log.log_event("rods", missed, Severity.WARNING)
         remedy = "count the rods in the hole, and correct the tally by their number"

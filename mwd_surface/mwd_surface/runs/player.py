@@ -275,6 +275,10 @@ def named_plan(bag: Bag) -> PlanSettings:
     """Return the plan settings of the surface node in a recording; without a file name if it had no plan."""
     named = {name: str(value) for name, value in dict(bag.metadata().get(SURFACE, {})).items()}
     known = (field.name for field in dataclasses.fields(PlanSettings))
-    found = changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})
-    dips = AngleConvention(named.get("well.convention", AngleConvention.INCLINATION)).points
-    return dataclasses.replace(found, dip=found.dip or dips)
+    return changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})
+
+
+def usual_dip(bag: Bag) -> str:
+    """Return where positive dips point in the well of a recording: up, down, or empty for a well in inclinations."""
+    said = dict(bag.metadata().get(SURFACE, {})).get("well.convention", AngleConvention.INCLINATION)
+    return AngleConvention(str(said)).points

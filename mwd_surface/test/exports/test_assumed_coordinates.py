@@ -8,7 +8,9 @@ import math
 import re
 
 import example_surveys as example
+import ezdxf
 import lasio
+import openpyxl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,7 +34,7 @@ from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.survey_list import OF_START, SurveyList
 from mwd_surface.trajectory.advice import AdviceMode, AdvisorySettings, Known, advise
-from mwd_surface.trajectory.plan import plan_of
+from mwd_surface.trajectory.plan import plan_of, straight
 from mwd_surface.trajectory.well_path import ASSUMED, TIE_ON
 
 GIVEN = TieOn.given(270.0, 0.0, 1.3, (2.0, 3.0, 269.5))
@@ -75,7 +77,25 @@ def report_flag(data):
     return "not certified" in text
 
 
-FLAGS = {"csv": csv_flag, "las": las_flag, "witsml": witsml_flag, "html": report_flag}
+def dxf_flag(data):
+    drawing = ezdxf.read(io.StringIO(data.decode()))
+    titles = [text.dxf.text for text in drawing.modelspace().query("TEXT") if "1 unit" in text.dxf.text]
+    return all("(coordinates assumed)" in title for title in titles)
+
+
+def xlsx_flag(data):
+    head = openpyxl.load_workbook(io.BytesIO(data)).worksheets[0]
+    return any(row[0].value == "Coordinates" for row in head.iter_rows())
+
+
+FLAGS = {
+    "csv": csv_flag,
+    "las": las_flag,
+    "witsml": witsml_flag,
+    "html": report_flag,
+    "dxf": dxf_flag,
+    "xlsx": xlsx_flag,
+}
 
 
 @pytest.mark.parametrize("tie_on", [UNTIED, WITHOUT_POSITION])
@@ -86,8 +106,16 @@ def test_an_export_flags_a_list_with_an_assumed_tie_on_and_not_the_same_list_wit
 
 
 def test_every_format_with_positions_has_its_flag_checked():
-    # The raw log has no positions, and the PDF has the content of the HTML report.
-    assert set(FORMATS) - set(FLAGS) == {"raw_csv", "pdf"}
+    # The raw log has no positions, the PDF has the content of the HTML report, and a deviation needs a plan.
+    assert set(FORMATS) - set(FLAGS) == {"raw_csv", "pdf", "deviation"}
+
+
+def test_a_deviation_flags_its_rows():
+    for tie_on, words in ((UNTIED, {"assumed"}), (GIVEN, {""})):
+        table = example.table(tie_on=tie_on)
+        surveys = table.surveys.along(straight(1.0, 1.0, 900.0, table.surveys.well.north_reference))
+        data = FORMATS["deviation"].make(survey_table(surveys, example.MADE)).decode()
+        assert {row["coordinates"] for row in csv.DictReader(io.StringIO(data))} == words
 
 
 def test_path_csv_flags_it_too():

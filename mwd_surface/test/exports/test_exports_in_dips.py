@@ -84,3 +84,13 @@ def test_a_plan_in_dips_without_a_direction_has_that_of_the_well(tmp_path, conve
     file.write_text(f"md_m,dip_deg,azi_true\n0,{dip},10\n90,{dip},10\n")
     plan = PlanMonitor.read(PlanSettings(file=str(file)), Well(convention=convention, north_reference="true"))
     np.testing.assert_allclose(np.degrees(plan.inclination), 95.0)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_plan_that_states_its_direction_has_it_in_any_well(tmp_path, convention, way):
+    file = tmp_path / "plan.csv"
+    dip = 5.0 if way == "up" else -5.0
+    file.write_text(f"md_m,hole_dip_{way}_deg,azi_true\n0,{dip},10\n90,{dip},10\n")
+    plan = PlanMonitor.read(PlanSettings(file=str(file)), Well(convention=convention, north_reference="true"))
+    np.testing.assert_allclose(np.degrees(plan.inclination), 95.0)

@@ -121,6 +121,17 @@ def test_an_export_of_a_run_has_its_tie_on_its_well_and_the_surveys_in_use(kind,
     assert any(r.judgement != Judgement.NOT_JUDGED for r in surveys.records)
 
 
+@pytest.mark.parametrize("kind", READABLE)
+def test_an_export_is_read_by_its_definitive_azimuth_where_other_methods_differ(kind):
+    surveys = example.surveys()
+    records = []
+    for record in surveys.records:
+        others = tuple(dataclasses.replace(one, azimuth=one.azimuth + 0.02) for one in record.survey.azimuths)
+        records.append(dataclasses.replace(record, survey=dataclasses.replace(record.survey, azimuths=others)))
+    surveys = dataclasses.replace(surveys, records=tuple(records))
+    assert_same_list(read_back(surveys, kind), surveys)
+
+
 @pytest.mark.parametrize("kind", ["csv", "las", "witsml"])
 def test_an_export_of_a_sidetrack_has_the_whole_path(kind):
     surveys = example.surveys()

@@ -168,11 +168,11 @@ def test_the_path_of_each_scenario_starts_on_the_hole_that_the_simulator_drills(
     assert leg.tie_on_vertical_depth is not None
     whole = arranged(SurveyList(), leg)
     well = scenario.well
-    hole = well_path(*(np.array(well.stations) * (1.0, RAD, RAD)).T)
+    hole = well_path(*well.hole)
     first = max(well.bit_m - well.sensor_to_bit_m, 0.5)
-    deeper = [row for row in well.stations if row[0] > leg.tie_on_depth]
-    for k, (md, inclination_deg, azimuth_deg) in enumerate(deeper, start=1):
-        survey = Survey(k, f"u{k}", k, inclination_deg * RAD, azimuth_deg * RAD, int(North.TRUE), covariance=SURE)
+    deeper = [row for row in zip(*well.hole, strict=True) if row[0] > leg.tie_on_depth]
+    for k, (md, inclination, azimuth) in enumerate(deeper, start=1):
+        survey = Survey(k, f"u{k}", k, float(inclination), float(azimuth), int(North.TRUE), covariance=SURE)
         whole = whole.add(survey, md, 0.0)
     assert not whole.definitive(bit_depth=first).assumed
     if launch_plan.tie_on_parameters(scenario).items() <= given.items():

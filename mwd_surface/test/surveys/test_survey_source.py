@@ -16,14 +16,14 @@ from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
+from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
 from mwd_surface.trajectory.slide_file import NAME, append_stretch
 
 
 def without_well(surveys):
     """What a recording can give back: all but the description of the well, and the tool for surveys to come."""
-    plain = dataclasses.replace(surveys.well, **{f.name: f.default for f in dataclasses.fields(surveys.well)})
-    well = dataclasses.replace(plain, name=surveys.well.name, north_reference=surveys.well.north_reference)
+    well = Well(surveys.well.name, north_reference=surveys.well.north_reference)
     return dataclasses.replace(surveys.configured(well, surveys.rules), tool="")
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.simulator.scenario import parse, read
-from mwd_surface.processing.tool_comparison import Reading, azimuth_error, compared
+from mwd_surface.runs.tool_comparison import Reading, azimuth_error, compared
 from project import SCENARIOS
 
 # S1 tables 1 and 2: depth, dip and true azimuth of the gyro tool; azimuth of the conventional tool in table 2, deg.
@@ -27,7 +27,9 @@ def test_the_tables_of_the_paper_come_from_its_scenarios(name):
             assert math.degrees(shown(tool.inclination)) == pytest.approx(dip, abs=0.1)
         assert math.degrees(station.truth.azimuth) == pytest.approx(azimuth, abs=0.01)
         # The gyro does not feel the steel.
-        assert abs(azimuth_error(station.gyro, station.truth)) < 4.0 * station.gyro.sigma_azimuth < 0.2
+        assert abs(azimuth_error(station.gyro, station.truth)) < min(
+            3.0 * station.gyro.sigma_azimuth, math.radians(2.5)
+        )
         expected = azimuth if name == "s1_lab" else disturbed
         assert math.degrees(station.conventional.azimuth) == pytest.approx(expected, abs=1.0)
 
