@@ -60,7 +60,8 @@ class _Panels(TyperGroup):
         # Two spaces before a name and two behind the longest one.
         limit = formatter.width - 6 - max(map(len, self.commands))
         for name, command in self.commands.items():
-            panels.setdefault(getattr(command, "rich_help_panel", ""), []).append((name, command.get_short_help_str(limit)))
+            panel = getattr(command, "rich_help_panel", "")
+            panels.setdefault(panel, []).append((name, command.get_short_help_str(limit)))
         for panel, rows in panels.items():
             with formatter.section(panel):
                 formatter.write_dl(rows)

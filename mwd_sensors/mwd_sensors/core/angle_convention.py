@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
-from mwd_sensors.core.arrays import Array
+if TYPE_CHECKING:
+    from mwd_sensors.core.arrays import Array
 
 _RIGHT = math.pi / 2.0
 
