@@ -219,9 +219,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._actions.finish_north_seek(solution)
         if self._pipeline.samples_are != self._samples_are:
             self._samples_are = self._pipeline.samples_are
-            self.get_logger().warning(
-                sample_meaning.in_words(self._samples_are) or "the samples are as tool.samples states"
-            )
+            if self._samples_are:
+                self.get_logger().warning(sample_meaning.in_words(self._samples_are))
         if self._pipeline.counters.set_back > self._times_set_back:
             self._times_set_back = self._pipeline.counters.set_back
             self.get_logger().warning("the samples' time went back by more than a second: the estimate began anew")

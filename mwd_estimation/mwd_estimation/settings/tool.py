@@ -260,8 +260,8 @@ class Tool:
         "integrated",
         "Meaning of a sample of the conventional unit: integrated (strapdown-integrated over its interval), means "
         "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
-        "coning of 2 deg drifts by 65 deg/h. With gravity.method bounded, a wrong choice between integrated and the "
-        "other two is found when the rotary speed changes, corrected and reported. From the data sheet.",
+        "coning of 2 deg drifts by 65 deg/h. With gravity.method bounded, points that are stated as integrated are "
+        "found when the rotary speed changes, used as points and reported. From the data sheet.",
         choices=("integrated", "means", "points"),
     )
     calibrated_c: tuple[float, float] = setting(

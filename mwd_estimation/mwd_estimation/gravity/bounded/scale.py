@@ -153,9 +153,9 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 @compiled
 def _doubt(s: Record) -> tuple[float, float]:
     """
-    Return the variances due to the other meaning of the samples, of inclination and of tilt across the hole, rad^2.
+    Return the variances due to the meaning of the samples, of inclination and of tilt across the hole, rad^2.
 
-    With the probability w of the other meaning, its effect e on the tilt has the variance w (1 - w) e^2.
+    With the probability w that they are points, the effect e of this on the tilt has the variance w (1 - w) e^2.
     """
     dx, dy = hole_direction(s)
     share = 1.0 / (2.0 + 2.0 * math.cosh(min(s.meaning.odds, 0.0)))

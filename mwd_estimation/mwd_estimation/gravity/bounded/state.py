@@ -29,7 +29,7 @@ TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11
 STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
 TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, more than a magnetic sample waits
 RECENT = 100  # number of updates kept: 3 s, in which a step of the gyro bias shows
-STATED = 4.6  # logarithm of the odds that the meaning of a sample is the one that the settings state: 100 to 1
+STATED = 7.0  # logarithm of the odds that samples are integrated if the settings state it: 1100 to 1
 DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
 
 
@@ -173,9 +173,9 @@ class Meaning:
     coning: float
     """Share of the coning term, see `Params.coning`."""
     effect: Annotated[Array, STEADY, 1]
-    """Errors that the state has at present if the other meaning is the true one."""
+    """Errors that the state has at present if the samples are points although integrated ones are assumed."""
     odds: float
-    """Logarithm of the odds of the other meaning against the present one."""
+    """Logarithm of the odds of points against integrated samples."""
     changed: bool
     """Whether the meaning is another one than the settings state."""
 
@@ -320,10 +320,7 @@ class State:
     @property
     def samples_are(self) -> str:
         """Meaning of a sample that the data show although the settings state another; empty if there is none."""
-        meaning = self.record[0]["meaning"]
-        if not meaning["changed"]:
-            return ""
-        return "points" if meaning["sampled"] else "integrated"
+        return "points" if self.record[0]["meaning"]["changed"] else ""
 
     def keep_meaning(self, other: State) -> None:
         """Take over the meaning of a sample that another state has found."""

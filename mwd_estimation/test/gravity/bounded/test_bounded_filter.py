@@ -322,7 +322,7 @@ def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_
         assert found.inside, found
 
 
-def test_point_samples_of_a_swinging_speed_are_followed_without_delay_by_who_says_that_they_are():
+def test_point_samples_of_a_swinging_speed_are_followed_without_delay_whether_stated_or_found():
     n, rate_hz = 6000, 100.0
     t = np.arange(n) / rate_hz
     omega = 2 * np.pi * 0.2
@@ -337,7 +337,8 @@ def test_point_samples_of_a_swinging_speed_are_followed_without_delay_by_who_say
     for sampled in (False, True):
         p = bounded.Params(sampled=sampled)
         late[sampled] = rms(error_deg(bounded.run(p, bounded.initial(p), stamps, gyro, accel), down)[2000:])
-    assert late[True] < 0.1 * late[False]
+    assert late[True] < 0.1
+    assert late[False] < 2.0 * late[True]
 
 
 def test_a_lever_arm_is_not_made_to_fit_while_the_attitude_is_unknown():
