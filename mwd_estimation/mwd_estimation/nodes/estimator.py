@@ -220,7 +220,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if self._pipeline.samples_are != self._samples_are:
             self._samples_are = self._pipeline.samples_are
             if self._samples_are:
-                self.get_logger().warning(sample_meaning.in_words(self._samples_are))
+                self.get_logger().warning(printable(sample_meaning.in_words(self._samples_are)))
         if self._pipeline.counters.set_back > self._times_set_back:
             self._times_set_back = self._pipeline.counters.set_back
             self.get_logger().warning("the samples' time went back by more than a second: the estimate began anew")
