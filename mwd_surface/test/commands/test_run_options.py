@@ -96,6 +96,7 @@ def other(node, name, value):
     if isinstance(value, int | float):
         return type(value)(value + 1)
     words = {"gravity.method": "mahony", "tool.string": "short", "place.field": "fixed", "link.source": "mud_pulse"}
+    words["well.convention"] = "dip_up"
     return words.get(name, "2026-04-01" if name == "place.date" else f"{value}_2")
 
 
