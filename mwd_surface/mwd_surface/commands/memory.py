@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd memory`: a tool's own recording, and its merge into the log of a run."""
+"""`mwd memory`: a tool's own recording, and its merge into the log and the surveys of a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="The tool's own recording: fill the gaps of the real-time log.", no_args_is_help=True)
+app = typer.Typer(
+    help="The tool's own recording: fill the gaps of the real-time log, and revise the surveys.", no_args_is_help=True
+)
 
 
 @app.command()
@@ -23,7 +25,7 @@ def dump(
     clock_drift: Annotated[float, typer.Option("--clock-drift", help="Drift of its clock, ppm.")] = 0.0,
 ) -> None:
     """
-    Write what the memory of a tool would hold: all log channels at a higher rate, and the rotation, by its own clock.
+    Write what the memory of a tool would hold, by its own clock: all log channels at a higher rate, rotation, surveys.
 
     \b
     Examples:
@@ -39,8 +41,8 @@ def dump(
     clock = memory_dump.DumpClock(clock_offset, clock_drift * 1e-6)
     with Bag(recording) as bag:
         recorded = recorded_settings(bag)
-        count = memory_dump.dump(bag, output, channels_of(tool), clock, interval_s=interval, recorded=recorded)
-    terminal.output().print(f"{output}: {count} log samples, each {interval} s", markup=False)
+        samples, surveys = memory_dump.dump(output, channels_of(tool), clock, interval_s=interval, recorded=recorded)
+    terminal.output().print(f"{output}: {samples} log samples, each {interval} s, and {surveys} surveys", markup=False)
 
 
 @app.command()
@@ -53,9 +55,15 @@ def merge(
     which: Annotated[str, typer.Option("--pass", help="first, deepest or all, as for `mwd log`.")] = "first",
     step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
     well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the run has several.")] = "",
+    surveys: Annotated[
+        Path | None, typer.Option("--surveys", help="Survey list to write, .json: that of the run, revised.")
+    ] = None,
 ) -> None:
     """
     Find the clock of a memory, fill the gaps of the real-time log with it, and say what was improved.
+
+    With --surveys, a survey that came as words over a link gets the readings of the memory as its revised value, and
+    a survey that never arrived is added; `mwd report` and `mwd export` read the file.
 
     Offset and drift of the clock come from the rotation that rig and tool have both recorded. Where the memory has a
     channel, its samples replace those of the run, which rest on the same pulses; a hole of the memory keeps the run.
@@ -63,7 +71,7 @@ def merge(
     \b
     Examples:
       mwd memory merge runs/gamma dump -o gamma.las
-      mwd memory merge runs/gamma dump -o gamma.csv --step 0.2
+      mwd memory merge runs/gamma dump -o gamma.csv --step 0.2 --surveys surveys.json
     """
     from mwd_sensors.core.output_files import write_whole
     from mwd_surface.bags.bag_reader import Bag, BagError
@@ -73,8 +81,10 @@ def merge(
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.memory_clock import memory_clock
     from mwd_surface.logs.recorded_log import recorded_samples
-    from mwd_surface.runs.player import recorded_depths, recorded_source
+    from mwd_surface.runs.player import recorded_book, recorded_source
     from mwd_surface.surveys.recorded_settings import recorded_settings
+    from mwd_surface.surveys.survey_source import surveys_of
+    from mwd_surface.surveys.survey_store import encoded
     from mwd_surface.surveys.well import Well
 
     if output.suffix.lower() not in FORMATS:
@@ -90,11 +100,12 @@ def merge(
         except BagError:
             of_run = []
         together = memory_merge.combined(of_run, of_memory)
-        depths = recorded_depths(bag, well, step)
-        logs = [copy.deepcopy(depths) for _ in range(3)]
+        book = recorded_book(bag, well, step)
+        logs = [copy.deepcopy(book.logs) for _ in range(3)]
         for log, part in zip(logs, (of_run, together, of_memory), strict=True):
             log.add(part)
             log.finish()
+        of_tool = memory_merge.recorded_surveys(dumped) if surveys is not None else []
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
     say = terminal.output()
@@ -109,6 +120,15 @@ def merge(
             f"{one.channel}: {one.before} steps from the run, {one.filled} filled from the memory{lost}{sigma}{shift}",
             markup=False,
         )
+    if surveys is not None:
+        listed, _ = surveys_of(run)
+        offset = listed.well.sensor_offset
+        listed, revised, added = memory_merge.with_surveys(
+            listed, of_tool, clock, lambda stamp_ns: book.depth.sensor_depth(stamp_ns, offset)
+        )
+        surveys.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(surveys, encoded(listed))
+        say.print(f"{surveys}: {revised} surveys revised by the memory, {added} added", markup=False)
     for line in gap_lines(logs[1], which):
         terminal.warn(line)
     say.print(f"{output}: {', '.join(logs[1].channels)}, {which} pass, steps of {step:g} m", markup=False)

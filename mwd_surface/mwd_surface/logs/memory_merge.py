@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Merge of a tool's memory into the log of a run: clock, gaps filled, and what was improved."""
+"""Merge of a tool's memory into the log and the surveys of a run: clock, gaps filled, and what was improved."""
 
 from __future__ import annotations
 
 import bisect
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS
@@ -18,8 +19,14 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.logs.depth_log import FIRST, Curve, DepthLog, on_grid, shift_between
 from mwd_surface.logs.memory_clock import MemoryClock, Rotation
 from mwd_surface.logs.recorded_log import RIG, topic_of
+from mwd_surface.surveys.depth import DepthReading
+from mwd_surface.surveys.survey_list import SurveyList
 
-GRAVITY = "gravity"
+GRAVITY, SURVEY = "gravity", "survey"
+# Longest time between a survey of the run and the same survey in the memory. A survey over a link has the time at which
+# the pumps stopped; two stations are minutes apart.
+_SAME_NS = 60 * NANOSECONDS
+_FROM_MEMORY = "its readings are those of the tool's memory"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +76,66 @@ def combined(run: Iterable[LogSample], memory: Iterable[LogSample]) -> list[LogS
         begins, ends = covered.get(_key(one), _NOTHING)
         kept += [_part(one, *part) for part in _uncovered(_ends_ns(one), begins, ends)]
     return kept + memory
+
+
+def recorded_surveys(bag: Bag, well: str = "") -> list[Survey]:
+    """
+    Return the surveys in a dump of the memory.
+
+    Raises
+    ------
+    BagError
+        It has none.
+    """
+    name = topic_of(bag, SURVEY, Survey.MESSAGE, well)
+    if name is None:
+        raise BagError(f"{bag.path} has no surveys, {SURVEY}", "is it a dump of a memory (`mwd memory dump`)?")
+    return [Survey.from_message(bag.decode(name, data)) for _, _, _, data in bag.messages([name])]
+
+
+def with_surveys(
+    listed: SurveyList, surveys: Sequence[Survey], clock: MemoryClock, depth_of: Callable[[int], DepthReading]
+) -> tuple[SurveyList, int, int]:
+    """
+    Return the survey list of a run with the surveys of the memory, and how many are revisions and how many are new.
+
+    A survey of the memory is the revised value of the run's survey that is nearest in time, if there is one within a
+    minute; otherwise it is added to the list.
+
+    Parameters
+    ----------
+    listed : SurveyList
+        List of the run.
+    surveys : sequence of Survey
+        Surveys of the memory, by its clock.
+    clock : MemoryClock
+    depth_of : callable
+        Function that returns the depth of the sensor at a stamp of the run, ns.
+
+    Raises
+    ------
+    ValueError
+        A survey cannot be in a list: a number in it is not finite or out of range.
+    """
+    revised = added = 0
+    free = list(listed.records)
+    for one in sorted(surveys, key=lambda survey: survey.stamp_ns):
+        moved = dataclasses.replace(one, stamp_ns=clock.run_ns(one.stamp_ns))
+        same = min(free, key=lambda record: abs(record.survey.stamp_ns - moved.stamp_ns), default=None)
+        if same is None or abs(same.survey.stamp_ns - moved.stamp_ns) > _SAME_NS:
+            reading = depth_of(moved.stamp_ns)
+            listed = listed.add(moved, reading.measured_depth, reading.depth_age, comment="from the tool's memory")
+            added += 1
+            continue
+        free.remove(same)
+        known = same.survey
+        if not known.link:
+            # The run has the readings themselves; the memory has nothing better.
+            continue
+        revision, headline = same.newest_revision + 1, moved.headline or _FROM_MEMORY
+        listed = listed.revise(dataclasses.replace(moved, uuid=known.uuid, revision=revision, headline=headline))
+        revised += 1
+    return listed, revised, added
 
 
 _Ends = tuple[int, int]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from mwd_estimation.downhole.log_sampler import LogSampler
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import log_channels, tool_configuration
@@ -41,9 +43,12 @@ def computed_samples(
     given: InputSettings,
     channels: dict[str, LogChannel],
     recorded: Recorded | None = None,
+    on_survey: Callable[[Survey], None] | None = None,
 ) -> list[LogSample]:
     """
     Return the log samples of a recording, as the live estimator gives them.
+
+    on_survey : called with each survey of the estimator.
 
     Raises
     ------
@@ -64,6 +69,8 @@ def computed_samples(
     beside["temperature"] = InputGate(derivation.input_ranges(estimator)).temperature(beside["temperature"])
 
     def take(output: Output) -> None:
+        for survey in output.surveys if on_survey is not None else ():
+            on_survey(survey.record(wire.SONDE_FRAME))
         if not len(output.attitude):
             return
         newest = output.attitude["stamp_ns"].max()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Memory of a tool, made from the raw data of a simulated run: all log channels at a higher rate, and rotation."""
+"""Memory of a tool, made from the raw data of a simulated run: log channels at a higher rate, rotation, surveys."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
@@ -43,9 +44,9 @@ def dump(
     *,
     interval_s: int = 2,
     recorded: Recorded | None = None,
-) -> int:
+) -> tuple[int, int]:
     """
-    Write the memory of a tool from a recording of its sensors, and return the number of log samples.
+    Write the memory of a tool from a recording of its sensors; return the numbers of log samples and of surveys.
 
     Parameters
     ----------
@@ -69,7 +70,8 @@ def dump(
     """
     estimator = (recorded.estimator if recorded is not None else None) or EstimatorSettings()
     faster = {name: dataclasses.replace(one, interval_s=interval_s) for name, one in channels.items()}
-    samples = computed_samples(bag, estimator, InputSettings(), faster, recorded)
+    surveys: list[Survey] = []
+    samples = computed_samples(bag, estimator, InputSettings(), faster, recorded, surveys.append)
     rows = _rotation(bag)
     begin_ns = int(rows["stamp_ns"][0]) if len(rows) else bag.start_ns
     rows["stamp_ns"] = clock.stamps(rows["stamp_ns"], begin_ns)
@@ -77,12 +79,14 @@ def dump(
         speed = out.topic("/" + GRAVITY, wire.GRAVITY.type_name)
         log = out.topic("/log", LogSample.MESSAGE)
         out.write_rows(speed, wire.GRAVITY.encode(rows, wire.SONDE_FRAME), rows["stamp_ns"])
-        stamps = clock.stamps(np.array([one.stamp_ns for one in samples], dtype=np.int64), begin_ns)
-        for stamp_ns, sample in zip(stamps.tolist(), samples, strict=True):
-            moved = dataclasses.replace(sample, stamp_ns=stamp_ns, frame_id=wire.SONDE_FRAME)
-            data = out.definitions.typestore.serialize_cdr(moved.to_message(out.definitions.make), LogSample.MESSAGE)
-            out.write(log, bytes(data), stamp_ns)
-    return len(samples)
+        taken = out.topic("/survey", Survey.MESSAGE)
+        for topic, records in ((log, samples), (taken, surveys)):
+            stamps = clock.stamps(np.array([one.stamp_ns for one in records], dtype=np.int64), begin_ns)
+            for stamp_ns, record in zip(stamps.tolist(), records, strict=True):
+                moved = dataclasses.replace(record, stamp_ns=stamp_ns, frame_id=wire.SONDE_FRAME)
+                data = out.definitions.typestore.serialize_cdr(moved.to_message(out.definitions.make), moved.MESSAGE)
+                out.write(topic, bytes(data), stamp_ns)
+    return len(samples), len(surveys)
 
 
 def _rotation(bag: Bag) -> Samples:

@@ -217,8 +217,13 @@ class Player:
 
 
 def recorded_depths(bag: Bag, well: str = "", step_m: float = STEP_M) -> DepthLog:
+    """Return a log without samples that has the depths of `recorded_book`."""
+    return recorded_book(bag, well, step_m).logs
+
+
+def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBook:
     """
-    Return a log without samples that has the depths of the bit of a recording, as the live surface had them.
+    Return a book without surveys that has the depths of the bit of a recording, as the live surface had them.
 
     The rules, the source of rig data and the depths set by hand are those of the recording. well: its namespace, if
     there are several. step_m: depth step, m.
@@ -238,7 +243,7 @@ def recorded_depths(bag: Bag, well: str = "", step_m: float = STEP_M) -> DepthLo
     player.seek(player.length_s)
     # The last second is not a whole cell of time.
     player.well.advance(bag.start_ns + round(bag.duration_s * 1e9) + wire.NANOSECONDS)
-    return player.well.book.logs
+    return player.well.book
 
 
 @dataclasses.dataclass

@@ -4,6 +4,7 @@
 import dataclasses
 import math
 
+import example_surveys as example
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,8 +12,10 @@ from hypothesis import strategies as st
 
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.logs.depth_log import ALL, DepthLog
-from mwd_surface.logs.memory_clock import ClockError, Rotation, memory_clock
-from mwd_surface.logs.memory_merge import combined, improvements, in_run_time
+from mwd_surface.logs.memory_clock import ClockError, MemoryClock, Rotation, memory_clock
+from mwd_surface.logs.memory_merge import combined, improvements, in_run_time, with_surveys
+from mwd_surface.surveys.depth import DepthReading
+from mwd_surface.surveys.survey_list import SurveyList
 
 S = 10**9
 T0 = 10**18
@@ -198,3 +201,47 @@ def test_a_hole_of_the_memory_keeps_the_run_and_its_sectors():
 def test_a_moment_is_kept_only_where_the_memory_has_none():
     moments = [dataclasses.replace(sample(at), span=0.0, duration=0.0) for at in (5.0, 50.0)]
     assert combined(moments, [sample(5.2)]) == [moments[1], sample(5.2)]
+
+
+DEPTHS = {1: 300.0, 2: 330.0, 3: 360.0, 4: 390.0}
+OFFSET_S, DRIFT = 40.0, 3e-5
+
+
+def in_memory(survey, **changes):
+    """The survey by the clock of the memory."""
+    since = survey.stamp_ns - example.START
+    stamp_ns = survey.stamp_ns + round(OFFSET_S * S + DRIFT * since)
+    return dataclasses.replace(survey, stamp_ns=stamp_ns, uuid=f"memory {survey.sequence}", **changes)
+
+
+@given(st.permutations(list(DEPTHS)))
+def test_surveys_of_the_memory_become_revisions_or_are_added(order):
+    clock = MemoryClock(example.START, OFFSET_S, 0.01, DRIFT, 1e-6, 1.0, 6)
+    full = {k: example.survey(k, 10.0 + k, 80.0 + k) for k in DEPTHS}
+    # Words over the link: whole degrees, ten seconds late. The fourth survey never arrived.
+    listed = SurveyList(well=example.WELL)
+    for k in (1, 2, 3):
+        words = {"inclination": math.radians(round(10.0 + k)), "azimuth": full[k].azimuth + math.radians(0.6)}
+        late = dataclasses.replace(
+            full[k], stamp_ns=full[k].stamp_ns + 10 * S, reasons=("received over mud pulse",), **words
+        )
+        listed = listed.add(late if k != 3 else full[k], DEPTHS[k], 0.0)
+    depths = {full[k].stamp_ns: depth for k, depth in DEPTHS.items()}
+    memory = [in_memory(full[k], azimuth=full[k].azimuth) for k in order]
+    merged, revised, added = with_surveys(
+        listed, memory, clock, lambda at: DepthReading(depths[min(depths, key=lambda one: abs(one - at))], 0.0)
+    )
+    assert (revised, added) == (2, 1)
+    by_depth = {record.measured_depth: record for record in merged.records}
+    for k in (1, 2):
+        record = by_depth[DEPTHS[k]]
+        assert record.survey.azimuth == full[k].azimuth
+        assert record.survey.uuid == full[k].uuid
+        assert record.as_first_decided.azimuth != full[k].azimuth
+        assert "memory" in record.revised_because
+        assert abs(record.survey.stamp_ns - full[k].stamp_ns) < 0.01 * S
+    # The run had the third survey's own readings.
+    assert by_depth[DEPTHS[3]].survey == full[3]
+    assert by_depth[DEPTHS[4]].survey.azimuth == full[4].azimuth
+    again, *_ = with_surveys(merged, memory, clock, lambda _: DepthReading())
+    assert len(again.records) == len(merged.records)
