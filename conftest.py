@@ -15,11 +15,12 @@ from hypothesis import HealthCheck, settings
 
 from mwd_sensors.core.linear_algebra import use_one_thread
 
-# Before anything imports numpy: the linear algebra of each worker would start a thread for each core, which wait for
-# each other longer than they work.
+# This must come before numpy is imported. Otherwise the linear algebra of every worker starts one thread for each core,
+# and these threads wait for each other longer than they compute.
 use_one_thread()
 
-# A shell without job control lets a program in the background ignore SIGINT, and the programs that it starts.
+# A shell without job control starts background programs with SIGINT ignored, and their child processes inherit this.
+# Restore the usual handler.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -35,7 +36,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "gate"))
 
 
 def pytest_collection() -> None:
-    """Collect the tests without the garbage collector: a third of the time, walking through what stays anyway."""
+    """
+    Switch the garbage collector off while tests are collected.
+
+    It would take a third of the time to search objects that stay in memory anyway.
+    """
     gc.disable()
 
 
@@ -46,8 +51,8 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
-# A test of real nodes or of the browser that fails is run a second time and reported as RERUN, because a busy machine
-# gives no process the time that discovery and the screen need. Tests that only compute have one run.
+# If a test with real nodes or with the browser fails, it is run a second time and reported as RERUN: on a busy machine
+# the discovery of nodes or the drawing of the page can be too slow. Tests that only compute are run once.
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
@@ -76,8 +81,8 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     return report
 
 
-# Each worker of pytest-xdist gets whole files. The longest come first, so that no worker is left alone with one at the
-# end, and the files that mostly wait for real nodes are spread evenly among those that compute.
+# Each worker of pytest-xdist gets whole files. The longest files come first, so that no worker still runs a long file
+# when the others have finished. Files that mostly wait for real nodes are mixed evenly with files that compute.
 
 
 @pytest.hookimpl(trylast=True)
@@ -92,7 +97,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _with_place(files: list[list[pytest.Item]]) -> Iterator[tuple[float, list[pytest.Item]]]:
-    """Yield each file with its place in the order, from 0 to 1: the share of the time of the longer ones."""
+    """Yield the files, longest first, each with the share (0 to 1) of the total time that the files before it take."""
     whole, done = sum(map(_seconds, files)), 0.0
     for file in sorted(files, key=_seconds, reverse=True):
         yield done / whole, file

@@ -8,7 +8,7 @@ import os
 import sys
 from typing import Annotated, Any
 
-# The help of a command needs no library that draws frames, which takes longer to import than all the rest.
+# Print the help of commands without rich, the library that draws frames: importing it takes longer than all the rest.
 os.environ.setdefault("TYPER_USE_RICH", "0")
 import typer
 from typer.core import TyperGroup

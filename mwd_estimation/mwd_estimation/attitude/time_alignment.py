@@ -176,10 +176,11 @@ def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosin
 @compiled
 def _turned(s: State, tilt: float) -> float:
     """
-    Return the variance by which a tilt, rad, rotates the horizontal field, rad^2.
+    Return the variance, rad^2, of the rotation of the horizontal field that a tilt, rad, causes.
 
-    The tilt also changes the vertical field, so a field that seems horizontal is rotated to second order. The ratio of
-    a variance to 1 minus that variance is the same for the strength by which the rotation is divided.
+    The tilt also changes the vertical field, so even a field that seems horizontal is rotated, to second order. For a
+    result v the callers use v / (1 - v), because the tilt also changes the horizontal strength, the divisor of the
+    rotation.
     """
     slope = s.vertical / s.horizontal
     return tilt * tilt * (slope * slope + tilt * tilt)

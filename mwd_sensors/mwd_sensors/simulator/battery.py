@@ -2,10 +2,10 @@
 """
 Battery of the sonde and the state that its electronics report.
 
-A charge drawn at a temperature uses the share of the capacity that the battery has at that temperature, so that the
-cold and the heat shorten its life. The voltage is that of lithium thionyl chloride cells: nearly constant until the
-charge is almost used, less the drop over the internal resistance, which grows in the cold. The tool counts its charge
-with an error of scale that stays the same for a tool.
+The battery has less capacity in cold and in heat. Each charge is divided by the capacity at the temperature at which it
+is drawn, and the battery is empty when the sum of these shares is 1. The voltage is modelled on lithium thionyl
+chloride cells: it is nearly constant until the charge is almost used, minus the voltage drop over the internal
+resistance, which grows in the cold. The charge counter of the tool has a scale error that is constant during a run.
 """
 
 from __future__ import annotations

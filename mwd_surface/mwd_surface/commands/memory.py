@@ -41,8 +41,9 @@ def dump(
     clock = memory_dump.DumpClock(clock_offset, clock_drift * 1e-6)
     with Bag(recording) as bag:
         recorded = recorded_settings(bag)
-        samples, surveys = memory_dump.dump(output, channels_of(tool), clock, interval_s=interval, recorded=recorded)
-    terminal.output().print(f"{output}: {samples} log samples, each {interval} s, and {surveys} surveys", markup=False)
+        channels = channels_of(tool)
+        samples, taken = memory_dump.dump(bag, output, channels, clock, interval_s=interval, recorded=recorded)
+    terminal.output().print(f"{output}: {samples} log samples, each {interval} s, and {taken} surveys", markup=False)
 
 
 @app.command()

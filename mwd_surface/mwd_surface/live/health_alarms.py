@@ -10,7 +10,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.logs.tool_health import BatteryHealth, Exposure, ToolHealth
 
 Causes = dict[str, tuple[int, str, str]]
-# Share of the life from which on its use is an alarm: what is left is for the way out of the hole.
+# Used share of the life at which an alarm is raised: the rest is needed to pull the tool out of the hole.
 _DOSE_WARNING = 0.8
 _EMPTY_H = 3.0  # h; less than a trip out of a deep hole takes
 
@@ -41,7 +41,8 @@ def _of_battery(state: BatteryHealth, battery: Battery) -> Causes:
         remedy = "the tool may stop at any time: take a survey now, and plan the trip to change the battery"
         found["tool.battery.voltage"] = (int(Severity.CRITICAL), text, remedy)
     hours, sigma = state.remaining / 3600.0, state.sigma_remaining / 3600.0
-    # The lower end of its range counts; where it is assumed, the figure itself, lest every unknown battery be an alarm.
+    # Compare the lower end of the range (2 sigma) with the limit. If the time is assumed, compare the time itself:
+    # its range is so wide that every battery without data would raise an alarm.
     least = hours if state.assumed else hours - 2.0 * sigma
     if math.isfinite(least) and least < battery.warning_h:
         basis = f"; assumed: {'; '.join(state.assumed)}" if state.assumed else ""

@@ -32,7 +32,7 @@ class LogJournal:
     ----------
     path : Path
     most_bytes : int
-        Size at which the older half is dropped when it is opened.
+        Largest size of the file, bytes. If it is larger when it is opened, its older half is dropped.
 
     Attributes
     ----------

@@ -2,12 +2,13 @@
 """
 Health of the tool from its log samples: battery, run time, exposure to temperature and vibration, self-tests, parts.
 
-The dose of an exposure is the sum of the times at each level over the time that the tool stands at that level, so that
-1 uses the tool up (M. A. Miner, Cumulative Damage in Fatigue, J. Appl. Mech. 12, 1945). Time without a sample is not in
-it: the observed time is stated beside the run time.
+The dose of an exposure is a sum over all levels: the time at a level divided by the time that the tool can withstand
+this level. At a dose of 1 the life of the tool is used up (M. A. Miner, Cumulative Damage in Fatigue, J. Appl. Mech.
+12, 1945). Time without a sample is not in the dose, so the observed time is given, too.
 
-The charge comes from the counter of the tool, or else from the duty: the times with the pumps on and off, and the
-currents of the tool file. A charge drawn at a temperature uses the share of the capacity at that temperature.
+The charge comes from the counter of the tool. Without a counter it is computed from the duty: the times with the pumps
+on and off, and the currents in the tool file. Each charge is divided by the capacity that the battery has at the
+temperature at which the charge was drawn; the sum of these shares is the used share.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, LogSample
 from mwd_sensors.telemetry.tool_limits import EXPOSURES, Battery, ExposureLimit, Part, ToolLimits
 
 _HOUR_S = 3600.0
-# Longest time between two samples over which the value holds, s: words come in turn. A tool warms slowly.
+# Longest gap between two samples that counts as exposure at the later value, s. A link sends its words in turn, so gaps
+# are normal. The gap for temperature may be longer, because a tool warms slowly.
 _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
-_FLOW_HELD_S = 60.0  # s between two messages of the rig over which the pumps stay as they are
-_LEAST_COUNTED_S = 600.0  # s of counted charge from which the current of the tool is known
+_FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are assumed not to change, s
+_LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
 # 1 sigma of the figures of a usual kit, as shares, where the tool file states no battery.
 _ASSUMED = Battery(capacity_sigma=0.25, current_sigma=0.4)
 _ROOM_C = 25.0
@@ -203,7 +205,12 @@ class HealthLedger:
         self._failed = 0
 
     def add(self, sample: LogSample) -> None:
-        """Add a sample, in order of arrival; of another tool's or a wrong unit it is ignored."""
+        """
+        Add a sample, in order of arrival.
+
+        Values that are not finite are ignored, and so are samples whose unit differs from that of the first sample of
+        their source, and new sources once `_MOST_SOURCES` are known.
+        """
         source = sample.source or sample.channel
         if not math.isfinite(sample.value) or (source not in self._series and len(self._series) >= _MOST_SOURCES):
             return
@@ -237,7 +244,7 @@ class HealthLedger:
             return
         if self._flow is not None:
             seconds = (stamp_ns - self._flow[0]) / NANOSECONDS
-            # While the rig is silent the tool may run: the larger current is the safe one.
+            # The pumps may run while the rig sends no data. Assume the larger current then, which is the safe side.
             on = self._flow[1] or seconds > _FLOW_HELD_S
             self._pumping_s += seconds if self._flow[1] and seconds <= _FLOW_HELD_S else 0.0
             self._standing_s += seconds
@@ -337,7 +344,11 @@ class HealthLedger:
 
 
 class _Charge:
-    """Charge drawn from a battery: its sum, C, the used share of the capacity, and that of the run with its time."""
+    """
+    Charge drawn from a battery.
+
+    total: sum, C. used: used share of the capacity. in_run, seconds: charge drawn during the run, C, and its time, s.
+    """
 
     def __init__(self, battery: Battery) -> None:
         self._battery = battery

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by counting rods: a person tells each rod, the tally gives the bit depth, its log survives a crash."""
+"""Depth by counting rods: the operator enters each rod, the tally gives the bit depth, and its log survives a crash."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class RodServer:
         return "" if rig is None else disagreement(tally, rig[1], length)
 
     def _without_survey(self) -> str:
-        """Return that no survey was taken since the last rod; empty if one was, or before the first rod."""
+        """Return a warning if no survey was taken since the last rod change; empty if there was one, or no rod yet."""
         rods, taken = len(self.tally.lengths), len(self._surveys.surveys.records)
         known, self._taken = self._taken, taken
         if not rods or taken > known:

@@ -69,8 +69,9 @@ def computed_samples(
     beside["temperature"] = InputGate(derivation.input_ranges(estimator)).temperature(beside["temperature"])
 
     def take(output: Output) -> None:
-        for survey in output.surveys if on_survey is not None else ():
-            on_survey(survey.record(wire.SONDE_FRAME))
+        if on_survey is not None:
+            for survey in output.surveys:
+                on_survey(survey.record(wire.SONDE_FRAME))
         if not len(output.attitude):
             return
         newest = output.attitude["stamp_ns"].max()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +81,8 @@ def dump(
         log = out.topic("/log", LogSample.MESSAGE)
         out.write_rows(speed, wire.GRAVITY.encode(rows, wire.SONDE_FRAME), rows["stamp_ns"])
         taken = out.topic("/survey", Survey.MESSAGE)
-        for topic, records in ((log, samples), (taken, surveys)):
+        kept: tuple[tuple[int, Sequence[LogSample | Survey]], ...] = ((log, samples), (taken, surveys))
+        for topic, records in kept:
             stamps = clock.stamps(np.array([one.stamp_ns for one in records], dtype=np.int64), begin_ns)
             for stamp_ns, record in zip(stamps.tolist(), records, strict=True):
                 moved = dataclasses.replace(record, stamp_ns=stamp_ns, frame_id=wire.SONDE_FRAME)

@@ -21,7 +21,9 @@ from mwd_surface.surveys.well_position import AHEAD, continued, uncertain
 from mwd_surface.trajectory.plan import across, offset_from, plan_of
 from mwd_surface.trajectory.well_path import Definitive
 
-_REACH, _STEP = 30.0, 10.0  # m ahead of the bit: what is drilled in a shift's part, and short enough to be straight
+# Length continued ahead of the bit and step between its stations, m. The hole is nearly straight over this length, and
+# it is drilled in a part of a shift.
+_REACH, _STEP = 30.0, 10.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,9 +2,9 @@
 """
 Bit depth by counting rods: the rods in the hole with their lengths, and the log of every change.
 
-The depth is the length in front of the first rod plus the lengths of the rods in the hole. A person tells each rod that
-is added or removed. A count of the rods in the hole that differs from the tally corrects it, with a reason. The log is
-a table to which each change is appended; reading it again gives the tally.
+The depth is the length in front of the first rod plus the lengths of the rods in the hole. The operator enters each rod
+that is added or removed. If the operator counts another number of rods than the tally has, the operator corrects the
+tally and gives a reason. Each change is appended to the log, a table; reading the log again restores the tally.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ class RodSettings:
 
 @dataclasses.dataclass(frozen=True)
 class RodChange:
-    """One line of the log: rods and bit_depth, m, are those after the change; length of the rods changed, m each."""
+    """
+    One line of the log.
+
+    rods, bit_depth: number of rods and bit depth, m, after the change. length: length of each changed rod, m.
+    """
 
     stamp_ns: int
     action: str

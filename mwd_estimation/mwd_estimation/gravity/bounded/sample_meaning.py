@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Meaning of a sample, found from the innovations: points that were stated as strapdown-integrated.
+Detect from the innovations that samples are points (values at an instant) although the settings say integrated.
 
-An integrated rate turns the tool from one sample to the next, and the force belongs to the end of this interval. Rates
-at an instant turn the tool by the trapezoid between two samples, and means belong to the middle of the interval. With
-the wrong one of the two the roll is off by the rate about the axis times half an interval: 4.7 deg at 155 r/min and 100
-Hz. While the rate is constant, the start of the filter has taken this angle into the roll; when it changes, the
-innovations show it. Integrated samples (the default of the settings) and points are two hypotheses. The effect of
-points on all errors is carried beside the covariance, so that each innovation adds to the odds of the two (Willsky and
-Jones, 1976, see `bias_step`). Means and values at an instant cannot be told apart in this way. A statement of points or
-means is not judged: vibration that points alias can look like a wrong one.
+An integrated rate gives the rotation from one sample to the next, and the force belongs to the end of this interval.
+Rates at an instant give the rotation by the trapezoid between two samples, and means belong to the middle of the
+interval. With the wrong assumption the roll is off by the rate about the axis times half an interval: 4.7 deg at 155
+r/min and 100 Hz. While the rate is constant this angle is part of the initial roll; when the rate changes, it appears
+in the innovations. Integrated samples (the default of the settings) and points are two hypotheses. The errors that the
+state has if the samples are points are propagated together with the covariance, so each innovation updates the odds of
+the two (Willsky and Jones, 1976, see `bias_step`). Means and values at an instant cannot be distinguished in this way.
+If the settings say points or means, this is not checked: aliased vibration in points can look like a wrong setting.
 """
 
 from __future__ import annotations
@@ -40,12 +40,16 @@ def _integrated(s: Record) -> bool:
 
 @compiled
 def propagate(s: Record, rate: float) -> None:
-    """Propagate the effect of point samples over the sums since the last update; rate: latest x rate, rad/s."""
+    """
+    Propagate the errors caused by point samples from the last update to the present sample.
+
+    rate: newest rate about the x axis, rad/s.
+    """
     if not _integrated(s):
         return
     effect = s.meaning.effect
     roll = 0.5 * s.period * (s.tick_w[0] - rate)
-    # The rate changes within the interval: half of the roll counts for all of it.
+    # The rate changes during the interval: add half of the roll error before the transition and half after it.
     for j in range(2):
         effect[TILT + j, 0] += 0.5 * roll * s.C[j, 0]
     mechanisation.carry_columns(effect, s.sums, 1, False)

@@ -59,9 +59,10 @@ class Priors:
 # Along the axis, 1 sigma, uT, with the share of each size; along and across it (0: as the tool code).
 _AXIAL = {0.7: 0.4, 2.0: 0.3, 6.0: 0.15, 20.0: 0.1, 60.0: 0.05}
 _CROSS = ((0.0, 0.25), (0.0, 0.7), (0.0, 2.0), (0.6, 0.35), (2.0, 1.0), (4.0, 2.0))
-# A wrong model lacks a field of the crust in any direction: 1 sigma of each component, uT, with the share of each size.
-# Because the three components have one size, a crust that shows in total and dip widens the declination, which nothing
-# shows. Errors of geomagnetic models have heavier tails than a normal density (S. Macmillan, A. McKay, S. Grindrod,
+# A crustal field that the reference lacks: 1 sigma of each of its three components, uT, and the prior share of each
+# size. The components have the same sigma, so a crustal field that shows in total and dip also makes the declination
+# uncertain, although no reading shows the declination.
+# Errors of geomagnetic models have heavier tails than a normal density (S. Macmillan, A. McKay, S. Grindrod,
 # SPE/IADC 119851, 2009). With 0.5 uT alone the benchmark's row "field of the crust" has more than twice as many
 # stations beyond 3 sigma.
 _CRUST_UT = {0.4: 0.5, 1.0: 0.5}

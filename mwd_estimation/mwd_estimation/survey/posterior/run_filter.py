@@ -243,9 +243,9 @@ class RunFilter:
         covariance += M @ spread @ np.swapaxes(M, 2, 3)
         covariance = 0.5 * (covariance + np.swapaxes(covariance, 2, 3))
         if math.isnan(one["gyro"]) and not branched.covariance[:, Shared.DECLINATION, Shared.GYRO].any():
-            # No gyro has tied the azimuth to true north yet. The readings of a magnetometer depend on the magnetic
-            # azimuth only, so that no number of stations shows the declination. A linear filter would learn it, because
-            # its slopes are tangents of a circle.
+            # No gyro azimuth has been used yet. Magnetometer readings depend on the magnetic azimuth only, so even many
+            # stations contain no information on the declination. A linear filter would still reduce the sigma of the
+            # declination, because it replaces a circle by tangents; so keep the declination as it was.
             mean[..., Shared.DECLINATION] = branched.mean[:, None, Shared.DECLINATION]
             covariance[..., Shared.DECLINATION] = branched.covariance[:, None, :, Shared.DECLINATION]
             covariance[:, :, Shared.DECLINATION] = branched.covariance[:, None, Shared.DECLINATION]
