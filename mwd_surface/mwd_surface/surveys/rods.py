@@ -90,8 +90,7 @@ class RodTally:
         ValueError
             The length is not positive, or there are too many rods.
         """
-        if not (math.isfinite(length) and 0.0 < length <= 30.0):
-            raise ValueError(f"length: a rod is longer than 0 m and at most 30 m, got {length:g}")
+        _check_length(length)
         return self._with((*self.lengths, length), ADD, length, stamp_ns, operator, reason)
 
     def remove(self, stamp_ns: int, operator: str, reason: str = "") -> RodTally:
@@ -114,8 +113,9 @@ class RodTally:
         Raises
         ------
         ValueError
-            There is no reason, or the count is not possible.
+            There is no reason, or the count or the length of a rod is not possible.
         """
+        _check_length(length)
         if not plain(reason):
             raise ValueError("reason: a correction of the tally needs one, for the log")
         if count < 0:
@@ -135,6 +135,11 @@ class RodTally:
         depth = self.first + math.fsum(lengths)
         change = RodChange(stamp_ns, action, length, len(lengths), depth, operator, reason)
         return RodTally(self.first, lengths, (*self.changes, change))
+
+
+def _check_length(length: float) -> None:
+    if not (math.isfinite(length) and 0.0 < length <= 30.0):
+        raise ValueError(f"length: a rod is longer than 0 m and at most 30 m, got {length:g}")
 
 
 def disagreement(tally: RodTally, bit_depth: float, length: float) -> str:

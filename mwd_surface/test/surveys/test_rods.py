@@ -124,6 +124,16 @@ def test_a_correction_needs_a_reason_and_stands_in_the_log():
     assert (tally.changes[-1].action, tally.changes[-1].reason) == ("correct", "one was not told")
 
 
+@pytest.mark.parametrize("length", [-1.5, 0.0, 31.0, float("nan"), float("inf")])
+def test_a_rod_of_an_impossible_length_is_refused_however_it_is_told(length):
+    tally = RodTally(1.0)
+    for tell in (lambda: tally.add(3, length, "Li"), lambda: tally.correct(3, 2, length, "Li", "counted")):
+        with pytest.raises(ValueError, match="length"):
+            tell()
+    line = f"3,,correct,{length},2,1.0,Li,counted\n"
+    assert read_log(line.encode(), 1.0) == (tally, 1)
+
+
 @pytest.mark.parametrize("count", [-1, 10**9])
 def test_an_impossible_count_is_refused(count):
     with pytest.raises(ValueError, match="count"):
