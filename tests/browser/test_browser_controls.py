@@ -13,6 +13,7 @@ from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Achieved, Judgement, Request, Sender
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.well_state import RodCount
 from mwd_surface.surveys.survey_record import Value
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 
@@ -117,6 +118,31 @@ def test_the_operator_sets_the_bit_depth_and_asks_for_a_report_and_a_snapshot(br
             ("export", {"format": "html"}),
             ("snapshot_recording", {}),
         ]
+
+
+def test_the_rod_buttons_reach_the_node_and_an_empty_number_of_rods_does_not(browser):
+    with rig_on(browser) as rig:
+        rig.state.show(time.monotonic(), rods=RodCount(3, 6.5, 1.5))
+        rig.push()
+        sign_in(browser, TOKEN)
+        wait(browser, lambda: browser.find_element(By.ID, "rods").is_displayed())
+        for button in ("#add-rod", "#remove-rod"):
+            sent = len(rig.calls)
+            click(browser, button)
+            wait(browser, lambda sent=sent: len(rig.calls) > sent)
+        browser.find_element(By.ID, "rod-reason").send_keys("counted")
+        for wrong in ("", "1e2", "-1", "0x2"):
+            box = browser.find_element(By.ID, "rod-count")
+            box.clear()
+            box.send_keys(wrong)
+            click(browser, "#correct-rods")
+            wait(browser, lambda wrong=wrong: f'"{wrong}" is not a whole number' in text(browser, "#answer"))
+        box.clear()
+        box.send_keys("4")
+        click(browser, "#correct-rods")
+        wait(browser, lambda: len(rig.calls) == 3)
+        given = [{"change": 1}, {"change": -1}, {"count": 4, "reason": "counted"}]
+        assert rig.calls == [("count_rods", {"operator_name": "A. Berg", **one}) for one in given]
 
 
 def test_a_person_without_a_name_is_asked_for_it(browser):

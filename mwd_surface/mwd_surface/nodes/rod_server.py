@@ -11,10 +11,11 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.well_state import RodCount
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.surveys.rods import COLUMNS, RodSettings, RodTally, disagreement, read_log
+from mwd_surface.surveys.rods import CORRECT, RodLog, RodSettings, RodTally, disagreement
 
 Answer = tuple[bool, str]
 NAME = "rods.csv"
+_REMEDY = "count the rods in the hole, and correct the tally by their number"
 
 
 class RodServer:
@@ -31,16 +32,22 @@ class RodServer:
 
     def __init__(self, context: SurfaceContext, settings: RodSettings, surveys: SurveyListServer) -> None:
         self._context, self._settings, self._surveys = context, settings, surveys
-        self._file = context.folder / "surveys" / NAME
+        self._log = RodLog(context.folder / "surveys" / NAME)
         self.tally = RodTally(settings.first_m)
         self._taken = 0  # surveys in the list at the last change
-        if self._file.exists():
-            with self._file.open(encoding="utf-8", newline="") as lines:
-                self.tally, bad = read_log(lines, settings.first_m)
-            if bad:
-                text = f"{bad} lines of {self._file} cannot be read: count the rods and correct the tally"
-                context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text)
+        self._read()
         self.show()
+
+    def _read(self) -> None:
+        """Read the tally from its log; an alarm says what cannot be read."""
+        try:
+            self.tally, bad = self._log.read(self._settings.first_m)
+        except OSError as error:
+            text = f"the log of rods {self._log.path} could not be read: {error.strerror}"
+        else:
+            text = f"{bad} lines of {self._log.path} cannot be read" if bad else ""
+        if text:
+            self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text, _REMEDY)
 
     def count(
         self,
@@ -92,8 +99,7 @@ class RodServer:
             log.log_event("rods", f"rod told by {operator_name}: {words}")
         if change == 1 and missed:
             log.log_event("rods", missed, Severity.WARNING)
-        remedy = "count the rods in the hole, and correct the tally by their number"
-        log.set_alarms("rods.apart", {"rods.apart": (int(Severity.WARNING), apart, remedy)} if apart else {})
+        log.set_alarms("rods.apart", {"rods.apart": (int(Severity.WARNING), apart, _REMEDY)} if apart else {})
         return True, words
 
     def show(self) -> None:
@@ -117,12 +123,14 @@ class RodServer:
         return f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until it is taken"
 
     def _write(self, tally: RodTally) -> None:
-        """Append the last change to the log; a full disk raises an alarm, and the tally goes on."""
+        """Append what the log does not hold yet; a full disk raises an alarm, and the tally goes on."""
+        log = self._context.alarm_log
         try:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            head = "" if self._file.exists() else ",".join(COLUMNS) + "\n"
-            with self._file.open("a", encoding="utf-8", newline="") as log:
-                log.write(head + tally.changes[-1].line())
+            self._log.keep(tally)
         except OSError as error:
-            text = f"the log of rods {self._file} could not be written: {error.strerror}"
-            self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text)
+            text = f"the log of rods {self._log.path} could not be written: {error.strerror}"
+            log.raise_alarm("rods.unsaved", Severity.WARNING, text, "free the disk; it is retried at the next rod")
+            return
+        log.clear_alarm("rods.unsaved")
+        if tally.changes and tally.changes[-1].action == CORRECT:
+            log.clear_alarm("rods.log")

@@ -13,24 +13,25 @@ from mwd_sensors.core.foreign_text import not_a_file_name, unprintable
 from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
-# Arguments of each command: type, and whether the argument is optional.
-COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
+_UINT8, _UINT32 = range(2**8), range(2**32)  # as in the requests of the services
+# Arguments of each command: type (a range: of whole numbers), and whether the argument is optional.
+COMMANDS: dict[str, dict[str, tuple[type | range, bool]]] = {
     "accept_survey": {
-        "sequence": (int, False),
+        "sequence": (_UINT32, False),
         "operator_name": (str, False),
         "reason": (str, True),
         "measured_depth": (float, True),
         "replace": (bool, True),
-        "value": (int, True),
+        "value": (_UINT8, True),
     },
-    "reject_survey": {"sequence": (int, False), "operator_name": (str, False), "reason": (str, True)},
+    "reject_survey": {"sequence": (_UINT32, False), "operator_name": (str, False), "reason": (str, True)},
     "draft_downlink": {"command": (str, False), "value": (float, True), "operator_name": (str, False)},
-    "decide_downlink": {"decision": (int, False), "operator_name": (str, False), "number": (int, True)},
+    "decide_downlink": {"decision": (_UINT8, False), "operator_name": (str, False), "number": (_UINT32, True)},
     "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
     "count_rods": {
         "operator_name": (str, False),
-        "change": (int, True),
-        "count": (int, True),
+        "change": (range(-1, 2), True),
+        "count": (_UINT32, True),
         "length": (float, True),
         "reason": (str, True),
     },
@@ -41,10 +42,10 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     "split_recording": {},
     "snapshot_recording": {},
     "judge_control": {
-        "decision": (int, False),
+        "decision": (_UINT8, False),
         "operator_name": (str, False),
         "reason": (str, True),
-        "number": (int, True),
+        "number": (_UINT32, True),
     },
     "export": {"format": (str, False), "name": (str, True)},
 }
@@ -90,7 +91,9 @@ def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
     return arguments
 
 
-def _argument(name: str, value: Any, kind: type) -> Any:
+def _argument(name: str, value: Any, kind: type | range) -> Any:
+    within = kind if isinstance(kind, range) else None
+    kind = int if isinstance(kind, range) else kind
     if kind is float and type(value) is int and abs(value) < 2**53:
         value = float(value)
     if type(value) is not kind:
@@ -101,6 +104,6 @@ def _argument(name: str, value: Any, kind: type) -> Any:
         raise web.HTTPBadRequest(text=f"{name}: {unprintable(value) or f'at most {_MAX_TEXT} characters'}")
     if name == "name" and (wrong := not_a_file_name(str(value))):
         raise web.HTTPBadRequest(text=f"name: {wrong}")
-    if type(value) is int and not 0 <= value < 2**32:
-        raise web.HTTPBadRequest(text=f"{name}: must be within 0 and {2**32 - 1}")
+    if within is not None and value not in within:
+        raise web.HTTPBadRequest(text=f"{name}: must be within {within[0]} and {within[-1]}")
     return value

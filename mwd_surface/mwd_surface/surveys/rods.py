@@ -4,7 +4,8 @@ Bit depth by counting rods: the rods in the hole with their lengths, and the log
 
 The depth is the length in front of the first rod plus the lengths of the rods in the hole. The operator enters each rod
 that is added or removed. If the operator counts another number of rods than the tally has, the operator corrects the
-tally and gives a reason. Each change is appended to the log, a table; reading the log again restores the tally.
+tally and gives a reason. Each change is appended to the log, a table with one line for each change; reading the log
+again restores the tally. A line that a crash has torn changes no other line.
 """
 
 from __future__ import annotations
@@ -13,14 +14,18 @@ import csv
 import dataclasses
 import io
 import math
-from collections.abc import Iterable
+import os
+from pathlib import Path
 
+from mwd_sensors.core.output_files import sync_folder
 from mwd_sensors.core.settings import setting
-from mwd_surface.signals.cells import utc
+from mwd_surface.signals.cells import plain, utc
 
 COLUMNS = ("stamp_ns", "time_utc", "action", "length_m", "rods", "bit_depth_m", "operator", "reason")
+_HEAD = ",".join(COLUMNS)
 ADD, REMOVE, CORRECT = "add", "remove", "correct"
 _MOST = 5000  # rods; a larger count is a slip of the keyboard
+_MOST_BYTES = 2 * 1024 * 1024  # of the log; about 20 000 changes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,8 +90,7 @@ class RodTally:
         ValueError
             The length is not positive, or there are too many rods.
         """
-        if not (math.isfinite(length) and 0.0 < length <= 30.0):
-            raise ValueError(f"length: a rod is longer than 0 m and at most 30 m, got {length:g}")
+        _check_length(length)
         return self._with((*self.lengths, length), ADD, length, stamp_ns, operator, reason)
 
     def remove(self, stamp_ns: int, operator: str, reason: str = "") -> RodTally:
@@ -109,9 +113,10 @@ class RodTally:
         Raises
         ------
         ValueError
-            There is no reason, or the count is not possible.
+            There is no reason, or the count or the length of a rod is not possible.
         """
-        if not reason.strip():
+        _check_length(length)
+        if not plain(reason):
             raise ValueError("reason: a correction of the tally needs one, for the log")
         if count < 0:
             raise ValueError(f"count: must not be negative, got {count}")
@@ -122,13 +127,19 @@ class RodTally:
     def _with(
         self, lengths: tuple[float, ...], action: str, length: float, stamp_ns: int, operator: str, reason: str
     ) -> RodTally:
-        if not operator.strip():
+        operator, reason = plain(operator), plain(reason)  # one line of the log for each change
+        if not operator:
             raise ValueError("operator_name: must not be empty: it goes into the log")
         if len(lengths) > _MOST:
             raise ValueError(f"count: more than {_MOST} rods are not possible, got {len(lengths)}")
         depth = self.first + math.fsum(lengths)
         change = RodChange(stamp_ns, action, length, len(lengths), depth, operator, reason)
         return RodTally(self.first, lengths, (*self.changes, change))
+
+
+def _check_length(length: float) -> None:
+    if not (math.isfinite(length) and 0.0 < length <= 30.0):
+        raise ValueError(f"length: a rod is longer than 0 m and at most 30 m, got {length:g}")
 
 
 def disagreement(tally: RodTally, bit_depth: float, length: float) -> str:
@@ -143,21 +154,97 @@ def disagreement(tally: RodTally, bit_depth: float, length: float) -> str:
     )
 
 
-def read_log(lines: Iterable[str], first: float) -> tuple[RodTally, int]:
-    """Return the tally that a log gives, and the number of lines that cannot be read, such as one cut by a crash."""
+def read_log(data: bytes, first: float) -> tuple[RodTally, int]:
+    """
+    Return the tally that a log gives, and how many lines before its end cannot be read, such as one cut by a crash.
+
+    Unreadable lines in front of a correction are not counted: the correction holds the number of rods from then on.
+    """
     tally, bad = RodTally(first), 0
-    for row in csv.reader(lines):
-        if not row or row[0] == COLUMNS[0]:
+    # Each line is parsed by itself, so that a torn quoted cell does not hold the lines after it.
+    for line in data.decode("utf-8-sig", errors="replace").split("\n"):
+        if _HEAD.startswith(line.rstrip("\r")):
             continue
         try:
-            stamp, _, action, length, rods, _, operator, reason = row
-            made = int(stamp), float(length), operator
-            if action == ADD:
-                tally = tally.add(*made, reason)
-            elif action == REMOVE:
-                tally = tally.remove(made[0], operator, reason)
-            else:
-                tally = tally.correct(made[0], int(rods), made[1], operator, reason)
-        except ValueError:
+            tally = _changed(tally, next(csv.reader([line])))
+        except (ValueError, csv.Error, StopIteration):
             bad += 1
+        else:
+            bad = 0 if tally.changes[-1].action == CORRECT else bad
     return tally, bad
+
+
+def _changed(tally: RodTally, row: list[str]) -> RodTally:
+    """Return a tally after the change in a row of the log; a row that is not a change raises ValueError."""
+    stamp, _, action, length, rods, _, operator, reason = row
+    stamp_ns = int(stamp)
+    if not 0 <= stamp_ns < 2**63 or action not in (ADD, REMOVE, CORRECT):
+        raise ValueError(row)
+    if action == ADD:
+        return tally.add(stamp_ns, float(length), operator, reason)
+    if action == REMOVE:
+        return tally.remove(stamp_ns, operator, reason)
+    return tally.correct(stamp_ns, int(rods), float(length), operator, reason)
+
+
+class RodLog:
+    """
+    The log of rods on disk.
+
+    Parameters
+    ----------
+    path : Path
+        Of the table; it need not exist.
+    most_bytes : int
+        Of a longer file only the end is read, and the part in front counts as one line that cannot be read.
+    """
+
+    def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
+        self.path, self._most = path, most_bytes
+        self._kept = 0  # changes of the tally that the file holds
+
+    def read(self, first: float) -> tuple[RodTally, int]:
+        """
+        Return tally and number of unreadable lines as `read_log`; first: bit depth without a rod, m.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read.
+        """
+        if not self.path.exists():
+            return RodTally(first), 0
+        with self.path.open("rb") as file:
+            cut = max(0, file.seek(0, os.SEEK_END) - self._most)
+            file.seek(cut)
+            data = file.read(self._most)
+        tally, bad = read_log(data if not cut else b"?" + data, first)
+        self._kept = len(tally.changes)
+        return tally, bad
+
+    def keep(self, tally: RodTally) -> None:
+        """
+        Append the changes of a tally that the file does not hold yet.
+
+        Raises
+        ------
+        OSError
+            The disk refuses. The file holds no part of these changes, and the next call appends them.
+        """
+        if self._kept == len(tally.changes):
+            return
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("ab+") as file:
+            size = file.seek(0, os.SEEK_END)
+            if size:
+                file.seek(-1, os.SEEK_END)
+            head = _HEAD + "\n" if not size else "" if file.read(1) == b"\n" else "\n"
+            try:
+                file.write((head + "".join(one.line() for one in tally.changes[self._kept :])).encode())
+                file.flush()
+                os.fsync(file.fileno())
+            except OSError:
+                file.truncate(size)
+                raise
+        sync_folder(self.path.parent)
+        self._kept = len(tally.changes)

@@ -42,9 +42,10 @@ class Log:
 
     def raise_alarm(self, alarm_id, severity, text, *_):
         self.events.append((alarm_id, text, severity))
+        self.standing[alarm_id] = (severity, text)
 
     def clear_alarm(self, alarm_id):
-        """No alarm stands here."""
+        self.standing.pop(alarm_id, None)
 
     def set_alarms(self, prefix, causes):
         self.standing = {key: cause for key, cause in self.standing.items() if not key.startswith(prefix)}
@@ -211,6 +212,32 @@ def test_rods_set_the_bit_depth_and_their_tally_outlives_the_node(server):
     again = RodServer(server.context, settings, server.server)
     assert again.tally == rods.tally
     assert server.context.live.at(0.0).rods.rods == 3
+
+
+@pytest.mark.parametrize("torn", ["李".encode()[:1], b'1,2,add,1.5,9,20.0,"Li', b"\0\0\n"])
+def test_a_torn_log_of_rods_is_an_alarm_until_the_tally_is_corrected(server, torn):
+    settings = RodSettings(1.5, 501.0)
+    path = server.context.folder / "surveys" / "rods.csv"
+    RodServer(server.context, settings, server.server).count(change=1, operator_name="李")
+    path.write_bytes(path.read_bytes() + torn)
+    rods = RodServer(server.context, settings, server.server)
+    assert len(rods.tally.lengths) == 1
+    assert "rods.log" in server.log.standing
+    rods.count(change=1, operator_name="李")
+    assert "rods.log" in server.log.standing
+    rods.count(count=4, operator_name="李", reason="counted")
+    assert "rods.log" not in server.log.standing
+    again = RodServer(server.context, settings, server.server)
+    assert again.tally == rods.tally
+    assert "rods.log" not in server.log.standing
+
+
+def test_a_log_of_rods_that_cannot_be_read_is_an_alarm_and_the_node_starts(server):
+    (server.context.folder / "surveys" / "rods.csv").mkdir()
+    rods = RodServer(server.context, RodSettings(1.5, 501.0), server.server)
+    assert "rods.log" in server.log.standing
+    assert rods.count(change=1, operator_name="Li")[0]
+    assert "rods.unsaved" in server.log.standing
 
 
 def test_a_rod_without_a_survey_and_a_tally_beside_the_rig_are_told(server):

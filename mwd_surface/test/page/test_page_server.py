@@ -569,6 +569,31 @@ def test_a_malformed_command_is_refused_with_the_field_and_never_reaches_the_nod
         assert calls == []
 
 
+@pytest.mark.parametrize("change", [1, -1])
+def test_both_rod_buttons_of_the_page_give_accepted_arguments(change):
+    given = {"operator_name": "Li", "change": change}
+    assert checked_arguments("count_rods", json.dumps(given).encode()) == given
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("count_rods", {"change": -2}),
+        ("count_rods", {"change": 2}),
+        ("count_rods", {"count": -1}),
+        ("judge_control", {"decision": -1}),
+        # A larger number does not fit the field of the service.
+        ("judge_control", {"decision": 256}),
+        ("decide_downlink", {"decision": 0, "number": 2**32}),
+        ("accept_survey", {"sequence": 1, "value": 256}),
+    ],
+)
+def test_a_number_outside_the_range_of_its_field_is_refused(name, given):
+    with pytest.raises(web.HTTPBadRequest) as refused:
+        checked_arguments(name, json.dumps({"operator_name": "Li", **given}).encode())
+    assert str(refused.value.text).startswith(list(given)[-1])
+
+
 def test_a_command_as_a_form_or_by_get_is_refused():
     with running(lambda _n, _a: (True, ""), token=TOKEN) as server:
         head = {"Content-Type": "text/plain"}
@@ -580,7 +605,7 @@ def test_a_command_as_a_form_or_by_get_is_refused():
 @pytest.mark.fault_case(79)
 @given(
     st.sampled_from(sorted(COMMANDS)),
-    st.recursive(st.none() | st.booleans() | st.floats() | st.text(max_size=9), st.lists),
+    st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9), st.lists),
 )
 def test_any_json_gives_checked_arguments_or_a_refusal(name, value):
     fields = COMMANDS[name]
@@ -588,7 +613,9 @@ def test_any_json_gives_checked_arguments_or_a_refusal(name, value):
     arguments = {}
     with contextlib.suppress(web.HTTPBadRequest):
         arguments = checked_arguments(name, body)
-    assert all(type(v) is fields[k][0] for k, v in arguments.items())
+    for key, given_value in arguments.items():
+        kind = fields[key][0]
+        assert given_value in kind if isinstance(kind, range) else type(given_value) is kind
 
 
 def test_a_taken_port_is_named_and_the_first_page_lives_on():

@@ -78,7 +78,11 @@ export function showControls(server, onToken) {
   const rods = [
     button("add-rod", t("Rod added"), "count_rods", () => rod({ change: 1 })),
     button("remove-rod", t("Rod removed"), "count_rods", () => rod({ change: -1 })),
-    button("correct-rods", t("Correct the number"), "count_rods", () => rod({ count: Number(counted.value), reason: reason.value })),
+    el("button", { type: "button", id: "correct-rods", disabled: true, onclick: () => {
+      // Number("") is 0; an empty field must not empty the hole.
+      if (!/^[0-9]+$/.test(counted.value.trim())) setText(answerBox, t`number of rods "${counted.value}" is not a whole number`);
+      else act("count_rods", rod({ count: Number(counted.value), reason: reason.value }));
+    } }, t("Correct the number")),
   ];
   const all = [...buttons, setDepth, writing, ...rods];
   place.replaceChildren(
