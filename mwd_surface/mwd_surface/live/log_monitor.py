@@ -36,7 +36,7 @@ class LogMonitor:
     def __init__(self, context: WellContext, book: SurveyBook, source: str = DIRECT) -> None:
         self._live, self._book, self._source = context.live, book, source
         self._log, self._alarm_log = book.logs, context.alarm_log
-        self._health_ns = -1
+        self._shown_health = -1
         self._shown = 0
         self._refused, self._refused_at = 0, 0.0
 
@@ -65,10 +65,10 @@ class LogMonitor:
             self._shown = self._log.version
             self._live.show(now, logs=self._log.curves(FIRST, _SHOWN), newest_logs=self._log.newest())
         self._tell_refused(now)
-        health = self._book.health.health()
         # The rig tells its flow all the time: the numbers follow with the next sample.
-        if health.stamp_ns != self._health_ns:
-            self._health_ns = health.stamp_ns
+        if self._book.health.version != self._shown_health:
+            self._shown_health = self._book.health.version
+            health = self._book.health.health()
             self._live.show(now, tool_health=health)
             self._alarm_log.set_alarms("tool.", health_alarms(health, self._book.health.battery))
 
