@@ -140,6 +140,8 @@ class ToolHealth:
     failed_tests : tuple of str or None
         Self-tests that have failed, by name; None: the tool has reported none.
     parts : tuple of PartHealth
+    remarks : tuple of str
+        Sentences on what could not be read.
     """
 
     stamp_ns: int = 0
@@ -149,6 +151,7 @@ class ToolHealth:
     exposures: tuple[Exposure, ...] = ()
     failed_tests: tuple[str, ...] | None = None
     parts: tuple[PartHealth, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 class _Series:
