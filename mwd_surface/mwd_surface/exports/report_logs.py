@@ -33,7 +33,7 @@ def health_section(health: ToolHealth) -> Section | None:
     """Return the summary of the tool's run; None where nothing is known of the tool."""
     if not health.stamp_ns and not health.parts:
         return None
-    text, sheets = [], []
+    text, sheets = [f"{one}." for one in health.remarks], []
     battery = health.battery
     rows = [("Run time", _number(health.run_time / _HOUR_S), "h"), ("Pumps on", _number(health.pumping / _HOUR_S), "h")]
     if battery is not None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from mwd_sensors.core.arrays import Samples
@@ -18,6 +19,7 @@ from mwd_surface.logs.recorded_log import DIRECT, of_link
 
 _SHOWN = 2000  # number of depth steps of each channel that are shown, the deepest ones
 _CLEARED_S = 60.0  # s without another one after which the alarm of refused samples ends
+_RETRY_S = 10.0  # s between two tries to write the journal again after the disk has refused it
 _REMEDY = "compare the tool configuration with the tool, and see that the rig sends its depth"
 
 
@@ -36,9 +38,10 @@ class LogMonitor:
     def __init__(self, context: WellContext, book: SurveyBook, source: str = DIRECT) -> None:
         self._live, self._book, self._source = context.live, book, source
         self._log, self._alarm_log = book.logs, context.alarm_log
-        self._health_ns = -1
+        self._shown_health = -1
         self._shown = 0
         self._refused, self._refused_at = 0, 0.0
+        self._retry_at = -math.inf
 
     def on_sample(self, message: Any) -> None:
         """Accept a mwd_msgs/LogSample."""
@@ -65,12 +68,29 @@ class LogMonitor:
             self._shown = self._log.version
             self._live.show(now, logs=self._log.curves(FIRST, _SHOWN), newest_logs=self._log.newest())
         self._tell_refused(now)
-        health = self._book.health.health()
+        self._tell_journal(now)
         # The rig tells its flow all the time: the numbers follow with the next sample.
-        if health.stamp_ns != self._health_ns:
-            self._health_ns = health.stamp_ns
+        if self._book.health.version != self._shown_health:
+            self._shown_health = self._book.health.version
+            health = self._book.health.health()
             self._live.show(now, tool_health=health)
             self._alarm_log.set_alarms("tool.", health_alarms(health, self._book.health.battery))
+
+    def _tell_journal(self, now: float) -> None:
+        """Raise an alarm while the disk refuses the journal, and try again from time to time."""
+        journal = self._book.journal
+        if journal is None:
+            return
+        if journal.fault and now >= self._retry_at:
+            journal.try_again()
+            self._retry_at = now + _RETRY_S
+        # The disk may take a few bytes and still refuse the next line: the alarm ends when it has held for a while.
+        if journal.fault:
+            remedy = "free space on this disk; a restart of the surface loses the log samples since the alarm"
+            text = f"the log samples cannot be written to the disk: {journal.fault}"
+            self._alarm_log.raise_alarm("log.journal", Severity.WARNING, text, remedy)
+        elif now >= self._retry_at:
+            self._alarm_log.clear_alarm("log.journal")
 
     def _tell_refused(self, now: float) -> None:
         """Raise an alarm while samples are refused."""

@@ -8,11 +8,13 @@ that a power cut has torn is left out. The file is bounded: where it grows too l
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import math
+import os
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import LogSample
@@ -38,10 +40,12 @@ class LogJournal:
     ----------
     unreadable : int
         Lines that were left out when it was read.
+    fault : str
+        Why the disk takes no lines at present; empty while it does. See `try_again`.
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
-        self.unreadable = 0
+        self.unreadable, self.fault, self._path = 0, "", path
         self._lines: list[str] = []
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
@@ -52,23 +56,48 @@ class LogJournal:
                 fresh.write_bytes(data)
                 fresh.replace(path)
             self._lines = data.decode(errors="replace").splitlines()
-        self._file: TextIO | None = path.open("a", encoding="utf-8")
-        if self._lines and not data.endswith(b"\n"):
-            self._file.write("\n")
+        self._file: BinaryIO | None = self._opened()
         self._rig_ns = 0
+
+    def _opened(self) -> BinaryIO:
+        """Return the file, open to append; a line that was torn in a full disk or a power cut ends there."""
+        file = self._path.open("a+b")
+        size = file.seek(0, os.SEEK_END)
+        if size:
+            file.seek(size - 1)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        return file
 
     @classmethod
     def read(cls, path: Path) -> LogJournal:
         """Return the journal of a finished run, which changes nothing on the disk."""
         made = cls.__new__(cls)
-        made.unreadable, made._file, made._rig_ns = 0, None, 0
+        made.unreadable, made.fault, made._path, made._file, made._rig_ns = 0, "", path, None, 0
         made._lines = path.read_bytes().decode(errors="replace").splitlines()
         return made
 
     def close(self) -> None:
         """Close the file."""
         if self._file is not None:
-            self._file.close()
+            # A full disk refuses the last line once more.
+            with contextlib.suppress(OSError):
+                self._file.close()
+            self._file = None
+
+    def try_again(self) -> None:
+        """Open the file again after a fault; `fault` stays if the disk still takes no line."""
+        if self.fault:
+            self.fault = ""
+            try:
+                self._file = self._opened()
+                self._file.flush()
+            except OSError as error:
+                self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.fault = f"{self._path}: {error.strerror or error}"
+        self.close()
 
     def restore(self, log: DepthLog, health: HealthLedger) -> None:
         """Hand all that the file held to a log and to an account of the tool's health."""
@@ -102,10 +131,15 @@ class LogJournal:
             self._write({"at": stamp_ns, "bit": bit_depth, "pumping": pumping})
 
     def _write(self, row: dict[str, Any]) -> None:
+        if self.fault:
+            return
         if self._file is None:
             raise ValueError("the journal was opened to be read")
-        self._file.write(json.dumps(row, allow_nan=False, separators=(",", ":")) + "\n")
-        self._file.flush()
+        try:
+            self._file.write(json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n")
+            self._file.flush()
+        except OSError as error:
+            self._fail(error)
 
 
 def _written(value: Any) -> Any:

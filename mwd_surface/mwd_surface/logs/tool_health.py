@@ -26,6 +26,10 @@ _HOUR_S = 3600.0
 # Longest gap between two samples that counts as exposure at the later value, s. A link sends its words in turn, so gaps
 # are normal. The gap for temperature may be longer, because a tool warms slowly.
 _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
+# A sample that is older than the end of its series by more than this comes from a clock that was set back, or the end
+# from a wrong stamp: the series begins again there. Likewise, a longer step forward is no run time. Later than that a
+# link delivers nothing; `DepthLog` follows the same idea with a shorter time.
+_JUMP_NS = 3600 * NANOSECONDS
 _FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are assumed not to change, s
 _LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
 # 1 sigma of the figures of a usual kit, as shares, where the tool file states no battery.
@@ -126,7 +130,8 @@ class ToolHealth:
     stamp_ns : int
         End of the newest sample, ns; 0 before the first.
     run_time : float
-        Run time of the electronics: their own counter, else the time since the first sample, s; NaN before it.
+        Run time of the electronics: their own counter, else the time since the first sample without the silences of
+        more than an hour, s; NaN before the first sample.
     pumping : float
         Time with the pumps on, s; NaN if the rig has not told it.
     battery : BatteryHealth or None
@@ -135,6 +140,8 @@ class ToolHealth:
     failed_tests : tuple of str or None
         Self-tests that have failed, by name; None: the tool has reported none.
     parts : tuple of PartHealth
+    remarks : tuple of str
+        Sentences on what could not be read.
     """
 
     stamp_ns: int = 0
@@ -144,6 +151,7 @@ class ToolHealth:
     exposures: tuple[Exposure, ...] = ()
     failed_tests: tuple[str, ...] | None = None
     parts: tuple[PartHealth, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 class _Series:
@@ -154,25 +162,28 @@ class _Series:
         self.end_ns = self.newest_ns = -(2**63)
         self.newest = self.sigma = math.nan
         self.largest = -math.inf
-        self.dose = self.seconds = 0.0
+        self.dose = self.seconds = self.running = 0.0
         self.bins: Counter[int] = Counter()
 
-    def add(self, sample: LogSample, held_s: float) -> float:
-        """Add a sample, and return the time since the former one that it stands for, s."""
+    def add(self, sample: LogSample, held_s: float) -> None:
+        """Add a sample, which stands for the time since the former one up to `held_s`, s."""
         half = round(0.5 * sample.span * NANOSECONDS)
         begin, end = sample.stamp_ns - half, sample.stamp_ns + half
+        if end < self.end_ns - _JUMP_NS:
+            self.end_ns = self.newest_ns = begin - 1
         if sample.stamp_ns > self.newest_ns:
             self.newest, self.sigma, self.newest_ns = sample.value, sample.sigma, sample.stamp_ns
         # A sample stands for the time since the former one, where that is near; else for its own interval.
         near = 0 < begin - self.end_ns <= held_s * NANOSECONDS
         seconds = max(0.0, (end - (self.end_ns if near else max(begin, self.end_ns))) / NANOSECONDS)
+        known = begin - self.end_ns <= _JUMP_NS
+        self.running += max(0, end - (self.end_ns if known else begin)) / NANOSECONDS
         self.end_ns = max(self.end_ns, end)
         self.largest = max(self.largest, sample.value)
         if self._limit is not None and seconds:
             self.seconds += seconds
             self.dose += seconds / (_HOUR_S * self._limit.allowed_h(sample.value))
             self.bins[min(max(math.floor(sample.value / self.width), -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
-        return seconds
 
 
 class HealthLedger:
@@ -188,6 +199,8 @@ class HealthLedger:
     ----------
     battery : Battery
         Figures of the battery in force.
+    version : int
+        Increases with every sample in the account.
     """
 
     def __init__(self, limits: ToolLimits | None = None) -> None:
@@ -195,7 +208,7 @@ class HealthLedger:
         self._limited = dict(self._limits.exposures or EXPOSURES)
         self.battery = self._limits.battery or _ASSUMED
         self._series: dict[str, _Series] = {}
-        self._first_ns: int | None = None
+        self.version = 0
         self._last_ns = 0
         self._flow: tuple[int, bool] | None = None
         self._pumping_s = self._standing_s = 0.0
@@ -221,8 +234,9 @@ class HealthLedger:
         if sample.unit != series.unit:
             return
         series.add(sample, _HELD_TEMPERATURE_S if source == "temperature" else _HELD_S)
-        self._first_ns = min(self._first_ns or sample.stamp_ns, sample.stamp_ns)
-        self._last_ns = max(self._last_ns, series.end_ns)
+        self.version += 1
+        back = series.end_ns < self._last_ns - _JUMP_NS
+        self._last_ns = series.end_ns if back else max(self._last_ns, series.end_ns)
         if source == "consumed_charge":
             self._count_charge(sample)
         elif source == "failed_self_tests":
@@ -232,17 +246,21 @@ class HealthLedger:
         if self._count is None:
             # The counter holds what was used before the run, at temperatures that nobody knows.
             self._counted.use(sample.value, 0.0, _ROOM_C)
-        elif sample.stamp_ns > self._count[0] and sample.value >= self._count[1]:
-            seconds = (sample.stamp_ns - self._count[0]) / NANOSECONDS
-            self._counted.use(sample.value - self._count[1], seconds, self._temperature)
-        if self._count is None or sample.stamp_ns > self._count[0]:
-            self._count = (sample.stamp_ns, sample.value)
+        else:
+            step_ns = sample.stamp_ns - self._count[0]
+            if -_JUMP_NS <= step_ns <= 0:
+                return
+            # Across a jump of the clock the charge is known, and its time is not.
+            seconds = step_ns / NANOSECONDS if 0 < step_ns <= _JUMP_NS else 0.0
+            if sample.value >= self._count[1]:
+                self._counted.use(sample.value - self._count[1], seconds, self._temperature)
+        self._count = (sample.stamp_ns, sample.value)
 
     def add_flow(self, stamp_ns: int, *, pumping: bool) -> None:
-        """Add whether the pumps are on, in order of time."""
-        if self._flow is not None and stamp_ns <= self._flow[0]:
+        """Add whether the pumps are on, in order of time; after a clock was set back, the time counts from there."""
+        if self._flow is not None and self._flow[0] - _JUMP_NS <= stamp_ns <= self._flow[0]:
             return
-        if self._flow is not None:
+        if self._flow is not None and stamp_ns > self._flow[0]:
             seconds = (stamp_ns - self._flow[0]) / NANOSECONDS
             # The pumps may run while the rig sends no data. Assume the larger current then, which is the safe side.
             on = self._flow[1] or seconds > _FLOW_HELD_S
@@ -260,7 +278,8 @@ class HealthLedger:
 
     def health(self, day: datetime.date | None = None) -> ToolHealth:
         """Return the health of the tool; day: on which the calibrations must hold, by default that of the samples."""
-        since = math.nan if self._first_ns is None else (self._last_ns - self._first_ns) / NANOSECONDS
+        # All samples come through one link. A wrong clock of one source does not shorten the time of the others.
+        since = max((series.running for series in self._series.values()), default=math.nan)
         if day is None and self._last_ns:
             day = datetime.datetime.fromtimestamp(self._last_ns / NANOSECONDS, datetime.UTC).date()
         counter = self._series.get("run_time")
@@ -355,7 +374,7 @@ class _Charge:
         self.total = self.used = self.in_run = self.seconds = 0.0
 
     def use(self, charge: float, seconds: float, celsius: float) -> None:
-        """Draw a charge, C, in a time, s; a time of 0: before the run."""
+        """Draw a charge, C, in a time, s; a time of 0: before the run, or in a time that is not known."""
         self.total += charge
         self.used += charge / (self._battery.capacity_ah * _HOUR_S * self._battery.share(celsius))
         if seconds > 0.0:

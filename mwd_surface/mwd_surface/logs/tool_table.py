@@ -40,5 +40,18 @@ def recorded_limits(table: Mapping[str, str]) -> ToolLimits | None:
     """Return the limits in a table of a recording; None if it has none that this version can read."""
     try:
         return settings.from_mapping(ToolLimits, json.loads(table[_HEALTH])) if _HEALTH in table else None
-    except ValueError:
+    except (ValueError, TypeError):
         return None
+
+
+def limits_of_run(path: Path) -> tuple[ToolLimits | None, str]:
+    """Return the limits in the file of a run, and a remark if it cannot be read; None and "" if there is no file."""
+    try:
+        table = json.loads(path.read_bytes())
+        limits = recorded_limits(table)
+        readable = isinstance(table, dict) and (limits is not None or not table)
+    except FileNotFoundError:
+        return None, ""
+    except (ValueError, TypeError, OSError):
+        limits, readable = None, False
+    return limits, "" if readable else f"the limits of the tool are not known: {path.name} cannot be read"

@@ -28,6 +28,7 @@ from tf2_msgs.msg import TFMessage
 
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import LATCHED, STATE
@@ -145,7 +146,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._tool_limits = read_limits(settings.tool_file)
         book = self._surveys
         book.health = HealthLedger(self._tool_limits)
-        (folder / "surveys" / TOOL_FILE).write_text(json.dumps(limits_table(self._tool_limits)), encoding="utf-8")
+        try:
+            write_whole(folder / "surveys" / TOOL_FILE, json.dumps(limits_table(self._tool_limits)))
+        except OSError as error:
+            text = f"a report of this run will not know the limits of the tool: {TOOL_FILE} cannot be written: {error}"
+            outlet.alarm_log.log_event("tool file", text, Severity.WARNING)
         book.journal = self._closed_on_cleanup(LogJournal(folder / "surveys" / JOURNAL))
         book.journal.restore(book.logs, book.health)
         self._well = LiveWell(

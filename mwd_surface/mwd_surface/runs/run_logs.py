@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import json
+import dataclasses
 from pathlib import Path
 
 from mwd_surface.bags.bag_reader import Bag
@@ -11,7 +11,7 @@ from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.log_journal import NAME, LogJournal
 from mwd_surface.logs.recorded_log import RIG, topic_of
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
-from mwd_surface.logs.tool_table import FILE, recorded_limits
+from mwd_surface.logs.tool_table import FILE, limits_of_run
 from mwd_surface.runs.player import Player
 
 _PLAYED = frozenset({RIG, "inputs", "log", "link/log"})
@@ -31,11 +31,10 @@ def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | 
     folders = [path.parent] if path.is_file() else [path, path / "surveys", *path.glob("*/surveys")]
     journal = next((folder / NAME for folder in folders if (folder / NAME).is_file()), None)
     if journal is not None:
-        table = journal.with_name(FILE)
-        limits = recorded_limits(json.loads(table.read_text(encoding="utf-8"))) if table.is_file() else None
+        limits, remark = limits_of_run(journal.with_name(FILE))
         log, health = DepthLog(sensor_to_bit), HealthLedger(limits)
         LogJournal.read(journal).restore(log, health)
-        return log, health.health()
+        return log, dataclasses.replace(health.health(), remarks=(remark,) if remark else ())
     if not path.is_dir() or not any(path.glob("*.mcap")):
         return None
     with Bag(path) as bag:

@@ -4,6 +4,7 @@
 import io
 
 import numpy as np
+import pytest
 
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_sensors.telemetry.tool_limits import Battery, ExposureLimit, Part, ToolLimits
@@ -11,6 +12,7 @@ from mwd_surface.exports.report_logs import health_section, log_section
 from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.log_journal import NAME, LogJournal
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
+from mwd_surface.logs.tool_table import FILE
 from mwd_surface.runs.run_logs import run_logs
 
 S = 10**9
@@ -66,3 +68,20 @@ def test_the_logs_are_drawn_from_the_folder_of_a_run(tmp_path):
     figure.savefig(io.BytesIO())
     assert log_section(()) is None
     assert run_logs(tmp_path / "elsewhere", 3.0) is None
+
+
+@pytest.mark.parametrize(
+    "text", ["", '{"health": "{', "[]", "3", '{"health": 5}', '{"health": "[1]"}', '{"other": "x"}', b"\xff"]
+)
+def test_a_torn_file_of_the_limits_costs_the_limits_alone_and_is_said(tmp_path, text):
+    journal = LogJournal(tmp_path / NAME)
+    for one in samples():
+        journal.add_sample(one)
+    journal.close()
+    _, health = run_logs(tmp_path, 3.0)
+    assert not health.remarks
+    (tmp_path / FILE).write_bytes(text if isinstance(text, bytes) else text.encode())
+    _, health = run_logs(tmp_path, 3.0)
+    assert any(FILE in one for one in health_section(health).text)
+    (tmp_path / FILE).write_text("{}")
+    assert not run_logs(tmp_path, 3.0)[1].remarks

@@ -3,11 +3,13 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from example_alarms import Alarms
 
+from mwd_sensors.core import wire
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
@@ -17,6 +19,7 @@ from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.logs.depth_log import DepthLog
+from mwd_surface.logs.log_journal import LogJournal
 from mwd_surface.logs.tool_health import HealthLedger
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.survey_list import SurveyList
@@ -71,6 +74,34 @@ def test_a_surface_of_one_link_uses_no_sample_of_another(source, link, used):
     monitor.update(1.0)
     assert (logs.channels == ("gamma",)) is used
     assert (health.health().stamp_ns > 0) is used
+
+
+def test_a_full_disk_raises_one_alarm_while_the_rig_data_go_on_and_ends_with_its_cause(tmp_path):
+    alarms, logs, health = Alarms(), DepthLog(), HealthLedger()
+    journal = LogJournal(tmp_path / "surveys" / "journal")
+    book = SimpleNamespace(logs=logs, health=health, journal=journal)
+    monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=alarms), book)
+    rig = wire.RIG_STATE.empty(1)
+    rig["valid"] = wire.RIG_VALID["flow_rate"]
+    # A disk that refuses each line, and a folder that is gone.
+    journal.close()
+    journal._file = Path("/dev/full").open("wb")  # noqa: SIM115
+    (tmp_path / "surveys").rename(tmp_path / "away")
+    for second in range(40):
+        rig["stamp_ns"] = T0 + second * S
+        monitor.on_rig_state(rig, 100.0)
+        monitor.on_sample(message(second))
+        monitor.update(float(second))
+        assert [alarm.id for alarm in alarms.active().values()] == ["log.journal"]
+    assert health.health().stamp_ns > T0
+    (tmp_path / "away").rename(tmp_path / "surveys")
+    for second in range(40, 80):
+        rig["stamp_ns"] = T0 + second * S
+        monitor.on_rig_state(rig, 100.0)
+        monitor.update(float(second))
+    assert not alarms.active()
+    journal.close()
+    assert len((tmp_path / "surveys" / "journal").read_bytes().splitlines()) >= 25
 
 
 def test_a_depth_set_by_hand_places_the_samples_of_its_time():

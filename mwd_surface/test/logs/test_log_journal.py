@@ -2,9 +2,11 @@
 """A surface node that starts again has the log and the health of the tool from before."""
 
 import dataclasses
+import errno
 import math
 
 import numpy as np
+import pytest
 
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.logs.depth_log import FIRST, DepthLog
@@ -59,6 +61,48 @@ def test_a_torn_line_and_foreign_text_cost_that_line_alone(tmp_path):
     assert journal.unreadable == 4
     log.finish()
     assert log.curves(FIRST)[1].samples.sum() >= 20
+
+
+class FullDisk:
+    """File on a disk that takes `room` bytes of each line and no more."""
+
+    def __init__(self, file, room):
+        self.file, self.room = file, room
+
+    def write(self, data):
+        self.file.write(data[: self.room])
+
+    def flush(self):
+        self.file.flush()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def close(self):
+        self.file.close()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("room", [0, 7])
+def test_a_full_disk_costs_its_lines_alone_and_is_written_again_later(tmp_path, room):
+    path = tmp_path / "journal"
+    journal = LogJournal(path)
+    journal.restore(DepthLog(), HealthLedger())
+    journal.add_rig(T0, 100.0, pumping=True)
+    journal._file = FullDisk(journal._file, room)
+    for at in range(1, 5):
+        journal.add_rig(T0 + at * S, 100.0, pumping=True)
+        assert "No space left" in journal.fault
+    journal.try_again()
+    assert not journal.fault
+    journal.add_rig(T0 + 9 * S, 100.0, pumping=True)
+    journal.add_sample(dataclasses.replace(GAMMA, stamp_ns=T0 + 9 * S))
+    journal.close()
+    lines = path.read_bytes().splitlines()
+    assert sum(b'"at":' in line and line.endswith(b"}") for line in lines) == 2
+    log, again = DepthLog(), LogJournal.read(path)
+    again.restore(log, HealthLedger())
+    assert again.unreadable == (1 if room else 0)
+    log.finish()
+    assert log.channels == ("gamma",)
 
 
 def test_a_long_file_loses_its_older_half(tmp_path):

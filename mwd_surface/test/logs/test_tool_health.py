@@ -162,6 +162,42 @@ def test_each_alarm_has_a_remedy_and_ends_with_its_cause():
     assert set(health_alarms(fresh.health(datetime.date(2025, 6, 1)), PACK)) == set()
 
 
+YEARS_S = 2 * 365 * 86400.0
+
+
+@pytest.mark.parametrize("jump_s", [YEARS_S, -YEARS_S, 86400.0, -7200.0])
+@pytest.mark.parametrize("lasting", [False, True])
+def test_a_wrong_stamp_or_a_clock_that_jumps_stops_no_account(jump_s, lasting):
+    limit = ExposureLimit(((125.0, 100.0), (175.0, 1.0)))
+    ledger = HealthLedger(ToolLimits(exposures={"temperature": limit}, battery=PACK))
+    ledger.add(sample("temperature", 0.0, 30.0))
+    ledger.add(sample("temperature", jump_s, 31.0))
+    ledger.add(sample("consumed_charge", jump_s, 1000.0))
+    ledger.add_flow(T0 + round(jump_s * S), pumping=False)
+    begin = jump_s if lasting else 0.0
+    for k in range(1, 2001):
+        ledger.add(sample("temperature", begin + 60.0 * k, 180.0))
+        ledger.add(sample("consumed_charge", begin + 60.0 * k, 1000.0 + 24.0 * k))
+        ledger.add_flow(T0 + round((begin + 60.0 * k) * S), pumping=True)
+    health = ledger.health()
+    (found,) = health.exposures
+    assert found.newest == 180.0
+    assert found.dose == pytest.approx(2000.0 / 60.0, rel=0.01)
+    assert health.run_time == pytest.approx(2000.0 * 60.0, rel=0.01)
+    assert health.pumping == pytest.approx(2000.0 * 60.0, rel=0.01)
+    assert health.stamp_ns == T0 + round((begin + 120000.0) * S)
+    assert health.battery.current == pytest.approx(0.4, rel=0.01)
+
+
+def test_samples_of_one_source_with_a_wrong_clock_leave_the_others_as_they_are():
+    ledger = HealthLedger()
+    for k in range(1, 61):
+        ledger.add(sample("lateral_vibration", YEARS_S + 60.0 * k, 30.0))
+        ledger.add(sample("temperature", 60.0 * k, 130.0))
+    assert [one.observed for one in ledger.health().exposures] == pytest.approx([3600.0, 3600.0])
+    assert ledger.health().run_time == pytest.approx(3600.0)
+
+
 def test_wrong_limits_are_refused_by_name():
     for make, words in (
         (lambda: ExposureLimit(((125.0, 1.0), (150.0, 2.0))), "grow"),
