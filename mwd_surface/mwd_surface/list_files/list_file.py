@@ -632,14 +632,23 @@ class _Reader:
         md = np.array([one.numbers["md"] for one in found])
         down = np.array([one.numbers.get("tvd", math.nan) for one in found])
         ways = {"down": math.pi / 2.0 - dips, "up": math.pi / 2.0 + dips}
-        way, why = self.given.dip, "as the caller says"
-        if not way:
-            way, why = points(column.name) or self.head.dip, "as the list says"
-        if not way and np.isfinite(down).sum() > 1 and np.all(np.diff(md) > 0.0):
+        stated, chosen, fitting = points(column.name) or self.head.dip, self.given.dip, ""
+        if np.isfinite(down).sum() > 1 and np.all(np.diff(md) > 0.0):
             positions = np.column_stack([np.full_like(md, math.nan)] * 2 + [down])
             good = [name for name, inc in ways.items() if fits((md, inc, np.zeros_like(md)), positions)]
-            if len(good) == 1:
-                way, why = good[0], "as its vertical depths say"
+            fitting = good[0] if len(good) == 1 else ""
+        if chosen and fitting not in ("", chosen):
+            raise ListFileError(
+                f"{self.table.at}: column {column.name!r} was to be read with positive angles {chosen}, but the"
+                f" vertical depths of the list fit positive angles {fitting}; leave out --dip, or check the depths"
+            )
+        way, why = chosen, "as the caller says"
+        if not way:
+            way, why = fitting, "as its vertical depths say"
+            if stated not in ("", fitting):
+                why = f"as its vertical depths say, although the list says {stated}"
+        if not way:
+            way, why = stated, "as the list says"
         if not way:
             way, why = self.given.usual_dip, "like those of the well"
         if not way:
@@ -653,7 +662,7 @@ class _Reader:
             f"{self.name}: column {column.name!r} has angles from the horizontal, positive {way} {why}; converted to"
             " inclinations from the vertical"
         )
-        if self.provenance is None:
+        if self.provenance is None or (fitting and stated not in ("", fitting)):
             self._say(RemarkKind.DIP_CONVERTED, text, first=float(dips[0]))
         return [
             dataclasses.replace(one, numbers={**one.numbers, "inclination": float(inc)})

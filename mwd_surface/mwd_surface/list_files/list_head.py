@@ -55,7 +55,22 @@ _HORIZONTAL = re.compile(
     r"(?:incl\w*|dip|angle|倾角)[^:=]*\b(?:from|to|relative to|above|below|against)\s+(?:the\s+)?horizont|与水平面",
     re.IGNORECASE,
 )
-_POSITIVE = re.compile(r"\b(?:dip|angle|incl\w*)\b.*\bpositive|positive\s+dip|(?:倾|仰|俯).*正", re.IGNORECASE)
+_POSITIVE = re.compile(r"\b(?:dips?|angles?|incl\w*)\b.*\bpositive|positive\s+dip|(?:倾|仰|俯).*正", re.IGNORECASE)
+# Dips that are not those of the hole: of the magnetic field or of beds, or one value such as "dip 62.5 deg". The values
+# 0 and 90 may explain a convention.
+_OTHER_DIP = re.compile(
+    r"magn[eé]t|\bmag\b|\bmag[ _]?dip|\bm_?dip|\bfield|feld|\bb[ _]?(?:total|dip|field)|\b[nµμ]T\b|declin|\bref\b"
+    r"|\breferences?\b(?!.*horizont)|\b(?:igrf|wmm|bggm|hdgm|mvhd|emm)|needle|magnit|магнит|磁|参考|基准"
+    r"|\b(?:formation|bed|bedding|strat\w+|seam|layer|fault|reservoir|structural?)s?\b|地层|岩层|煤层|断层"
+    r"|(?:\bdips?(?:[ _]angle)?|倾角)\W*(?!0\b|90\b)\d",
+    re.IGNORECASE,
+)
+_OF_HOLE = re.compile(r"\b(?:bore)?holes?\b|\bcollar\b|\bwell(?:bore)?\b|钻孔|孔口|开孔", re.IGNORECASE)
+_A_DIP = re.compile(r"\bdips?\b|incl|angle|倾|仰|俯", re.IGNORECASE)
+# A part of a line that names something else than a vertical angle, such as "Tool: magnetic" or "Field: Alpha".
+_NAMES_OTHERS = re.compile(
+    rf"^\W*(?:field|tool|instrument|survey\w*|method)\b[^:=]*[:=]|\bnorth\b|北|{_OF_AZIMUTHS.pattern}", re.IGNORECASE
+)
 _HEAD_X = re.compile(
     r"(?:\b(?:well\s*-?\s*head|surface|slot|collar|well|head|wrp|location|top)\b|\+[NE]/-[SW])[^:=]*?"
     r"\b(?:x|east(?:ing)?s?)\b[^:=0-9]*[:=,;\t ]\s*"
@@ -111,10 +126,11 @@ def read_head(lines: Iterable[str]) -> Head:
                 # not stated.
                 strange.append(line.strip())
         head = _units(_north(head, line), line)
-        if _HORIZONTAL.search(line):
-            head = dataclasses.replace(head, horizontal=True)
-        if _POSITIVE.search(line):
-            head = dataclasses.replace(head, dip=points(line) or head.dip)
+        if _tells_of_hole_angles(line):
+            if _HORIZONTAL.search(line):
+                head = dataclasses.replace(head, horizontal=True)
+            if _POSITIVE.search(line):
+                head = dataclasses.replace(head, dip=points(line) or head.dip)
         x, y = _coordinate(_HEAD_X, line) or x, _coordinate(_HEAD_Y, line) or y
         hinted = _IN_BRACKETS.search(line)
         if hinted and unit_word(hinted["said"]) in LENGTH_UNITS:
@@ -130,6 +146,15 @@ def read_head(lines: Iterable[str]) -> Head:
     elif not (head.north or head.strange_north) and strange:
         head = dataclasses.replace(head, strange_north=" / ".join(strange))
     return head
+
+
+def _tells_of_hole_angles(line: str) -> bool:
+    """Return whether a vertical angle in a line is that of the hole, not that of the magnetic field or of beds."""
+    parts = re.split(r"[;,|\t，；。、]", line)
+    rest = ", ".join(part for part in parts if _A_DIP.search(part) or not _NAMES_OTHERS.search(part))
+    other = _OTHER_DIP.search(rest)
+    # "Collar dip -60" and "hole dip 5" are values of the hole.
+    return other is None or (other[0][-1].isdecimal() and bool(_OF_HOLE.search(rest)))
 
 
 def _north(head: Head, line: str) -> Head:
