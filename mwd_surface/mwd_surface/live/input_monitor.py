@@ -56,10 +56,10 @@ class InputMonitor:
         if int(last["valid"]) & RIG_VALID["bit_depth"] and 0.0 <= depth <= DEEPEST:
             self._depths.take(frame, depth, self._clock.now)
 
-    def on_depth_by_hand(self, bit_depth: float) -> None:
-        """Accept a bit depth that a person has set, m."""
+    def on_depth_by_hand(self, bit_depth: float, age: float = 0.0) -> None:
+        """Accept a bit depth, m, that a person set `age` seconds ago."""
         self._block.start(bit_depth)
-        self._depths.set_by_hand(bit_depth, self._clock.now)
+        self._depths.set_by_hand(bit_depth, self._clock.now - age)
 
     def in_force(self, samples: Samples) -> tuple[Samples, Samples]:
         """

@@ -202,13 +202,13 @@ class LiveWell:
 
     # What comes in.
 
-    def on_depth_by_hand(self, bit_depth: float) -> None:
-        """Accept a bit depth that a person has set, m; the list of inputs shows and tells it at once."""
-        self._use_depth_by_hand(bit_depth)
+    def on_depth_by_hand(self, bit_depth: float, age: float) -> None:
+        """Accept a bit depth, m, that a person set `age` seconds ago; the list of inputs shows and tells it at once."""
+        self._use_depth_by_hand(bit_depth, age)
         self.inputs.update(self.clock.now)
 
-    def _use_depth_by_hand(self, bit_depth: float) -> None:
-        self.inputs.on_depth_by_hand(bit_depth)
+    def _use_depth_by_hand(self, bit_depth: float, age: float) -> None:
+        self.inputs.on_depth_by_hand(bit_depth, age)
         self.slides.on_depth_by_hand()
 
     def put(self, topic: str, data: bytes, arrived_ns: int) -> None:

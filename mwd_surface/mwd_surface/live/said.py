@@ -70,7 +70,7 @@ class SaidByTheSurface:
         context: WellContext,
         book: SurveyBook,
         on_outcome: Callable[[str], None],
-        on_depth_by_hand: Callable[[float], None],
+        on_depth_by_hand: Callable[[float, float], None],
         topics: Collection[str] = (),
     ) -> None:
         self._clock, self._live, self._book = context.clock, context.live, book
@@ -146,6 +146,6 @@ class SaidByTheSurface:
         # A depth is told at the moment at which it is set; a recording that begins later has its age.
         known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
         if hand.data_age == 0.0 or not known:
-            self._on_depth_by_hand(hand.bit_depth)
+            self._on_depth_by_hand(hand.bit_depth, hand.data_age)
             self._book.set_depth_by_hand(set_ns, hand.bit_depth)
         self._by_hand_ns = set_ns

@@ -49,6 +49,16 @@ class RodServer:
         if text:
             self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text, _REMEDY)
 
+    def begin(self) -> None:
+        """Put the depth of the last change in force again, from its own time, unless a depth has come already."""
+        if self._settings.length_m is None or not self.tally.changes or self._surveys.depth.latest is not None:
+            return
+        last, log = self.tally.changes[-1], self._context.alarm_log
+        try:
+            self._surveys.restore_depth(min(last.stamp_ns, log.now_ns()), self.tally.bit_depth, last.operator)
+        except ValueError as error:
+            log.raise_alarm("rods.log", Severity.WARNING, f"the depth by rods is not used: {error}", _REMEDY)
+
     def count(
         self,
         *,

@@ -261,6 +261,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._well.begin(self._time.now_ns())
         self._recording.activate()
         self._show_well()
+        self._rods.begin()
         self._surveys.show()
         self._downlink.activate()
 

@@ -62,7 +62,7 @@ class SurveyListServer(SurveyBook):
     slide_sheet : callable
         Returns the slide sheet, for reports.
     on_depth_by_hand : callable
-        Called with a bit depth, m, that a person has set.
+        Called with a bit depth, m, that a person has set, and its age, s.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class SurveyListServer(SurveyBook):
     """
 
     slide_sheet: Callable[[], tuple[Stretch, ...]]
-    on_depth_by_hand: Callable[[float], None]
+    on_depth_by_hand: Callable[[float, float], None]
 
     def __init__(self, context: SurfaceContext, settings: SurfaceSettings, *, plan: PlanMonitor) -> None:
         store = SurveyStore(context.folder / "surveys")
@@ -187,6 +187,24 @@ class SurveyListServer(SurveyBook):
         self._tell(msg.OperatorEvent.SET_DEPTH, request, response, depth=request.bit_depth)
         return response
 
+    def restore_depth(self, stamp_ns: int, bit_depth: float, operator_name: str) -> None:
+        """
+        Put a bit depth, m, that a person set before the node started in force again, from the time at which it was set.
+
+        Raises
+        ------
+        ValueError
+            See `DepthTrack.set_by_hand`.
+        """
+        self.set_depth_by_hand(stamp_ns, bit_depth)
+        self.on_depth_by_hand(bit_depth, (self._alarm_log.now_ns() - stamp_ns) / wire.NANOSECONDS)
+        self._decided_ns = stamp_ns
+        request = srv.SetDepth.Request(bit_depth=bit_depth, operator_name=operator_name)
+        message = f"bit depth {bit_depth:.2f} m by {operator_name}, set before the node started"
+        response = srv.SetDepth.Response(success=True, message=message)
+        self._tell(msg.OperatorEvent.SET_DEPTH, request, response, depth=bit_depth)
+        self._alarm_log.log_event("depth", message)
+
     def _set_depth(self, request: Any, response: Any) -> Any:
         self._decided_ns = self._alarm_log.now_ns()
         if not request.operator_name.strip():
@@ -197,7 +215,7 @@ class SurveyListServer(SurveyBook):
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self.on_depth_by_hand(request.bit_depth)
+        self.on_depth_by_hand(request.bit_depth, 0.0)
         response.success = True
         response.message = f"bit depth {request.bit_depth:.2f} m by {request.operator_name}"
         self._alarm_log.log_event("depth", response.message)

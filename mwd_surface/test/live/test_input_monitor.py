@@ -42,6 +42,14 @@ def test_a_depth_by_hand_that_contradicts_the_rig_is_shown_and_surveys_get_none_
     assert np.all(samples["valid"] & BIT)
 
 
+def test_a_depth_by_hand_from_before_a_restart_shuts_the_rig_out_no_longer_than_its_age_allows(monitor):
+    monitor.on_depth_by_hand(1020.0, age=601.0)
+    paired, shown = monitor.in_force(rig([1000.0]))
+    assert list(paired["bit_depth"]) == list(shown["bit_depth"]) == [1000.0]
+    monitor.on_depth_by_hand(1020.0, age=30.0)
+    assert list(monitor.in_force(rig([1000.0]))[1]["bit_depth"]) == [1020.0]
+
+
 def test_block_and_slips_carry_a_depth_by_hand_on(monitor):
     monitor.on_depth_by_hand(1020.0)
     paired, shown = monitor.in_force(rig([1000.0, 1000.5], BIT | BLOCK | SLIPS, [9.0, 8.5]))

@@ -21,6 +21,7 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_of
@@ -212,6 +213,36 @@ def test_rods_set_the_bit_depth_and_their_tally_outlives_the_node(server):
     again = RodServer(server.context, settings, server.server)
     assert again.tally == rods.tally
     assert server.context.live.at(0.0).rods.rods == 3
+
+
+def test_after_a_restart_the_depth_by_rods_is_in_force_from_the_time_of_the_last_change(server):
+    settings, told = RodSettings(1.5, 501.0), []
+    RodServer(server.context, settings, server.server).count(change=1, operator_name="Li")
+    server.server.on_depth_by_hand = lambda *given: told.append(given)
+    server.log.now_ns = lambda: example.MADE + 40 * 10**9
+    # A depth that has come already stays in force.
+    RodServer(server.context, settings, server.server).begin()
+    assert told == []
+    server.server.depth = DepthTrack()
+    RodServer(server.context, settings, server.server).begin()
+    assert server.server.depth.latest == (example.MADE, 502.5)
+    assert server.server.depth.sensor_depth(example.MADE + 10**9, 2.5).measured_depth == pytest.approx(500.0)
+    assert told == [(502.5, 40.0)]
+    event = server.published["operator_events"][-1]
+    assert (event.depth, event.operator_name, event.success) == (502.5, "Li", True)
+    # A clock that was set back puts no depth into the future.
+    server.server.depth = DepthTrack()
+    server.log.now_ns = lambda: example.MADE - 10**9
+    RodServer(server.context, settings, server.server).begin()
+    assert server.server.depth.latest == (example.MADE - 10**9, 502.5)
+
+
+def test_a_depth_by_rods_that_is_too_deep_is_an_alarm_at_the_start(server):
+    server.server.depth = DepthTrack()
+    (server.context.folder / "surveys" / "rods.csv").write_text("1,,correct,30,5000,0,Li,counted\n")
+    RodServer(server.context, RodSettings(30.0, 0.0), server.server).begin()
+    assert server.server.bit_depth is None
+    assert "rods.log" in server.log.standing
 
 
 @pytest.mark.parametrize("torn", ["李".encode()[:1], b'1,2,add,1.5,9,20.0,"Li', b"\0\0\n"])
