@@ -61,6 +61,10 @@ class InputMonitor:
         self._block.start(bit_depth)
         self._depths.set_by_hand(bit_depth, self._clock.now - age)
 
+    def depth_of_rig(self) -> float | None:
+        """Return the bit depth that the source of rig data gives, m, also while one by hand goes before it, or None."""
+        return self._depths.of_source(self._clock.now)
+
     def in_force(self, samples: Samples) -> tuple[Samples, Samples]:
         """
         Return the rig data in force as they are paired with surveys, and as they are shown.

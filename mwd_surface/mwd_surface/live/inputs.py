@@ -152,6 +152,10 @@ class DepthSources:
         """Accept the depth, m, that the block of the source in force carries on; None: the source gives its own."""
         self._block = None if bit_depth is None else (now, bit_depth)
 
+    def of_source(self, now: float) -> float | None:
+        """Return the depth that the source in force gives itself, m, by hand or not; None while it gives none."""
+        return self._live(now).get(short_name(self._selection.source or ""))
+
     def by_hand(self, now: float) -> float | None:
         """Return the depth by hand that goes before every source's, m; None where none does."""
         held = self._hand is not None and now - self._hand[0] <= self._selection.rules.hand_hold

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from mwd_msgs import srv
@@ -28,12 +29,21 @@ class RodServer:
     settings : RodSettings
     surveys : SurveyListServer
         Takes the bit depth of the tally as one given by hand, so that recordings have it.
+
+    Attributes
+    ----------
+    rig_depth : callable
+        Returns the bit depth that the rig gives, m, also while a depth by hand is in force; None if it gives none.
     """
+
+    rig_depth: Callable[[], float | None]
 
     def __init__(self, context: SurfaceContext, settings: RodSettings, surveys: SurveyListServer) -> None:
         self._context, self._settings, self._surveys = context, settings, surveys
         self._log = RodLog(context.folder / "surveys" / NAME)
         self.tally = RodTally(settings.first_m)
+        self.rig_depth = lambda: None
+        self._agreed = True  # whether the rig gave the depth of the tally, or none, at the last change or later
         self._taken = 0  # surveys in the list at the last change
         self._read()
         self.show()
@@ -69,8 +79,9 @@ class RodServer:
         reason: str = "",
     ) -> Answer:
         """
-        Add a rod (change 1), remove one (change -1), or correct the tally by a count, and set the bit depth.
+        Change the tally, and set the bit depth.
 
+        change: 1 adds a rod that has been drilled down, -1 removes one. count: number of rods counted by a person.
         length: of a rod that differs from the others, m. Returns whether it was done, and the outcome in words.
         """
         usual = self._settings.length_m
@@ -88,15 +99,15 @@ class RodServer:
                 tally = self.tally.remove(now, operator_name, reason)
         except ValueError as error:
             return False, str(error)
-        apart = self._apart(tally, usual)
         request = srv.SetDepth.Request(bit_depth=tally.bit_depth, operator_name=operator_name)
         response: Any = self._surveys.set_depth(request, srv.SetDepth.Response())
         if not response.success:
             return False, response.message
         missed = self._without_survey()
         before, self.tally = self.tally, tally
-        self._write(tally)
+        self._write()
         self.show()
+        self._compare(usual, changed=True)
         words = f"{len(tally.lengths)} rods in the hole, bit depth {tally.bit_depth:.2f} m"
         log = self._context.alarm_log
         if count is not None:
@@ -109,7 +120,6 @@ class RodServer:
             log.log_event("rods", f"rod told by {operator_name}: {words}")
         if change == 1 and missed:
             log.log_event("rods", missed, Severity.WARNING)
-        log.set_alarms("rods.apart", {"rods.apart": (int(Severity.WARNING), apart, _REMEDY)} if apart else {})
         return True, words
 
     def show(self) -> None:
@@ -119,10 +129,25 @@ class RodServer:
             known = RodCount(len(self.tally.lengths), self.tally.bit_depth, length)
             self._context.well.live.show(self._context.well.clock.now, rods=known)
 
-    def _apart(self, tally: RodTally, length: float) -> str:
-        """Return how the tally differs from the depth of the rig, if the rig gives one; empty if they agree."""
-        rig = self._surveys.depth.latest_of_rig
-        return "" if rig is None else disagreement(tally, rig[1], length)
+    def update(self) -> None:
+        """Compare the tally with the rig, and write what the disk has refused; called once a second."""
+        if self._settings.length_m is not None:
+            self._write()
+            self._compare(self._settings.length_m, changed=False)
+
+    def _compare(self, length: float, *, changed: bool) -> None:
+        """
+        Keep an alarm while the tally differs from the depth of the rig.
+
+        At a change both are equal within half a rod. Until the next change the bit moves by up to one rod more, down
+        or up, if they were equal at the last one.
+        """
+        rig = self.rig_depth()
+        near = rig is None or not disagreement(self.tally, rig, length)
+        self._agreed = near or (self._agreed and not changed)
+        apart = "" if rig is None else disagreement(self.tally, rig, length, 1.5 if self._agreed else 0.5)
+        causes = {"rods.apart": (int(Severity.WARNING), apart, _REMEDY)} if apart else {}
+        self._context.alarm_log.set_alarms("rods.apart", causes)
 
     def _without_survey(self) -> str:
         """Return a warning if no survey was taken since the last rod change; empty if there was one, or no rod yet."""
@@ -132,14 +157,16 @@ class RodServer:
             return ""
         return f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until it is taken"
 
-    def _write(self, tally: RodTally) -> None:
-        """Append what the log does not hold yet; a full disk raises an alarm, and the tally goes on."""
-        log = self._context.alarm_log
+    def _write(self) -> None:
+        """Append the changes that the log does not hold yet; a full disk raises an alarm, and the tally goes on."""
+        log, tally = self._context.alarm_log, self.tally
+        if self._log.holds(tally):
+            return
         try:
             self._log.keep(tally)
         except OSError as error:
             text = f"the log of rods {self._log.path} could not be written: {error.strerror}"
-            log.raise_alarm("rods.unsaved", Severity.WARNING, text, "free the disk; it is retried at the next rod")
+            log.raise_alarm("rods.unsaved", Severity.WARNING, text, "free the disk; it is retried every second")
             return
         log.clear_alarm("rods.unsaved")
         if tally.changes and tally.changes[-1].action == CORRECT:

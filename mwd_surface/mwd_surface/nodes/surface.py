@@ -167,6 +167,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._well.slides.stretches,
             self._well.on_depth_by_hand,
         )
+        self._rods.rig_depth = self._well.inputs.depth_of_rig
         self._parameter_tables = ParameterTables(self, ("sonde", "estimator") if direct else ("receiver",))
         self._recording = self._closed_on_cleanup(
             RecordingServer(
@@ -341,6 +342,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._well.vertical_limit = None if limit is None else math.radians(float(limit))
         self._recording.update()
         self._surveys.retry_save()
+        self._rods.update()
         self._page_due = True
 
     def diagnostics(self) -> Sequence[Diagnostic]:

@@ -110,11 +110,6 @@ class DepthTrack:
         return (self._stamps[-1], self._depths[-1]) if self._stamps else None
 
     @property
-    def latest_of_rig(self) -> tuple[int, float] | None:
-        """Stamp, ns, and bit depth, m, of the last accepted reading, unless a person has set the depth since."""
-        return None if self._by_hand and self._by_hand[-1] else self.latest
-
-    @property
     def clock_difference(self) -> float | None:
         """Rig clock minus sonde clock, s, from the order in which data arrive; None if there are too few data."""
         return min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else None

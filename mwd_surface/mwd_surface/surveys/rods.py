@@ -142,10 +142,10 @@ def _check_length(length: float) -> None:
         raise ValueError(f"length: a rod is longer than 0 m and at most 30 m, got {length:g}")
 
 
-def disagreement(tally: RodTally, bit_depth: float, length: float) -> str:
-    """Return how the tally differs from another source of the bit depth, m, by half a rod or more; empty if not."""
+def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float = 0.5) -> str:
+    """Return how the tally differs from the rig's bit depth, m, by a number of rods or more; empty if it does not."""
     apart = tally.bit_depth - bit_depth
-    if not math.isfinite(apart) or abs(apart) < 0.5 * length:
+    if not math.isfinite(apart) or abs(apart) < rods * length:
         return ""
     way = "too many" if apart > 0.0 else "too few"
     return (
@@ -222,6 +222,10 @@ class RodLog:
         self._kept = len(tally.changes)
         return tally, bad
 
+    def holds(self, tally: RodTally) -> bool:
+        """Return whether the file holds all changes of a tally."""
+        return self._kept == len(tally.changes)
+
     def keep(self, tally: RodTally) -> None:
         """
         Append the changes of a tally that the file does not hold yet.
@@ -231,8 +235,6 @@ class RodLog:
         OSError
             The disk refuses. The file holds no part of these changes, and the next call appends them.
         """
-        if self._kept == len(tally.changes):
-            return
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("ab+") as file:
             size = file.seek(0, os.SEEK_END)

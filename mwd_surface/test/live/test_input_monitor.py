@@ -50,6 +50,18 @@ def test_a_depth_by_hand_from_before_a_restart_shuts_the_rig_out_no_longer_than_
     assert list(monitor.in_force(rig([1000.0]))[1]["bit_depth"]) == [1020.0]
 
 
+def test_the_depth_of_the_rig_is_known_while_a_depth_by_hand_shuts_it_out(monitor):
+    monitor.on_depth_by_hand(1020.0)
+    assert monitor.depth_of_rig() == 1000.0
+    monitor.on_rig_input("rig_floor", rig([1001.0]))
+    assert monitor.depth_of_rig() == 1001.0
+    # Another source than the one in force, and one that has been silent, do not count.
+    monitor.on_rig_input("rig_wits", rig([900.0]))
+    assert monitor.depth_of_rig() == 1001.0
+    monitor._clock.now_ns += 10 * 10**9
+    assert monitor.depth_of_rig() is None
+
+
 def test_block_and_slips_carry_a_depth_by_hand_on(monitor):
     monitor.on_depth_by_hand(1020.0)
     paired, shown = monitor.in_force(rig([1000.0, 1000.5], BIT | BLOCK | SLIPS, [9.0, 8.5]))

@@ -281,14 +281,44 @@ def test_a_rod_without_a_survey_and_a_tally_beside_the_rig_are_told(server):
     rods.count(change=1, operator_name="Li")
     assert not any("no survey" in text for _, text, _ in server.events)
     assert server.log.standing == {}
-    stamp = server.server.depth.latest[0]
-    for k in range(1, 6):
-        server.server.depth.update(stamp + k * 10**9, 508.5)
+    rods.rig_depth = lambda: 508.5
     rods.count(change=1, operator_name="Li")
     assert "too few rods" in server.log.standing["rods.apart"][1]
     assert rods.count(count=5, operator_name="Li", reason="one was not told")[0]
     assert "rods.apart" not in server.log.standing
     assert any("corrected from 4 to 5 rods, Li" in text for _, text, _ in server.events)
+
+
+def test_a_rod_that_is_drilled_down_or_pulled_raises_no_alarm_and_one_that_was_not_told_does(server):
+    rods = RodServer(server.context, RodSettings(1.5, 501.0), server.server)
+
+    def alarm(depth, change=None):
+        rods.rig_depth = lambda: depth
+        if change is not None:
+            assert rods.count(change=change, operator_name="Li")[0]
+        rods.update()
+        return "rods.apart" in server.log.standing
+
+    # Each rod is told at its end; meanwhile the bit is up to a rod deeper than the tally.
+    for k in range(1, 4):
+        assert not any(alarm(501.0 + 1.5 * (k - 1) + ahead) for ahead in (0.0, 0.7, 1.4, 1.5))
+        assert not alarm(501.0 + 1.5 * k, change=1)
+    # So does a rod that is pulled, before it is told.
+    assert not alarm(504.0)
+    assert not alarm(504.0, change=-1)
+    # A rod that was not told: at the latest when the next one is told, for as long as it lasts.
+    assert alarm(507.0, change=1)
+    assert alarm(507.8)
+    assert rods.count(count=4, operator_name="Li", reason="one was not told")[0]
+    assert not alarm(507.0)
+    # A rod told when it is screwed on is ahead of the bit, until it has been drilled down.
+    assert alarm(507.0, change=1)
+    assert not alarm(508.2)
+    # The alarm comes and goes with the depth of the rig, without a change of the tally.
+    assert alarm(560.0)
+    assert not alarm(None)
+    assert alarm(560.0)
+    assert not alarm(508.5)
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ export function showControls(server, onToken) {
   const counted = el("input", { type: "text", id: "rod-count", inputmode: "numeric", autocomplete: "off", maxlength: 5 });
   const rod = (given) => ({ operator_name: operator.name, ...given });
   const rods = [
-    button("add-rod", t("Rod added"), "count_rods", () => rod({ change: 1 })),
+    button("add-rod", t("Rod drilled down"), "count_rods", () => rod({ change: 1 })),
     button("remove-rod", t("Rod removed"), "count_rods", () => rod({ change: -1 })),
     el("button", { type: "button", id: "correct-rods", disabled: true, onclick: () => {
       // Number("") is 0; an empty field must not empty the hole.
