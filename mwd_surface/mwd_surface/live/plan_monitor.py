@@ -34,9 +34,12 @@ class PlanMonitor:
 
     @staticmethod
     def read(settings: PlanSettings, well: Well) -> Plan | ListFileError | None:
-        """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
+        """Read the plan of the settings, in any thread: the plan, why it cannot be used, or None if there is none."""
         if not settings.file:
-            return _straight(settings, well)
+            try:
+                return _straight(settings, well)
+            except ValueError as error:
+                return ListFileError(str(error))
         path = Path(settings.file).expanduser()
         try:
             given = settings.given().with_dip(well.angles.points)
@@ -53,12 +56,13 @@ class PlanMonitor:
             return asked(error, NODE)
 
     def use(self, found: Plan | ListFileError | None) -> None:
-        """Use what `read` has found; a file that cannot be used raises an alarm, and there is no plan."""
+        """Use the result of `read`; a file or a design that cannot be used raises an alarm, and there is no plan."""
         self.plan = None
         if isinstance(found, ListFileError):
             text = f"the plan is not used: {found}"
             remedy = (
-                "correct the file, or set plan.confirm and the other settings of the plan, then set plan.file again"
+                "correct the settings of the plan; or correct its file, or confirm it with plan.confirm, then set "
+                "plan.file again"
             )
             self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
             return
@@ -78,9 +82,27 @@ class PlanMonitor:
 
 
 def _straight(settings: PlanSettings, well: Well) -> Plan | None:
-    """Return the straight plan that the settings describe; None if they describe none."""
+    """
+    Return the straight plan that the settings describe; None if they describe none.
+
+    Raises
+    ------
+    ValueError
+        The settings contradict each other, or the convention of the well.
+    """
     azimuth, angle = settings.opening_azimuth_deg, settings.opening_angle_deg
-    if azimuth is None or angle is None:
+    if azimuth is None and angle is None:
         return None
-    inclination = well.angles.inclination(math.radians(angle))
+    if azimuth is None or angle is None:
+        given, missing = ("azimuth", "angle") if angle is None else ("angle", "azimuth")
+        raise ValueError(
+            f"plan.opening_{missing}_deg: is missing; plan.opening_{given}_deg alone is not a straight design"
+        )
+    ends = sorted(math.degrees(well.angles.shown(end)) for end in (0.0, math.pi))
+    if not ends[0] <= angle <= ends[1]:
+        raise ValueError(
+            f"plan.opening_angle_deg: must be within {ends[0]:.0f} and {ends[1]:.0f}, because well.convention is"
+            f" {well.angles.value}, got {angle:g}"
+        )
+    inclination = min(max(well.angles.inclination(math.radians(angle)), 0.0), math.pi)
     return straight(inclination, math.radians(azimuth), settings.length_m, well.north_reference, "straight design")
