@@ -96,13 +96,13 @@ def _straight(settings: PlanSettings, well: Well) -> Plan | None:
     if azimuth is None or angle is None:
         given, missing = ("azimuth", "angle") if angle is None else ("angle", "azimuth")
         raise ValueError(
-            f"plan.opening_{missing}_deg: is missing; plan.opening_{given}_deg alone is not a straight design"
+            f"a straight design needs plan.opening_{missing}_deg too, only plan.opening_{given}_deg is set"
         )
     ends = sorted(math.degrees(well.angles.shown(end)) for end in (0.0, math.pi))
     if not ends[0] <= angle <= ends[1]:
         raise ValueError(
-            f"plan.opening_angle_deg: must be within {ends[0]:.0f} and {ends[1]:.0f}, because well.convention is"
-            f" {well.angles.value}, got {angle:g}"
+            f"the angle of the design, plan.opening_angle_deg, must be within {ends[0]:.0f} and {ends[1]:.0f} degrees,"
+            f" because well.convention is {well.angles.value}; got {angle:g}"
         )
     inclination = min(max(well.angles.inclination(math.radians(angle)), 0.0), math.pi)
     return straight(inclination, math.radians(azimuth), settings.length_m, well.north_reference, "straight design")

@@ -30,7 +30,8 @@ def test_every_design_that_the_settings_can_describe_is_a_plan_or_a_reason(azimu
         assert found is None
     elif azimuth is None or angle is None:
         missing = "azimuth" if azimuth is None else "angle"
-        assert str(found).startswith(f"plan.opening_{missing}_deg")
+        assert isinstance(found, ListFileError)
+        assert f"needs plan.opening_{missing}_deg" in str(found)
     elif (0.0 <= angle <= 180.0) if convention == "inclination" else abs(angle) <= 90.0:
         assert isinstance(found, Plan)
         assert math.degrees(well.angles.shown(float(found.inclination[0]))) == pytest.approx(angle, abs=1e-9)
