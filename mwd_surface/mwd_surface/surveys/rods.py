@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import errno
 import io
 import math
 import os
@@ -233,20 +234,25 @@ class RodLog:
         Raises
         ------
         OSError
-            The disk refuses. The file holds no part of these changes, and the next call appends them.
+            The disk refuses. The next call appends the changes that the file does not hold.
         """
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("ab+") as file:
+        # Without a buffer: what the disk refuses is not written when the file is closed.
+        with self.path.open("ab+", buffering=0) as file:
             size = file.seek(0, os.SEEK_END)
             if size:
                 file.seek(-1, os.SEEK_END)
             head = _HEAD + "\n" if not size else "" if file.read(1) == b"\n" else "\n"
+            data = (head + "".join(one.line() for one in tally.changes[self._kept :])).encode()
             try:
-                file.write((head + "".join(one.line() for one in tally.changes[self._kept :])).encode())
-                file.flush()
+                written = file.write(data)
                 os.fsync(file.fileno())
             except OSError:
                 file.truncate(size)
                 raise
-        sync_folder(self.path.parent)
+            if written != len(data):
+                file.truncate(size)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        # The lines are in the file also if the folder cannot be synced.
         self._kept = len(tally.changes)
+        sync_folder(self.path.parent)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth by counting rods: the tally, its corrections, and its log."""
 
+import resource
 import tempfile
 from pathlib import Path
 
@@ -104,8 +105,21 @@ def test_changes_that_the_disk_refused_are_written_with_the_next_one(tmp_path, m
         tally = tally.add(1, 1.5, "Li")
         with pytest.raises(OSError, match="space"):
             log.keep(tally)
-    assert len(RodLog(log.path).read(2.0)[0].lengths) == 1
-    log.keep(tally := tally.add(2, 1.5, "Li"))
+    # A disk that takes only a part of a line.
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (log.path.stat().st_size + 10, hard))
+    try:
+        with pytest.raises(OSError, match="space"):
+            log.keep(tally)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert RodLog(log.path).read(2.0) == (RodTally(2.0, tally.lengths[:1], tally.changes[:1]), 0)
+    with monkeypatch.context() as full:
+        full.setattr("mwd_surface.surveys.rods.sync_folder", refuse)
+        tally = tally.add(2, 1.5, "Li")
+        with pytest.raises(OSError, match="space"):
+            log.keep(tally)
+    log.keep(tally := tally.add(3, 1.5, "Li"))
     assert RodLog(log.path).read(2.0) == (tally, 0)
 
 
