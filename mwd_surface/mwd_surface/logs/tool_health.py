@@ -138,7 +138,9 @@ class ToolHealth:
         None if neither the tool nor its file tells of a battery.
     exposures : tuple of Exposure
     failed_tests : tuple of str or None
-        Self-tests that have failed, by name; None: the tool has reported none.
+        Self-tests that failed when they last ran, by name; None: the tool has reported no results.
+    unreported_tests : tuple of str
+        Self-tests of which the tool has not reported that they ran, by name: these have neither passed nor failed.
     parts : tuple of PartHealth
     remarks : tuple of str
         Sentences on what could not be read.
@@ -150,6 +152,7 @@ class ToolHealth:
     battery: BatteryHealth | None = None
     exposures: tuple[Exposure, ...] = ()
     failed_tests: tuple[str, ...] | None = None
+    unreported_tests: tuple[str, ...] = tuple(SELF_TESTS.values())
     parts: tuple[PartHealth, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -215,7 +218,6 @@ class HealthLedger:
         self._by_duty = _Charge(self.battery)
         self._counted = _Charge(self.battery)
         self._count: tuple[int, float] | None = None
-        self._failed = 0
 
     def add(self, sample: LogSample) -> None:
         """
@@ -239,8 +241,6 @@ class HealthLedger:
         self._last_ns = series.end_ns if back else max(self._last_ns, series.end_ns)
         if source == "consumed_charge":
             self._count_charge(sample)
-        elif source == "failed_self_tests":
-            self._failed |= int(sample.value)
 
     def _count_charge(self, sample: LogSample) -> None:
         if self._count is None:
@@ -283,19 +283,26 @@ class HealthLedger:
         if day is None and self._last_ns:
             day = datetime.datetime.fromtimestamp(self._last_ns / NANOSECONDS, datetime.UTC).date()
         counter = self._series.get("run_time")
+        ran, failed = self._tests("self_tests"), self._tests("failed_self_tests")
         return ToolHealth(
             stamp_ns=self._last_ns,
             run_time=since if counter is None else counter.newest,
             pumping=math.nan if self._flow is None else self._pumping_s,
             battery=self._battery_health(since),
             exposures=tuple(self._exposure(name) for name in self._limited if name in self._series),
-            failed_tests=(
-                tuple(name for bit, name in SELF_TESTS.items() if self._failed & bit)
-                if "failed_self_tests" in self._series
-                else None
+            failed_tests=failed,
+            unreported_tests=tuple(
+                name
+                for name in SELF_TESTS.values()
+                if failed is None or (name not in failed and name not in (ran or ()))
             ),
             parts=tuple(_part(name, part, day) for name, part in self._limits.parts.items()),
         )
+
+    def _tests(self, source: str) -> tuple[str, ...] | None:
+        """Return the names of the self-tests in the newest sample of a source; None without any."""
+        series = self._series.get(source)
+        return None if series is None else tuple(name for bit, name in SELF_TESTS.items() if int(series.newest) & bit)
 
     def _exposure(self, name: str) -> Exposure:
         series = self._series[name]

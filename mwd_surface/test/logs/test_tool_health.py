@@ -20,7 +20,13 @@ from mwd_surface.logs.tool_health import HealthLedger
 
 S = 10**9
 T0 = 1_772_323_200 * S  # 2026-03-01
-UNITS = {"temperature": "degC", "battery_voltage": "V", "consumed_charge": "C", "failed_self_tests": "flags"}
+UNITS = {
+    "temperature": "degC",
+    "battery_voltage": "V",
+    "consumed_charge": "C",
+    "failed_self_tests": "flags",
+    "self_tests": "flags",
+}
 PACK = Battery(capacity_ah=10.0, current_sigma=0.05)
 
 
@@ -157,9 +163,44 @@ def test_each_alarm_has_a_remedy_and_ends_with_its_cause():
     assert found["tool.battery.remaining"][0] == Severity.CRITICAL
     assert found["tool.dose.temperature"][0] == Severity.WARNING
     assert health.run_time == pytest.approx(3540.0, abs=61.0)
-    fresh = HealthLedger(limits)
-    fresh.add(sample("temperature", 60.0, 60.0))
-    assert set(health_alarms(fresh.health(datetime.date(2025, 6, 1)), PACK)) == set()
+    # In the same account each cause ends; a dose is used up for good.
+    ends = {
+        "tool.level.temperature": sample("temperature", 3700.0, 60.0),
+        "tool.battery.voltage": sample("battery_voltage", 3700.0, 28.0),
+        "tool.self_test": sample("failed_self_tests", 3700.0, 0.0),
+    }
+    left = set(found)
+    for name, one in ends.items():
+        ledger.add(one)
+        left.remove(name)
+        assert set(health_alarms(ledger.health(), PACK)) == left
+    assert set(health_alarms(ledger.health(datetime.date(2025, 6, 1)), PACK)) == {
+        "tool.dose.temperature",
+        "tool.battery.remaining",
+    }
+
+
+@pytest.mark.parametrize(
+    ("samples", "failed", "unreported"),
+    [
+        ((), None, 6),
+        ((("self_tests", 63),), None, 6),
+        ((("failed_self_tests", 0),), (), 6),
+        ((("failed_self_tests", 2),), ("magnetometer",), 5),
+        ((("failed_self_tests", 2), ("failed_self_tests", 0), ("self_tests", 63)), (), 0),
+        ((("self_tests", 63), ("failed_self_tests", 0), ("failed_self_tests", 8)), ("memory",), 0),
+        ((("self_tests", 0), ("failed_self_tests", 0)), (), 6),
+        ((("self_tests", 63), ("self_tests", 3), ("failed_self_tests", 0)), (), 4),
+    ],
+)
+def test_a_self_test_has_the_result_of_its_last_run_and_none_before_it_ran(samples, failed, unreported):
+    ledger = HealthLedger()
+    for k, (source, value) in enumerate(samples):
+        ledger.add(sample(source, 60.0 * k, value))
+    health = ledger.health()
+    assert health.failed_tests == failed
+    assert len(health.unreported_tests) == unreported
+    assert ("tool.self_test" in health_alarms(health, PACK)) is bool(failed)
 
 
 YEARS_S = 2 * 365 * 86400.0
