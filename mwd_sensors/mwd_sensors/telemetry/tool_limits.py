@@ -49,7 +49,14 @@ class Battery:
     used_ah: float = setting(
         0.0, "Charge used before this run; a tool that counts its charge tells it itself.", unit="A h", low=0.0
     )
-    least_v: float = setting(22.0, "Voltage below which the tool stops.", unit="V", low=0.0, high=1000.0)
+    least_v: float = setting(
+        0.0,
+        "Voltage below which the tool stops and an alarm is raised; it depends on the cells in series, so 0, which "
+        "raises no alarm, where it is not known.",
+        unit="V",
+        low=0.0,
+        high=1000.0,
+    )
     warning_h: float = setting(24.0, "Remaining time below which an alarm is raised.", unit="h", low=0.0, high=10000.0)
 
     def __post_init__(self) -> None:

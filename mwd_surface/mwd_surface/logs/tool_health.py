@@ -30,7 +30,10 @@ _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
 # from a wrong stamp: the series begins again there. Likewise, a longer step forward is no run time. Later than that a
 # link delivers nothing; `DepthLog` follows the same idea with a shorter time.
 _JUMP_NS = 3600 * NANOSECONDS
-_FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are assumed not to change, s
+_FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are known not to change, s
+# A longer gap is a silence, over which the charge is assumed: at first that of the last known state, s, then that of
+# idle pumps. A step of more than the second number, s, is a wrong clock.
+_SILENCE_HELD_S, _LONGEST_SILENCE_S = 3600.0, 30 * 86400.0
 _LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
 # 1 sigma of the figures of a usual kit, as shares, where the tool file states no battery.
 _ASSUMED = Battery(capacity_sigma=0.25, current_sigma=0.4)
@@ -214,7 +217,8 @@ class HealthLedger:
         self.version = 0
         self._last_ns = 0
         self._flow: tuple[int, bool] | None = None
-        self._pumping_s = self._standing_s = 0.0
+        self._pumping_s = 0.0
+        self._silence = _Silence()
         self._by_duty = _Charge(self.battery)
         self._counted = _Charge(self.battery)
         self._count: tuple[int, float] | None = None
@@ -254,20 +258,28 @@ class HealthLedger:
             seconds = step_ns / NANOSECONDS if 0 < step_ns <= _JUMP_NS else 0.0
             if sample.value >= self._count[1]:
                 self._counted.use(sample.value - self._count[1], seconds, self._temperature)
+            else:
+                # The counter counts since the battery was new, so it falls only with another battery. The tool and
+                # its currents stay.
+                before, self._counted = self._counted, _Charge(self.battery)
+                self._counted.use(sample.value, 0.0, _ROOM_C)
+                self._counted.in_run, self._counted.seconds = before.in_run, before.seconds
         self._count = (sample.stamp_ns, sample.value)
 
     def add_flow(self, stamp_ns: int, *, pumping: bool) -> None:
         """Add whether the pumps are on, in order of time; after a clock was set back, the time counts from there."""
         if self._flow is not None and self._flow[0] - _JUMP_NS <= stamp_ns <= self._flow[0]:
             return
-        if self._flow is not None and stamp_ns > self._flow[0]:
-            seconds = (stamp_ns - self._flow[0]) / NANOSECONDS
-            # The pumps may run while the rig sends no data. Assume the larger current then, which is the safe side.
-            on = self._flow[1] or seconds > _FLOW_HELD_S
-            self._pumping_s += seconds if self._flow[1] and seconds <= _FLOW_HELD_S else 0.0
-            self._standing_s += seconds
-            current = self.battery.active_a if on else self.battery.idle_a
-            self._by_duty.use(current * seconds, seconds, self._temperature)
+        if self._flow is not None:
+            seconds, on = (stamp_ns - self._flow[0]) / NANOSECONDS, self._flow[1]
+            if seconds < 0.0:
+                self._silence = self._silence.back(-seconds)
+            elif seconds <= _FLOW_HELD_S:
+                self._pumping_s += seconds if on else 0.0
+                current = self.battery.active_a if on else self.battery.idle_a
+                self._by_duty.use(current * seconds, seconds, self._temperature)
+            elif seconds <= _LONGEST_SILENCE_S:
+                self._silence = self._silence.after(seconds, active_s=min(seconds, _SILENCE_HELD_S) if on else 0.0)
         self._flow = (stamp_ns, pumping)
 
     @property
@@ -340,8 +352,15 @@ class HealthLedger:
                 assumed.append("neither the charge nor the flow is known: pumps on since the first sample")
                 charge = _Charge(item)
                 charge.use(item.active_a * (0.0 if math.isnan(since_s) else since_s), since_s, temperature)
-            before = item.used_ah * _HOUR_S
-            charge = charge.after(before)
+            silent = self._silence
+            if silent.seconds:
+                assumed.append(
+                    f"the rig told no flow for {silent.seconds / _HOUR_S:.1f} h: pumps on for"
+                    f" {silent.active_s / _HOUR_S:.1f} h of it"
+                )
+            idle_s = silent.seconds - silent.active_s
+            charge = charge.after(item.used_ah * _HOUR_S)
+            charge.use(item.active_a * silent.active_s + item.idle_a * idle_s, 0.0, temperature)
             assumed.append("the tool does not count its charge: currents by duty")
         full = item.capacity_ah * _HOUR_S
         known = charge.seconds >= _LEAST_COUNTED_S
@@ -367,6 +386,25 @@ class HealthLedger:
             remaining_idle=_ratio(left, item.idle_a),
             assumed=tuple(assumed),
         )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Silence:
+    """Time without a known flow, s; active_s: the part with the pumps assumed on; last: both for the last silence."""
+
+    seconds: float = 0.0
+    active_s: float = 0.0
+    last: tuple[float, float] = (0.0, 0.0)
+
+    def after(self, seconds: float, active_s: float) -> _Silence:
+        """Return it with one more silence, s."""
+        return _Silence(self.seconds + seconds, self.active_s + active_s, (seconds, active_s))
+
+    def back(self, seconds: float) -> _Silence:
+        """Return it after the clock went back by a time, s: if by most of the last silence, that was a wrong stamp."""
+        if not 0.0 < self.last[0] <= 2.0 * seconds:
+            return self
+        return _Silence(self.seconds - self.last[0], self.active_s - self.last[1])
 
 
 class _Charge:
