@@ -17,6 +17,8 @@ import dataclasses
 import datetime
 import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from mwd_sensors.core.wire import NANOSECONDS, SELF_TESTS
 from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, LogSample
@@ -160,16 +162,38 @@ class ToolHealth:
     remarks: tuple[str, ...] = ()
 
 
+_SUMS_OF_SERIES = {"end_ns": int, "newest_ns": int} | dict.fromkeys(
+    ("newest", "sigma", "largest", "dose", "seconds", "running", "width"), float
+)
+
+
 class _Series:
     """One quantity: its newest sample, and the time at each level."""
 
-    def __init__(self, sample: LogSample, limit: ExposureLimit | None, width: float) -> None:
-        self.unit, self._limit, self.width = sample.unit, limit, width
+    def __init__(self, unit: str, limit: ExposureLimit | None) -> None:
+        self.unit, self._limit = unit, limit
+        self.width = 1.0 if limit is None else _bin_width(limit.hours[0][0])
         self.end_ns = self.newest_ns = -(2**63)
         self.newest = self.sigma = math.nan
         self.largest = -math.inf
         self.dose = self.seconds = self.running = 0.0
         self.bins: Counter[int] = Counter()
+
+    def sums(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        return {name: getattr(self, name) for name in _SUMS_OF_SERIES} | {"bins": sorted(self.bins.items())}
+
+    def restore(self, sums: Mapping[str, Any]) -> None:
+        """Take over the sums of a former run of the surface; its bins may have had another width."""
+        for name, kind in _SUMS_OF_SERIES.items():
+            if name != "width":
+                setattr(self, name, kind(sums[name]))
+        scale = float(sums["width"]) / self.width
+        for index, seconds in sums["bins"]:
+            self._add_to_bin(math.floor((index + 0.5) * scale) if scale != 1.0 else int(index), float(seconds))
+
+    def _add_to_bin(self, index: int, seconds: float) -> None:
+        self.bins[min(max(index, -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
 
     def add(self, sample: LogSample, held_s: float) -> None:
         """Add a sample, which stands for the time since the former one up to `held_s`, s."""
@@ -189,7 +213,7 @@ class _Series:
         if self._limit is not None and seconds:
             self.seconds += seconds
             self.dose += seconds / (_HOUR_S * self._limit.allowed_h(sample.value))
-            self.bins[min(max(math.floor(sample.value / self.width), -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
+            self._add_to_bin(math.floor(sample.value / self.width), seconds)
 
 
 class HealthLedger:
@@ -234,8 +258,7 @@ class HealthLedger:
         if not math.isfinite(sample.value) or (source not in self._series and len(self._series) >= _MOST_SOURCES):
             return
         if source not in self._series:
-            limit = self._limited.get(source)
-            self._series[source] = _Series(sample, limit, 1.0 if limit is None else _bin_width(limit.hours[0][0]))
+            self._series[source] = _Series(sample.unit, self._limited.get(source))
         series = self._series[source]
         if sample.unit != series.unit:
             return
@@ -245,6 +268,43 @@ class HealthLedger:
         self._last_ns = series.end_ns if back else max(self._last_ns, series.end_ns)
         if source == "consumed_charge":
             self._count_charge(sample)
+
+    def sums(self) -> dict[str, Any]:
+        """Return the whole account as numbers, strings, lists and dictionaries, from which `restore` goes on."""
+        return {
+            "last_ns": self._last_ns,
+            "flow": self._flow,
+            "pumping_s": self._pumping_s,
+            "count": self._count,
+            "silence": dataclasses.astuple(self._silence),
+            "by_duty": self._by_duty.sums(),
+            "counted": self._counted.sums(),
+            "series": {name: {"unit": one.unit} | one.sums() for name, one in self._series.items()},
+        }
+
+    def restore(self, sums: Mapping[str, Any]) -> None:
+        """
+        Replace the account by the sums of a former run of the surface.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            The sums are not those of an account, which is then unchanged.
+        """
+        series = {}
+        for name, kept in list(sums["series"].items())[:_MOST_SOURCES]:
+            series[name] = _Series(str(kept["unit"]), self._limited.get(name))
+            series[name].restore(kept)
+        charges = [_Charge(self.battery, [float(x) for x in sums[name]]) for name in ("by_duty", "counted")]
+        seconds, active_s, last = sums["silence"]
+        silence = _Silence(float(seconds), float(active_s), (float(last[0]), float(last[1])))
+        count, flow = sums["count"], sums["flow"]
+        count = None if count is None else (int(count[0]), float(count[1]))
+        flow = None if flow is None else (int(flow[0]), bool(flow[1]))
+        pumping_s, last_ns = float(sums["pumping_s"]), int(sums["last_ns"])
+        self._series, (self._by_duty, self._counted), self._silence = series, charges, silence
+        self._count, self._flow, self._pumping_s, self._last_ns = count, flow, pumping_s, last_ns
+        self.version += 1
 
     def _count_charge(self, sample: LogSample) -> None:
         if self._count is None:
@@ -414,9 +474,13 @@ class _Charge:
     total: sum, C. used: used share of the capacity. in_run, seconds: charge drawn during the run, C, and its time, s.
     """
 
-    def __init__(self, battery: Battery) -> None:
+    def __init__(self, battery: Battery, sums: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         self._battery = battery
-        self.total = self.used = self.in_run = self.seconds = 0.0
+        self.total, self.used, self.in_run, self.seconds = sums
+
+    def sums(self) -> tuple[float, ...]:
+        """Return the numbers with which it can be made again."""
+        return self.total, self.used, self.in_run, self.seconds
 
     def use(self, charge: float, seconds: float, celsius: float) -> None:
         """Draw a charge, C, in a time, s; a time of 0: before the run, or in a time that is not known."""
