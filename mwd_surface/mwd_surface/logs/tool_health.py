@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mwd_sensors.core.wire import NANOSECONDS, SELF_TESTS
-from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, LogSample
+from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, SOURCES, LogSample
 from mwd_sensors.telemetry.tool_limits import EXPOSURES, Battery, ExposureLimit, Part, ToolLimits
 
 _HOUR_S = 3600.0
@@ -251,11 +251,13 @@ class HealthLedger:
         """
         Add a sample, in order of arrival.
 
-        Values that are not finite are ignored, and so are samples whose unit differs from that of the first sample of
-        their source, and new sources once `_MOST_SOURCES` are known.
+        Values that are not finite are ignored, and so are samples whose unit is not that of their source (of its first
+        sample, for a source that `SOURCES` does not have), and new sources once `_MOST_SOURCES` are known.
         """
         source = sample.source or sample.channel
         if not math.isfinite(sample.value) or (source not in self._series and len(self._series) >= _MOST_SOURCES):
+            return
+        if source in SOURCES and sample.unit != SOURCES[source].unit:
             return
         if source not in self._series:
             self._series[source] = _Series(sample.unit, self._limited.get(source))

@@ -287,6 +287,15 @@ def test_wrong_stamps_of_the_rig_draw_no_charge(jump_s, count):
     assert ledger.health().battery.used == pytest.approx(0.4 * 3600.0, rel=0.02)
 
 
+def test_a_first_sample_in_a_foreign_unit_does_not_decide_the_unit():
+    ledger = HealthLedger()
+    ledger.add(dataclasses.replace(sample("temperature", 60.0, 266.0), unit="degF"))
+    assert ledger.health() == HealthLedger().health()
+    ledger.add(sample("temperature", 120.0, 130.0))
+    (found,) = ledger.health().exposures
+    assert (found.unit, found.largest) == ("degC", 130.0)
+
+
 def test_wrong_limits_are_refused_by_name():
     for make, words in (
         (lambda: ExposureLimit(((125.0, 1.0), (150.0, 2.0))), "grow"),
