@@ -26,7 +26,7 @@ from mwd_surface.logs.tool_health import HealthLedger
 NAME = "log_samples.jsonl"
 _MOST_BYTES = 64 * 1024 * 1024  # about a week
 _SUMS = "sums"
-_UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, OverflowError)
+_UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 _FIELDS = frozenset(field.name for field in dataclasses.fields(LogSample))
 
 

@@ -57,9 +57,10 @@ def test_a_torn_line_and_foreign_text_cost_that_line_alone(tmp_path):
     path = tmp_path / "journal"
     drill(path, 0, 100)
     lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(b"".join(lines[:-1]) + b"[1]\n\xff\xfe\n{}\n" + lines[-1][: len(lines[-1]) // 2])
+    deep = b'{"sums":' + b"[" * 100_000 + b"\n"
+    path.write_bytes(b"".join(lines[:-1]) + b"[1]\n\xff\xfe\n{}\n" + deep + lines[-1][: len(lines[-1]) // 2])
     log, _, journal = drill(path, 100, 200)
-    assert journal.unreadable == 4
+    assert journal.unreadable == 5
     log.finish()
     assert log.curves(FIRST)[1].samples.sum() >= 20
 
