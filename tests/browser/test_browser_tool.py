@@ -45,7 +45,8 @@ def test_the_tab_of_the_tool_shows_ranges_and_says_what_is_assumed(browser):
         rig.push()
         wait(browser, lambda: "±" in (text(browser, "#tool-battery") or ""))
         assert "assumed" not in text(browser, "#tool-battery")
-        assert "memory" in text(browser, "#tool-run")
+        assert "failed: memory" in text(browser, "#tool-run")
+        assert "not reported: sensors, magnetometer, detector, clock, battery" in text(browser, "#tool-run")
         assert "GR-0093" in text(browser, "#tool-parts")
         assert "45 days too old" in text(browser, "#tool-parts")
         bars = "return document.querySelectorAll('[data-source=temperature] svg rect').length"

@@ -18,7 +18,7 @@ import numpy as np
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
-from mwd_sensors.telemetry.tool_limits import Rows, capacity_share
+from mwd_sensors.telemetry.tool_limits import Pack
 
 _VOLTS_OF_CELL = 3.6
 # Share of the charge after which the voltage of a cell falls, and its fall until the charge is used, V.
@@ -29,19 +29,11 @@ _BITS = {name: bit for bit, name in wire.SELF_TESTS.items()}
 
 
 @dataclasses.dataclass(frozen=True)
-class Battery:
+class Battery(Pack):
     """Battery, consumption by duty, and self-tests of the sonde."""
 
-    capacity_ah: float = setting(26.0, "capacity of the new battery at 25 degC", unit="A h", low=0.01, high=10000.0)
-    by_temperature: Rows = setting(
-        ((-20.0, 0.6), (25.0, 1.0), (100.0, 0.95), (150.0, 0.8)),
-        "share of the capacity by temperature: rows of degC and share",
-    )
-    used_ah: float = setting(0.0, "charge used before the run, at 25 degC", unit="A h", low=0.0)
     cells: int = setting(8, "number of cells in series", low=1, high=100)
     resistance_ohm: float = setting(1.5, "internal resistance at 25 degC", unit="ohm", low=0.0, high=1000.0)
-    active_a: float = setting(0.4, "current while the pumps are on", unit="A", low=0.0, high=100.0)
-    idle_a: float = setting(0.06, "current while the pumps are off", unit="A", low=0.0, high=100.0)
     counter_error: float = setting(0.02, "1 sigma of the scale of the charge counter", low=0.0, high=0.5)
     run_h: float = setting(0.0, "run time of the electronics before the run", unit="h", low=0.0)
     failures: tuple[tuple[float, str], ...] = setting(
@@ -49,7 +41,8 @@ class Battery:
     )
 
     def __post_init__(self) -> None:
-        """Raise ValueError if there is no such self-test."""
+        """Raise ValueError as `Pack`, or if there is no such self-test."""
+        super().__post_init__()
         for _, name in self.failures:
             if name not in _BITS:
                 raise ValueError(f"failures: unknown self-test {name!r}; choose of {', '.join(_BITS)}")
@@ -103,7 +96,7 @@ class BatteryModel:
         for k, (at, warm, on) in enumerate(zip(t.tolist(), celsius.tolist(), active.tolist(), strict=True)):
             current = item.active_a if on else item.idle_a
             self._charge += current * step_s
-            self.used += current * step_s / (3600.0 * item.capacity_ah * capacity_share(item.by_temperature, warm))
+            self.used += current * step_s / (3600.0 * item.capacity_ah * item.share(warm))
             volt, ampere = self._rng.standard_normal(2)
             samples["battery_voltage"][k] = max(0.0, self._voltage(current, warm) + _VOLT_SIGMA * volt)
             samples["battery_current"][k] = current + _AMPERE_SIGMA * ampere

@@ -54,6 +54,7 @@ SOURCES = {
     "battery_current": Source("A", "status", "battery_current"),
     "consumed_charge": Source("C", "status", "consumed_charge"),
     "run_time": Source("s", "status", "run_time"),
+    "self_tests": Source(FLAGS, "status", "self_tests"),
     "failed_self_tests": Source(FLAGS, "status", "failed_self_tests"),
 }
 
@@ -139,6 +140,7 @@ CHANNELS = {
     "lateral_vibration": LogChannel("lateral_vibration", word="LRMS"),
     "battery_voltage": LogChannel("battery_voltage", word="BatV"),
     "consumed_charge": LogChannel("consumed_charge", interval_s=60),
+    "self_tests": LogChannel("self_tests", interval_s=60),
     "failed_self_tests": LogChannel("failed_self_tests", interval_s=60),
 }
 

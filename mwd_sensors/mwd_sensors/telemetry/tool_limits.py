@@ -29,42 +29,50 @@ def _check_rising(name: str, rows: Rows, *, least: float) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Battery:
-    """Battery of a tool, from its data sheet."""
+class Pack:
+    """Capacity and currents of a battery, which a tool file states and a simulated sonde has."""
 
     capacity_ah: float = setting(26.0, "Capacity of the new battery at 25 degC.", unit="A h", low=0.01, high=10000.0)
-    capacity_sigma: float = setting(
-        0.05, "1 sigma of the capacity as a share of it: batteries of a kind differ.", low=0.0, high=1.0
-    )
     by_temperature: Rows = setting(
         ((-20.0, 0.6), (25.0, 1.0), (100.0, 0.95), (150.0, 0.8)),
         "Share of the capacity that the battery gives at a temperature: rows of degC and share.",
     )
     active_a: float = setting(0.4, "Mean current while the pumps are on.", unit="A", low=0.0, high=100.0)
     idle_a: float = setting(0.06, "Mean current while the pumps are off.", unit="A", low=0.0, high=100.0)
-    current_sigma: float = setting(0.1, "1 sigma of these currents as a share of them.", low=0.0, high=1.0)
-    counter_sigma: float = setting(
-        0.02, "1 sigma of the charge that the tool counts, as a share of it.", low=0.0, high=1.0
-    )
     used_ah: float = setting(
         0.0, "Charge used before this run; a tool that counts its charge tells it itself.", unit="A h", low=0.0
     )
-    least_v: float = setting(22.0, "Voltage below which the tool stops.", unit="V", low=0.0, high=1000.0)
-    warning_h: float = setting(24.0, "Remaining time below which an alarm is raised.", unit="h", low=0.0, high=10000.0)
 
     def __post_init__(self) -> None:
         """Raise ValueError if the temperatures do not rise or a share is not above 0."""
         _check_rising("by_temperature", self.by_temperature, least=0.0)
 
     def share(self, celsius: float) -> float:
-        """Return the share of the capacity at a temperature; outside the table, that of its end."""
-        return capacity_share(self.by_temperature, celsius)
+        """Return the share of the capacity at a temperature, degC; outside the table, that of its end."""
+        at, share = np.array(self.by_temperature, dtype=float).T
+        return float(np.interp(celsius, at, share))
 
 
-def capacity_share(rows: Rows, celsius: float) -> float:
-    """Return the share of a battery's capacity at a temperature, degC, between the rows of a table."""
-    at, share = np.array(rows, dtype=float).T
-    return float(np.interp(celsius, at, share))
+@dataclasses.dataclass(frozen=True)
+class Battery(Pack):
+    """Battery of a tool, from its data sheet."""
+
+    capacity_sigma: float = setting(
+        0.05, "1 sigma of the capacity as a share of it: batteries of a kind differ.", low=0.0, high=1.0
+    )
+    current_sigma: float = setting(0.1, "1 sigma of these currents as a share of them.", low=0.0, high=1.0)
+    counter_sigma: float = setting(
+        0.02, "1 sigma of the charge that the tool counts, as a share of it.", low=0.0, high=1.0
+    )
+    least_v: float = setting(
+        0.0,
+        "Voltage below which the tool stops and an alarm is raised; it depends on the cells in series, so 0, which "
+        "raises no alarm, where it is not known.",
+        unit="V",
+        low=0.0,
+        high=1000.0,
+    )
+    warning_h: float = setting(24.0, "Remaining time below which an alarm is raised.", unit="h", low=0.0, high=10000.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -46,6 +46,7 @@ def health_section(health: ToolHealth) -> Section | None:
         text += [f"The remaining time is assumed: {one}." for one in battery.assumed]
     if health.failed_tests is not None:
         rows.append(("Self-tests that failed", ", ".join(health.failed_tests) or "none", ""))
+        rows.append(("Self-tests not reported", ", ".join(health.unreported_tests) or "none", ""))
     sheets.append(sheet_of("Run of the tool", (("Quantity", ""), ("Value", ""), ("Unit", "")), rows))
     if health.exposures:
         columns = (

@@ -3,7 +3,8 @@
 Log samples on disk, so that a surface node that starts again has the log and the health of the tool from before.
 
 The file holds one JSON value a line: a sample, or once a second the depth of the bit and whether the rig pumps. A line
-that a power cut has torn is left out. The file is bounded: where it grows too long, its older half is dropped.
+that a power cut has torn is left out. The file is bounded: where it grows too long, its older half is dropped, and the
+account of the tool's health is written as a line of its sums, so that nothing of the tool's life is lost with it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import os
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.logs.depth_log import DepthLog
@@ -23,6 +25,8 @@ from mwd_surface.logs.tool_health import HealthLedger
 
 NAME = "log_samples.jsonl"
 _MOST_BYTES = 64 * 1024 * 1024  # about a week
+_SUMS = "sums"
+_UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 _FIELDS = frozenset(field.name for field in dataclasses.fields(LogSample))
 
 
@@ -34,7 +38,7 @@ class LogJournal:
     ----------
     path : Path
     most_bytes : int
-        Largest size of the file, bytes. If it is larger when it is opened, its older half is dropped.
+        Size of the file, bytes, beyond which its older half is dropped.
 
     Attributes
     ----------
@@ -45,17 +49,12 @@ class LogJournal:
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
-        self.unreadable, self.fault, self._path = 0, "", path
+        self.unreadable, self.fault, self._path, self._most_bytes = 0, "", path, most_bytes
+        self._health: HealthLedger | None = None
         self._lines: list[str] = []
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
-            data = path.read_bytes()
-            if len(data) > most_bytes:
-                data = data[data.find(b"\n", len(data) // 2) + 1 :]
-                fresh = path.with_suffix(".writing")
-                fresh.write_bytes(data)
-                fresh.replace(path)
-            self._lines = data.decode(errors="replace").splitlines()
+            self._lines = path.read_bytes().decode(errors="replace").splitlines()
         self._file: BinaryIO | None = self._opened()
         self._rig_ns = 0
 
@@ -67,6 +66,7 @@ class LogJournal:
             file.seek(size - 1)
             if file.read(1) != b"\n":
                 file.write(b"\n")
+        self._size = size
         return file
 
     @classmethod
@@ -74,6 +74,7 @@ class LogJournal:
         """Return the journal of a finished run, which changes nothing on the disk."""
         made = cls.__new__(cls)
         made.unreadable, made.fault, made._path, made._file, made._rig_ns = 0, "", path, None, 0
+        made._health = None
         made._lines = path.read_bytes().decode(errors="replace").splitlines()
         return made
 
@@ -91,6 +92,7 @@ class LogJournal:
             self.fault = ""
             try:
                 self._file = self._opened()
+                self._write_sums()
                 self._file.flush()
             except OSError as error:
                 self._fail(error)
@@ -100,25 +102,36 @@ class LogJournal:
         self.close()
 
     def restore(self, log: DepthLog, health: HealthLedger) -> None:
-        """Hand all that the file held to a log and to an account of the tool's health."""
-        for line in self._lines:
-            try:
-                self._restore(json.loads(line), log, health)
-            except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
-                self.unreadable += 1
-        self._lines = []
+        """
+        Hand all that the file held to a log and to a new account of the tool's health.
 
-    def _restore(self, row: Any, log: DepthLog, health: HealthLedger) -> None:
+        The journal writes the sums of this account when it drops lines, and after a fault of the disk: hand each sample
+        and each state of the rig to the account before you write it here.
+        """
+        begin = next((k + 1 for k in range(len(self._lines))[::-1] if _has_sums(self._lines[k], health)), 0)
+        for k, line in enumerate(self._lines):
+            try:
+                self._restore(json.loads(line), log, health if k >= begin else None)
+            except _UNREADABLE:
+                self.unreadable += 1
+        self._lines, self._health = [], health
+        if self._file is not None:
+            self._bound()
+
+    def _restore(self, row: Any, log: DepthLog, health: HealthLedger | None) -> None:
+        if _SUMS in row:
+            return
         if "at" in row:
             stamp_ns, depth, pumping = int(row["at"]), row["bit"], row["pumping"]
             if depth is not None:
                 log.add_depth(stamp_ns, float(depth))
-            if pumping is not None:
+            if pumping is not None and health is not None:
                 health.add_flow(stamp_ns, pumping=bool(pumping))
             return
         sample = LogSample(**{name: _read(value) for name, value in row.items() if name in _FIELDS})
         for valid in log.add([sample]):
-            health.add(valid)
+            if health is not None:
+                health.add(valid)
 
     def add_sample(self, sample: LogSample) -> None:
         """Write a sample."""
@@ -136,19 +149,60 @@ class LogJournal:
         if self._file is None:
             raise ValueError("the journal was opened to be read")
         try:
-            self._file.write(json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n")
+            self._write_line(row)
+            self._file.flush()
+        except OSError as error:
+            self._fail(error)
+        else:
+            self._bound()
+
+    def _write_line(self, row: dict[str, Any]) -> None:
+        line = json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+        self._size += len(line)
+        if self._file is not None:
+            self._file.write(line)
+
+    def _write_sums(self) -> None:
+        if self._health is not None:
+            self._write_line({_SUMS: _written(self._health.sums())})
+
+    def _bound(self) -> None:
+        """Drop older lines if the file is too long, so that half of its largest size is left, and write the sums."""
+        if self._size <= self._most_bytes:
+            return
+        self.close()
+        try:
+            data = self._path.read_bytes()
+            write_whole(self._path, data[data.find(b"\n", len(data) - self._most_bytes // 2) + 1 :])
+            self._file = self._opened()
+            self._write_sums()
             self._file.flush()
         except OSError as error:
             self._fail(error)
 
 
+def _has_sums(line: str, health: HealthLedger) -> bool:
+    """Return whether a line held the sums of an account, which then has them."""
+    if not line.startswith(f'{{"{_SUMS}"'):
+        return False
+    try:
+        health.restore(_read(json.loads(line)[_SUMS]))
+    except _UNREADABLE:
+        return False
+    return True
+
+
 def _written(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _written(one) for name, one in value.items()}
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
-    return [_written(one) for one in value] if isinstance(value, tuple) else value
+    return [_written(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
 def _read(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _read(one) for name, one in value.items()}
     if isinstance(value, list):
         return tuple(_read(one) for one in value)
     return float(value) if value in ("nan", "inf", "-inf") else value

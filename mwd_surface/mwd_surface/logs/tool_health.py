@@ -17,9 +17,11 @@ import dataclasses
 import datetime
 import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from mwd_sensors.core.wire import NANOSECONDS, SELF_TESTS
-from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, LogSample
+from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, SOURCES, LogSample
 from mwd_sensors.telemetry.tool_limits import EXPOSURES, Battery, ExposureLimit, Part, ToolLimits
 
 _HOUR_S = 3600.0
@@ -30,7 +32,10 @@ _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
 # from a wrong stamp: the series begins again there. Likewise, a longer step forward is no run time. Later than that a
 # link delivers nothing; `DepthLog` follows the same idea with a shorter time.
 _JUMP_NS = 3600 * NANOSECONDS
-_FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are assumed not to change, s
+_FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are known not to change, s
+# A longer gap is a silence, over which the charge is assumed: at first that of the last known state, s, then that of
+# idle pumps. A step of more than the second number, s, is a wrong clock.
+_SILENCE_HELD_S, _LONGEST_SILENCE_S = 3600.0, 30 * 86400.0
 _LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
 # 1 sigma of the figures of a usual kit, as shares, where the tool file states no battery.
 _ASSUMED = Battery(capacity_sigma=0.25, current_sigma=0.4)
@@ -138,7 +143,9 @@ class ToolHealth:
         None if neither the tool nor its file tells of a battery.
     exposures : tuple of Exposure
     failed_tests : tuple of str or None
-        Self-tests that have failed, by name; None: the tool has reported none.
+        Self-tests that failed when they last ran, by name; None: the tool has reported no results.
+    unreported_tests : tuple of str
+        Self-tests of which the tool has not reported that they ran, by name: these have neither passed nor failed.
     parts : tuple of PartHealth
     remarks : tuple of str
         Sentences on what could not be read.
@@ -150,20 +157,43 @@ class ToolHealth:
     battery: BatteryHealth | None = None
     exposures: tuple[Exposure, ...] = ()
     failed_tests: tuple[str, ...] | None = None
+    unreported_tests: tuple[str, ...] = tuple(SELF_TESTS.values())
     parts: tuple[PartHealth, ...] = ()
     remarks: tuple[str, ...] = ()
+
+
+_SUMS_OF_SERIES = {"end_ns": int, "newest_ns": int} | dict.fromkeys(
+    ("newest", "sigma", "largest", "dose", "seconds", "running", "width"), float
+)
 
 
 class _Series:
     """One quantity: its newest sample, and the time at each level."""
 
-    def __init__(self, sample: LogSample, limit: ExposureLimit | None, width: float) -> None:
-        self.unit, self._limit, self.width = sample.unit, limit, width
+    def __init__(self, unit: str, limit: ExposureLimit | None) -> None:
+        self.unit, self._limit = unit, limit
+        self.width = 1.0 if limit is None else _bin_width(limit.hours[0][0])
         self.end_ns = self.newest_ns = -(2**63)
         self.newest = self.sigma = math.nan
         self.largest = -math.inf
         self.dose = self.seconds = self.running = 0.0
         self.bins: Counter[int] = Counter()
+
+    def sums(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        return {name: getattr(self, name) for name in _SUMS_OF_SERIES} | {"bins": sorted(self.bins.items())}
+
+    def restore(self, sums: Mapping[str, Any]) -> None:
+        """Take over the sums of a former run of the surface; its bins may have had another width."""
+        for name, kind in _SUMS_OF_SERIES.items():
+            if name != "width":
+                setattr(self, name, kind(sums[name]))
+        scale = float(sums["width"]) / self.width
+        for index, seconds in sums["bins"]:
+            self._add_to_bin(math.floor((index + 0.5) * scale) if scale != 1.0 else int(index), float(seconds))
+
+    def _add_to_bin(self, index: int, seconds: float) -> None:
+        self.bins[min(max(index, -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
 
     def add(self, sample: LogSample, held_s: float) -> None:
         """Add a sample, which stands for the time since the former one up to `held_s`, s."""
@@ -183,7 +213,7 @@ class _Series:
         if self._limit is not None and seconds:
             self.seconds += seconds
             self.dose += seconds / (_HOUR_S * self._limit.allowed_h(sample.value))
-            self.bins[min(max(math.floor(sample.value / self.width), -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
+            self._add_to_bin(math.floor(sample.value / self.width), seconds)
 
 
 class HealthLedger:
@@ -211,25 +241,26 @@ class HealthLedger:
         self.version = 0
         self._last_ns = 0
         self._flow: tuple[int, bool] | None = None
-        self._pumping_s = self._standing_s = 0.0
+        self._pumping_s = 0.0
+        self._silence = _Silence()
         self._by_duty = _Charge(self.battery)
         self._counted = _Charge(self.battery)
         self._count: tuple[int, float] | None = None
-        self._failed = 0
 
     def add(self, sample: LogSample) -> None:
         """
         Add a sample, in order of arrival.
 
-        Values that are not finite are ignored, and so are samples whose unit differs from that of the first sample of
-        their source, and new sources once `_MOST_SOURCES` are known.
+        Values that are not finite are ignored, and so are samples whose unit is not that of their source (of its first
+        sample, for a source that `SOURCES` does not have), and new sources once `_MOST_SOURCES` are known.
         """
         source = sample.source or sample.channel
         if not math.isfinite(sample.value) or (source not in self._series and len(self._series) >= _MOST_SOURCES):
             return
+        if source in SOURCES and sample.unit != SOURCES[source].unit:
+            return
         if source not in self._series:
-            limit = self._limited.get(source)
-            self._series[source] = _Series(sample, limit, 1.0 if limit is None else _bin_width(limit.hours[0][0]))
+            self._series[source] = _Series(sample.unit, self._limited.get(source))
         series = self._series[source]
         if sample.unit != series.unit:
             return
@@ -239,8 +270,43 @@ class HealthLedger:
         self._last_ns = series.end_ns if back else max(self._last_ns, series.end_ns)
         if source == "consumed_charge":
             self._count_charge(sample)
-        elif source == "failed_self_tests":
-            self._failed |= int(sample.value)
+
+    def sums(self) -> dict[str, Any]:
+        """Return the whole account as numbers, strings, lists and dictionaries, from which `restore` goes on."""
+        return {
+            "last_ns": self._last_ns,
+            "flow": self._flow,
+            "pumping_s": self._pumping_s,
+            "count": self._count,
+            "silence": dataclasses.astuple(self._silence),
+            "by_duty": self._by_duty.sums(),
+            "counted": self._counted.sums(),
+            "series": {name: {"unit": one.unit} | one.sums() for name, one in self._series.items()},
+        }
+
+    def restore(self, sums: Mapping[str, Any]) -> None:
+        """
+        Replace the account by the sums of a former run of the surface.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            The sums are not those of an account, which is then unchanged.
+        """
+        series = {}
+        for name, kept in list(sums["series"].items())[:_MOST_SOURCES]:
+            series[name] = _Series(str(kept["unit"]), self._limited.get(name))
+            series[name].restore(kept)
+        charges = [_Charge(self.battery, [float(x) for x in sums[name]]) for name in ("by_duty", "counted")]
+        seconds, active_s, last = sums["silence"]
+        silence = _Silence(float(seconds), float(active_s), (float(last[0]), float(last[1])))
+        count, flow = sums["count"], sums["flow"]
+        count = None if count is None else (int(count[0]), float(count[1]))
+        flow = None if flow is None else (int(flow[0]), bool(flow[1]))
+        pumping_s, last_ns = float(sums["pumping_s"]), int(sums["last_ns"])
+        self._series, (self._by_duty, self._counted), self._silence = series, charges, silence
+        self._count, self._flow, self._pumping_s, self._last_ns = count, flow, pumping_s, last_ns
+        self.version += 1
 
     def _count_charge(self, sample: LogSample) -> None:
         if self._count is None:
@@ -254,20 +320,28 @@ class HealthLedger:
             seconds = step_ns / NANOSECONDS if 0 < step_ns <= _JUMP_NS else 0.0
             if sample.value >= self._count[1]:
                 self._counted.use(sample.value - self._count[1], seconds, self._temperature)
+            else:
+                # The counter counts since the battery was new, so it falls only with another battery. The tool and
+                # its currents stay.
+                before, self._counted = self._counted, _Charge(self.battery)
+                self._counted.use(sample.value, 0.0, _ROOM_C)
+                self._counted.in_run, self._counted.seconds = before.in_run, before.seconds
         self._count = (sample.stamp_ns, sample.value)
 
     def add_flow(self, stamp_ns: int, *, pumping: bool) -> None:
         """Add whether the pumps are on, in order of time; after a clock was set back, the time counts from there."""
         if self._flow is not None and self._flow[0] - _JUMP_NS <= stamp_ns <= self._flow[0]:
             return
-        if self._flow is not None and stamp_ns > self._flow[0]:
-            seconds = (stamp_ns - self._flow[0]) / NANOSECONDS
-            # The pumps may run while the rig sends no data. Assume the larger current then, which is the safe side.
-            on = self._flow[1] or seconds > _FLOW_HELD_S
-            self._pumping_s += seconds if self._flow[1] and seconds <= _FLOW_HELD_S else 0.0
-            self._standing_s += seconds
-            current = self.battery.active_a if on else self.battery.idle_a
-            self._by_duty.use(current * seconds, seconds, self._temperature)
+        if self._flow is not None:
+            seconds, on = (stamp_ns - self._flow[0]) / NANOSECONDS, self._flow[1]
+            if seconds < 0.0:
+                self._silence = self._silence.back(-seconds)
+            elif seconds <= _FLOW_HELD_S:
+                self._pumping_s += seconds if on else 0.0
+                current = self.battery.active_a if on else self.battery.idle_a
+                self._by_duty.use(current * seconds, seconds, self._temperature)
+            elif seconds <= _LONGEST_SILENCE_S:
+                self._silence = self._silence.after(seconds, active_s=min(seconds, _SILENCE_HELD_S) if on else 0.0)
         self._flow = (stamp_ns, pumping)
 
     @property
@@ -283,19 +357,26 @@ class HealthLedger:
         if day is None and self._last_ns:
             day = datetime.datetime.fromtimestamp(self._last_ns / NANOSECONDS, datetime.UTC).date()
         counter = self._series.get("run_time")
+        ran, failed = self._tests("self_tests"), self._tests("failed_self_tests")
         return ToolHealth(
             stamp_ns=self._last_ns,
             run_time=since if counter is None else counter.newest,
             pumping=math.nan if self._flow is None else self._pumping_s,
             battery=self._battery_health(since),
             exposures=tuple(self._exposure(name) for name in self._limited if name in self._series),
-            failed_tests=(
-                tuple(name for bit, name in SELF_TESTS.items() if self._failed & bit)
-                if "failed_self_tests" in self._series
-                else None
+            failed_tests=failed,
+            unreported_tests=tuple(
+                name
+                for name in SELF_TESTS.values()
+                if failed is None or (name not in failed and name not in (ran or ()))
             ),
             parts=tuple(_part(name, part, day) for name, part in self._limits.parts.items()),
         )
+
+    def _tests(self, source: str) -> tuple[str, ...] | None:
+        """Return the names of the self-tests in the newest sample of a source; None without any."""
+        series = self._series.get(source)
+        return None if series is None else tuple(name for bit, name in SELF_TESTS.items() if int(series.newest) & bit)
 
     def _exposure(self, name: str) -> Exposure:
         series = self._series[name]
@@ -333,8 +414,15 @@ class HealthLedger:
                 assumed.append("neither the charge nor the flow is known: pumps on since the first sample")
                 charge = _Charge(item)
                 charge.use(item.active_a * (0.0 if math.isnan(since_s) else since_s), since_s, temperature)
-            before = item.used_ah * _HOUR_S
-            charge = charge.after(before)
+            silent = self._silence
+            if silent.seconds:
+                assumed.append(
+                    f"the rig told no flow for {silent.seconds / _HOUR_S:.1f} h: pumps on for"
+                    f" {silent.active_s / _HOUR_S:.1f} h of it"
+                )
+            idle_s = silent.seconds - silent.active_s
+            charge = charge.after(item.used_ah * _HOUR_S)
+            charge.use(item.active_a * silent.active_s + item.idle_a * idle_s, 0.0, temperature)
             assumed.append("the tool does not count its charge: currents by duty")
         full = item.capacity_ah * _HOUR_S
         known = charge.seconds >= _LEAST_COUNTED_S
@@ -362,6 +450,25 @@ class HealthLedger:
         )
 
 
+@dataclasses.dataclass(frozen=True)
+class _Silence:
+    """Time without a known flow, s; active_s: the part with the pumps assumed on; last: both for the last silence."""
+
+    seconds: float = 0.0
+    active_s: float = 0.0
+    last: tuple[float, float] = (0.0, 0.0)
+
+    def after(self, seconds: float, active_s: float) -> _Silence:
+        """Return it with one more silence, s."""
+        return _Silence(self.seconds + seconds, self.active_s + active_s, (seconds, active_s))
+
+    def back(self, seconds: float) -> _Silence:
+        """Return it after the clock went back by a time, s: if by most of the last silence, that was a wrong stamp."""
+        if not 0.0 < self.last[0] <= 2.0 * seconds:
+            return self
+        return _Silence(self.seconds - self.last[0], self.active_s - self.last[1])
+
+
 class _Charge:
     """
     Charge drawn from a battery.
@@ -369,9 +476,13 @@ class _Charge:
     total: sum, C. used: used share of the capacity. in_run, seconds: charge drawn during the run, C, and its time, s.
     """
 
-    def __init__(self, battery: Battery) -> None:
+    def __init__(self, battery: Battery, sums: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         self._battery = battery
-        self.total = self.used = self.in_run = self.seconds = 0.0
+        self.total, self.used, self.in_run, self.seconds = sums
+
+    def sums(self) -> tuple[float, ...]:
+        """Return the numbers with which it can be made again."""
+        return self.total, self.used, self.in_run, self.seconds
 
     def use(self, charge: float, seconds: float, celsius: float) -> None:
         """Draw a charge, C, in a time, s; a time of 0: before the run, or in a time that is not known."""

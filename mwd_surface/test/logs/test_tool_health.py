@@ -20,8 +20,14 @@ from mwd_surface.logs.tool_health import HealthLedger
 
 S = 10**9
 T0 = 1_772_323_200 * S  # 2026-03-01
-UNITS = {"temperature": "degC", "battery_voltage": "V", "consumed_charge": "C", "failed_self_tests": "flags"}
-PACK = Battery(capacity_ah=10.0, current_sigma=0.05)
+UNITS = {
+    "temperature": "degC",
+    "battery_voltage": "V",
+    "consumed_charge": "C",
+    "failed_self_tests": "flags",
+    "self_tests": "flags",
+}
+PACK = Battery(capacity_ah=10.0, current_sigma=0.05, least_v=22.0)
 
 
 def sample(source, at_s, value, span=60.0, **more):
@@ -157,9 +163,43 @@ def test_each_alarm_has_a_remedy_and_ends_with_its_cause():
     assert found["tool.battery.remaining"][0] == Severity.CRITICAL
     assert found["tool.dose.temperature"][0] == Severity.WARNING
     assert health.run_time == pytest.approx(3540.0, abs=61.0)
-    fresh = HealthLedger(limits)
-    fresh.add(sample("temperature", 60.0, 60.0))
-    assert set(health_alarms(fresh.health(datetime.date(2025, 6, 1)), PACK)) == set()
+    # In the same account each cause ends; a dose is used up for good.
+    ends = {
+        "tool.level.temperature": sample("temperature", 3700.0, 60.0),
+        "tool.battery.voltage": sample("battery_voltage", 3700.0, 28.0),
+        "tool.self_test": sample("failed_self_tests", 3700.0, 0.0),
+        # Another battery.
+        "tool.battery.remaining": sample("consumed_charge", 3700.0, 0.0),
+    }
+    left = set(found)
+    for name, one in ends.items():
+        ledger.add(one)
+        left.remove(name)
+        assert set(health_alarms(ledger.health(), PACK)) == left
+    assert set(health_alarms(ledger.health(datetime.date(2025, 6, 1)), PACK)) == {"tool.dose.temperature"}
+
+
+@pytest.mark.parametrize(
+    ("samples", "failed", "unreported"),
+    [
+        ((), None, 6),
+        ((("self_tests", 63),), None, 6),
+        ((("failed_self_tests", 0),), (), 6),
+        ((("failed_self_tests", 2),), ("magnetometer",), 5),
+        ((("failed_self_tests", 2), ("failed_self_tests", 0), ("self_tests", 63)), (), 0),
+        ((("self_tests", 63), ("failed_self_tests", 0), ("failed_self_tests", 8)), ("memory",), 0),
+        ((("self_tests", 0), ("failed_self_tests", 0)), (), 6),
+        ((("self_tests", 63), ("self_tests", 3), ("failed_self_tests", 0)), (), 4),
+    ],
+)
+def test_a_self_test_has_the_result_of_its_last_run_and_none_before_it_ran(samples, failed, unreported):
+    ledger = HealthLedger()
+    for k, (source, value) in enumerate(samples):
+        ledger.add(sample(source, 60.0 * k, value))
+    health = ledger.health()
+    assert health.failed_tests == failed
+    assert len(health.unreported_tests) == unreported
+    assert ("tool.self_test" in health_alarms(health, PACK)) is bool(failed)
 
 
 YEARS_S = 2 * 365 * 86400.0
@@ -196,6 +236,64 @@ def test_samples_of_one_source_with_a_wrong_clock_leave_the_others_as_they_are()
         ledger.add(sample("temperature", 60.0 * k, 130.0))
     assert [one.observed for one in ledger.health().exposures] == pytest.approx([3600.0, 3600.0])
     assert ledger.health().run_time == pytest.approx(3600.0)
+
+
+@pytest.mark.parametrize("limits", [None, ToolLimits(), ToolLimits(battery=Battery(capacity_ah=15.0))])
+def test_a_voltage_raises_no_alarm_where_the_tool_file_states_no_limit(limits):
+    ledger = HealthLedger(limits)
+    for minute in range(1, 61):
+        ledger.add(sample("battery_voltage", 60.0 * minute, 14.4))
+    assert health_alarms(ledger.health(), ledger.battery) == {}
+
+
+def test_a_counter_that_falls_counts_another_battery():
+    ledger = HealthLedger(ToolLimits(battery=Battery()))
+    for k, value in enumerate((90_000.0, 90_400.0, 0.0, 400.0)):
+        ledger.add(sample("consumed_charge", 1000.0 * (k + 1), value))
+    battery = ledger.health().battery
+    assert battery.used == pytest.approx(400.0)
+    assert battery.current == pytest.approx(0.4)
+    assert battery.remaining == pytest.approx((26.0 * 3600.0 - 400.0) / 0.4)
+    # A used battery, whose counter goes on.
+    ledger.add(sample("consumed_charge", 5000.0, 100.0))
+    ledger.add(sample("consumed_charge", 6000.0, 500.0))
+    assert ledger.health().battery.used == pytest.approx(500.0)
+
+
+@pytest.mark.parametrize("pumping", [False, True])
+def test_a_silence_of_the_rig_is_assumed_idle_and_told(pumping):
+    ledger = HealthLedger(ToolLimits(battery=Battery()))
+    for at in range(3600):
+        ledger.add_flow(T0 + at * S, pumping=pumping)
+    for at in range(3 * 86400, 3 * 86400 + 3600):
+        ledger.add_flow(T0 + at * S, pumping=False)
+    battery = ledger.health().battery
+    active_h = 2.0 if pumping else 0.0
+    assert battery.used / 3600.0 == pytest.approx(0.06 * (73.0 - active_h) + 0.4 * active_h, rel=0.001)
+    assert any("71.0 h" in text for text in battery.assumed)
+    assert ledger.health().pumping == pytest.approx(3600.0 if pumping else 0.0, abs=2.0)
+    assert health_alarms(ledger.health(), ledger.battery) == {}
+
+
+@pytest.mark.parametrize("jump_s", [YEARS_S, 10 * 86400.0, 7200.0])
+@pytest.mark.parametrize("count", [1, 50])
+def test_wrong_stamps_of_the_rig_draw_no_charge(jump_s, count):
+    ledger = HealthLedger(ToolLimits(battery=Battery()))
+    for at in range(3600):
+        ledger.add_flow(T0 + at * S, pumping=True)
+        if at == 1000:
+            for k in range(count):
+                ledger.add_flow(T0 + round((jump_s + at + k) * S), pumping=True)
+    assert ledger.health().battery.used == pytest.approx(0.4 * 3600.0, rel=0.02)
+
+
+def test_a_first_sample_in_a_foreign_unit_does_not_decide_the_unit():
+    ledger = HealthLedger()
+    ledger.add(dataclasses.replace(sample("temperature", 60.0, 266.0), unit="degF"))
+    assert ledger.health() == HealthLedger().health()
+    ledger.add(sample("temperature", 120.0, 130.0))
+    (found,) = ledger.health().exposures
+    assert (found.unit, found.largest) == ("degC", 130.0)
 
 
 def test_wrong_limits_are_refused_by_name():

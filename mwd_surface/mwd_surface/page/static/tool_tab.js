@@ -26,7 +26,7 @@ export function showTool({ tool_health: health }) {
       el("h2", {}, t("Run")), table([t("Quantity"), t("Value")], [
         row(t("Run time"), hours(health.run_time)),
         row(t("Pumps on"), hours(health.pumping)),
-        row(t("Self-tests"), selfTests(health.failed_tests)),
+        row(t("Self-tests"), selfTests(health)),
       ], "tool-run")),
     el("div", {}, el("h2", {}, t("Exposure")), health.exposures.length
       ? health.exposures.map(exposure)
@@ -37,9 +37,13 @@ export function showTool({ tool_health: health }) {
       : el("p", { class: "empty" }, t("The tool file names no parts.")))));
 }
 
-function selfTests(failed) {
+function selfTests({ failed_tests: failed, unreported_tests: unreported }) {
   if (failed === null) return t("not reported");
-  return failed.length ? pill("reject", t`failed: ${failed.map((name) => say(name)).join(", ")}`) : pill("good", t("passed"));
+  const names = (tests) => tests.map((name) => say(name)).join(", ");
+  const found = [];
+  if (failed.length) found.push(pill("reject", t`failed: ${names(failed)}`));
+  if (unreported.length) found.push(pill("doubtful", t`not reported: ${names(unreported)}`));
+  return found.length ? found : pill("good", t("passed"));
 }
 
 function battery(b) {
