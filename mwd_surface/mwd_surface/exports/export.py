@@ -30,6 +30,11 @@ class Format:
     what: str
     make: Callable[[SurveyTable], bytes]
 
+    @property
+    def is_report(self) -> bool:
+        """Whether the file has the sections of the report."""
+        return self.word == "report"
+
 
 def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
     """Return a table with its columns and head block as people of its well read them."""
