@@ -11,6 +11,7 @@ import hashlib
 import os
 import shutil
 import sys
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,6 +27,7 @@ from numba.core.registry import CPUDispatcher
 F = TypeVar("F", bound=Callable[..., Any])
 
 _OURS = "mwd_"
+_UNUSED_S = 30 * 86400.0  # a cache folder of another installation that was not used for this time is removed
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]
@@ -154,26 +156,39 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
 @functools.cache
 def _cache_folder(module: str) -> Path | None:
     """
-    Return the folder of the machine code of a module's kernels, and remove the folders of its former versions.
+    Return the folder of the machine code of a module's kernels, and remove the folders that nobody needs any more.
 
     It is below NUMBA_CACHE_DIR, else next to the module, else in the cache of the user; None if all are read-only.
+    Several installations may share a place, so the folder's name has a mark of the installation. Removed are the former
+    versions of this installation, and folders of others that no process has used for `_UNUSED_S`.
     """
     stamp = hashlib.sha256(repr(_stamps(module)).encode()).hexdigest()[:16]
     source = Path(getattr(sys.modules[module], "__file__", None) or "none.py")
+    own = f"{module}-{hashlib.sha256(str(source.resolve()).encode()).hexdigest()[:8]}-"
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     given = numba.config.CACHE_DIR
     for place in [Path(given)] if given else [source.parent / "__pycache__", user / "mwd"]:
-        folder = place / f"{module}-{stamp}"
+        folder = place / f"{own}{stamp}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            # The time of change of a folder says when it was used last.
+            os.utime(folder)
         except OSError:
             continue
         if os.access(folder, os.W_OK):
-            for former in place.glob(f"{module}-*"):
-                if former != folder:
-                    shutil.rmtree(former, ignore_errors=True)
+            for other in place.glob(f"{module}-*"):
+                if other != folder and (other.name.startswith(own) or _is_unused(other)):
+                    shutil.rmtree(other, ignore_errors=True)
             return folder
     return None
+
+
+def _is_unused(folder: Path) -> bool:
+    """Return whether no process has used a folder for `_UNUSED_S`; False if it is gone."""
+    try:
+        return time.time() - folder.stat().st_mtime > _UNUSED_S
+    except OSError:
+        return False
 
 
 @functools.cache

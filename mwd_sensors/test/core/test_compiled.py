@@ -183,3 +183,36 @@ def test_machine_code_is_kept_for_one_version_and_for_the_user_where_the_module_
         assert done.stdout.split() == [str(1 + added)]
         (folder,) = (tmp_path / "user" / "mwd").glob("mwd_step-*")
         assert any(folder.rglob("*.nbc"))
+
+
+@pytest.mark.slow
+def test_installations_that_share_a_cache_leave_each_other_their_machine_code(tmp_path):
+    source = (
+        "from mwd_sensors.core.compiled import compiled\n\n"
+        "@compiled\ndef step(x):\n    return x + {}\n\nprint(step(1), len(step.stats.cache_hits))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run(installation):
+        command = [sys.executable, "-c", "import mwd_step"]
+        folder = tmp_path / installation
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    def folders():
+        return set((tmp_path / "cache").iterdir())
+
+    for name, added in (("one", 1), ("two", 22)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mwd_step.py").write_text(source.format(added))
+    assert [run("one"), run("two")] == [["2", "0"], ["23", "0"]]
+    assert [run("one"), run("two")] == [["2", "1"], ["23", "1"]]
+    # A new version replaces the former one of its own installation only.
+    (tmp_path / "one" / "mwd_step.py").write_text(source.format(333))
+    assert [run("one"), run("two")] == [["334", "0"], ["23", "1"]]
+    assert len(folders()) == 2
+    # A folder that another installation has not used for a month is removed; each use counts.
+    for folder in folders():
+        os.utime(folder, (0.0, 0.0))
+    assert run("one") == ["334", "1"]
+    assert len(folders()) == 1

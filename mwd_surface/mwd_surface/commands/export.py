@@ -81,7 +81,9 @@ def export(
         if chosen in FORMATS and FORMATS[chosen].ending != ending:
             raise ValueError(f"--output {output}: {chosen} is written as {FORMATS[chosen].ending}")
         folder, name = output.parent, output.name
-    path = write(_table(source, (plan, plan_set), leg, bit_depth, changes), chosen, folder, name)
+    is_report = chosen in FORMATS and FORMATS[chosen].is_report
+    table = _table(source, (plan, plan_set), leg, bit_depth, changes, with_logs=is_report)
+    path = write(table, chosen, folder, name)
     terminal.output().print(f"written: {path}", markup=False)
 
 
@@ -107,7 +109,7 @@ def report(
     from mwd_surface.commands import terminal
     from mwd_surface.exports.export import export as write
 
-    table = _table(source, (plan, plan_set), leg, bit_depth, changes)
+    table = _table(source, (plan, plan_set), leg, bit_depth, changes, with_logs=True)
     for kind in ("html", "pdf"):
         terminal.output().print(f"written: {write(table, kind, output)}", markup=False)
 
@@ -148,8 +150,15 @@ def _table(
     leg: str | None,
     bit_depth: float | None,
     changes: list[str] | None,
+    *,
+    with_logs: bool,
 ) -> SurveyTable:
-    """Return the printed table of a source; plan: its file and how to read it."""
+    """
+    Return the printed table of a source.
+
+    plan: its file and how to read it. with_logs: whether to add logs and health of the tool, for which a recording is
+    played from its beginning to its end.
+    """
     import time
 
     from mwd_sensors.core import settings
@@ -182,7 +191,7 @@ def _table(
     sections, remarks = clearance_sections(surveys, surveys.plan, bit_depth, leg)
     for note in remarks:
         terminal.warn(note)
-    found = run_logs(source, surveys.well.sensor_offset)
+    found = run_logs(source, surveys.well.sensor_offset) if with_logs else None
     if found is not None:
         made = (health_section(found[1]), log_section(found[0].curves()))
         sections = (*sections, *(one for one in made if one is not None))

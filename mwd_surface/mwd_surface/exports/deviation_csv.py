@@ -27,8 +27,9 @@ def deviation_csv(table: SurveyTable) -> str:
     """
     Return the deviations as text: left and below are negative; x north, y east and z up are mine coordinates.
 
-    The vertical angle has the convention of the well. Rows ahead of the bit are projected, too. Without a design there
-    are no rows, and a comment says so.
+    A mine coordinate is empty on an axis on which the opening of the hole is not given. The vertical angle has the
+    convention of the well. Rows ahead of the bit are projected, too. Without a design there are no rows, and a comment
+    says so.
     """
     rows = table.deviations
     angles = table.surveys.well.angles

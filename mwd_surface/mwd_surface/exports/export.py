@@ -30,6 +30,11 @@ class Format:
     what: str
     make: Callable[[SurveyTable], bytes]
 
+    @property
+    def is_report(self) -> bool:
+        """Whether the file has the sections of the report."""
+        return self.word == "report"
+
 
 def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
     """Return a table with its columns and head block as people of its well read them."""
@@ -59,7 +64,8 @@ def _raw_csv(table: SurveyTable) -> bytes:
     # The log has no row for the tie-on; its surveys form a path if all in use belong to one leg.
     legs = {r.leg for r in table.surveys.records if r.in_use}
     provenance = provenance_of(table.surveys, legs.pop() if len(legs) == 1 else None, whole=False)
-    return raw_csv(table.surveys, table.header, (*table.left_out, *table.remarks, *provenance.lines())).encode()
+    header = _in_units_of_the_well(table).header
+    return raw_csv(table.surveys, header, (*table.left_out, *table.remarks, *provenance.lines())).encode()
 
 
 def _las(table: SurveyTable) -> bytes:

@@ -3,7 +3,8 @@
 Plan and section of a hole as a DXF drawing, one drawing unit a metre, both at the same scale.
 
 The plan has mine coordinates: east to the right, north up. The section lies below it, along the azimuth of the vertical
-section: distance from the opening to the right, height up. Design, hole, stations and texts have layers of their own.
+section: distance from the opening to the right, height up. A view whose mine coordinates of the opening are not given
+is drawn relative to the opening, and its title says so. Design, hole, stations and texts have layers of their own.
 """
 
 from __future__ import annotations
@@ -59,9 +60,17 @@ def dxf(table: SurveyTable) -> bytes:
             label.set_placement((place[0] + height / 2.0, place[1] + height / 2.0))
     along = fixed(math.degrees(path.section_azimuth), 2, 360.0)
     name = table.surveys.well.wellbore_name + (" (coordinates assumed)" if path.assumed else "")
+    opening = table.surveys.well.mine.opening
+    from_opening = [", relative to the opening" if np.isnan(one).any() else "" for one in (opening[:2], opening[2])]
     titles = (
-        (f"{name}: plan, {path.north.name.lower()} north up, 1 unit = 1 m", everything[0].max(axis=0)[1]),
-        (f"{name}: section along azimuth {along} deg, 1 unit = 1 m", (everything[1] + corner).max(axis=0)[1]),
+        (
+            f"{name}: plan, {path.north.name.lower()} north up, 1 unit = 1 m{from_opening[0]}",
+            everything[0].max(axis=0)[1],
+        ),
+        (
+            f"{name}: section along azimuth {along} deg, 1 unit = 1 m{from_opening[1]}",
+            (everything[1] + corner).max(axis=0)[1],
+        ),
     )
     for title, top in titles:
         label = space.add_text(title, height=height, dxfattribs={"layer": TEXT})
@@ -72,13 +81,14 @@ def dxf(table: SurveyTable) -> bytes:
 
 
 def _plan(table: SurveyTable, points: Array) -> Array:
-    """Return east and north of positions in mine coordinates, shape (n, 2), m."""
-    x, y, _ = table.surveys.well.mine.opening
-    return np.column_stack([points[:, 1] + y, points[:, 0] + x])
+    """Return east and north of positions, shape (n, 2), m, in mine coordinates or from the opening."""
+    opening = np.array(table.surveys.well.mine.opening[:2])
+    return points[:, 1::-1] + (0.0 if np.isnan(opening).any() else opening[::-1])
 
 
 def _section(table: SurveyTable, points: Array) -> Array:
-    """Return distance along the section from the opening, and mine height, of positions, shape (n, 2), m."""
+    """Return distance along the section from the opening, and height, of positions, shape (n, 2), m."""
     azimuth = table.path.section_azimuth
     along = points[:, 0] * math.cos(azimuth) + points[:, 1] * math.sin(azimuth)
-    return np.column_stack([along, table.surveys.well.mine.opening[2] - points[:, 2]])
+    height = table.surveys.well.mine.opening[2]
+    return np.column_stack([along, (0.0 if math.isnan(height) else height) - points[:, 2]])

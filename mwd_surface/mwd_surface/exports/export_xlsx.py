@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey report as a workbook: its head on the first sheet, then a sheet for each table, numbers as numbers."""
+"""
+The survey report as a workbook: its head on the first sheet, then a sheet for each table, numbers as numbers.
+
+The sentences of a section stand above its first table, the reason why a row is highlighted in a last column of its own.
+Drawings, and the sentences of a section that has only drawings, are in the HTML and PDF report.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +15,11 @@ from typing import Any
 
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_edge import for_people
+from mwd_surface.exports.report_section import TINTS, Section, Sheet
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.language.language import language
 
+_SHADED = "FFF3E0"  # colour of a highlighted row
 _MOST = 31  # characters of a sheet's name
 _NUMBER = re.compile(r"-?\d+(?:[.,]\d+)?")
 _FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
@@ -32,25 +39,53 @@ def xlsx(table: SurveyTable) -> bytes:
     _append(head, (found.title,))
     for pair in found.header:
         _append(head, pair)
-    for line in (*found.notes, "", found.certificate, *(f"{who}, {said.say('date')}" for who in found.signatures)):
+    loose = [line for section in found.sections if not (section.sheets or section.drawings) for line in _texts(section)]
+    for line in (
+        *found.notes,
+        *loose,
+        "",
+        found.certificate,
+        *(f"{who}, {said.say('date')}" for who in found.signatures),
+    ):
         _append(head, (line,))
     head["A1"].font = Font(bold=True)
     head.column_dimensions["A"].width = 34
-    for sheet in found.sheets:
-        page = book.create_sheet(_name(sheet.heading, book.sheetnames))
-        _append(page, (sheet.heading,))
-        _append(
-            page, [f"{title}, {unit}" if unit else title for title, unit in zip(sheet.titles, sheet.units, strict=True)]
-        )
-        for cell in page[2]:
-            cell.font = Font(bold=True)
-        for row in sheet.rows:
-            _append(page, [cell if k in sheet.words else _value(cell) for k, cell in enumerate(row)])
-        if sheet.legend:
-            _append(page, (sheet.legend,))
+    for section in found.sections:
+        for k, sheet in enumerate(section.sheets):
+            page = book.create_sheet(_name(sheet.heading, book.sheetnames))
+            _fill(page, sheet, () if k else section.text, said.say("Remark"))
     out = io.BytesIO()
     book.save(out)
     return out.getvalue()
+
+
+def _texts(section: Section) -> tuple[str, ...]:
+    """Return heading and sentences of a section that has sentences."""
+    return (section.heading, *section.text) if section.text else ()
+
+
+def _fill(page: Any, sheet: Sheet, sentences: Iterable[str], remark: str) -> None:
+    """Write a table with the sentences above it, its tints, and a column of marks if it has any; remark: its title."""
+    from openpyxl.styles import Font, PatternFill
+
+    for line in (sheet.heading, *sentences):
+        _append(page, (line,))
+    titles = [f"{title}, {unit}" if unit else title for title, unit in zip(sheet.titles, sheet.units, strict=True)]
+    marked = any(sheet.marks)
+    _append(page, [*titles, remark] if marked else titles)
+    above = page.max_row
+    for cell in page[above]:
+        cell.font = Font(bold=True)
+    for row, mark in zip(sheet.rows, sheet.marks, strict=True):
+        cells = [cell if k in sheet.words else _value(cell) for k, cell in enumerate(row)]
+        _append(page, [*cells, mark] if marked else cells)
+        if mark:
+            for cell in page[page.max_row]:
+                cell.fill = PatternFill("solid", fgColor=_SHADED)
+    for (row, column), tint in sheet.tints.items():
+        page.cell(above + 1 + row, column + 1).fill = PatternFill("solid", fgColor=TINTS[tint].removeprefix("#"))
+    if sheet.legend:
+        _append(page, (sheet.legend,))
 
 
 def _append(page: Any, row: Iterable[str | float]) -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag, BagError
 
@@ -58,3 +60,21 @@ def topic_of(bag: Bag, relative: str, type_name: str, well: str = "") -> str | N
     if len(found) > 1:
         raise BagError(f"{bag.path} has {relative} of several wells: {', '.join(found)}", "name one with --well")
     return found[0] if found else None
+
+
+def namespace_with(bag: Bag, topics: Mapping[str, str], well: str = "") -> str | None:
+    """
+    Return the namespace, with a slash at its end, in which a recording has the first of some topics that it has.
+
+    topics: types of messages by relative topic. None if the recording has no message of any of them.
+
+    Raises
+    ------
+    BagError
+        Several wells have the topic, and none is named.
+    """
+    for relative, type_name in topics.items():
+        name = topic_of(bag, relative, type_name, well)
+        if name is not None:
+            return name.removesuffix(relative)
+    return None

@@ -19,6 +19,7 @@ from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.settings import changed
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
@@ -30,7 +31,7 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.live.well_state import WellState
 from mwd_surface.logs.depth_log import STEP_M, DepthLog
-from mwd_surface.logs.recorded_log import DIRECT, RIG, topic_of
+from mwd_surface.logs.recorded_log import DIRECT, RIG, namespace_with
 from mwd_surface.logs.tool_health import HealthLedger
 from mwd_surface.logs.tool_table import TOOL, recorded_limits
 from mwd_surface.surveys.depth import DepthRules
@@ -44,6 +45,8 @@ from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_file import SLIDES, recorded_stretches
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
+#: Topics that tell depths of the bit, with their types: rig data, and depths that people have set.
+OF_DEPTH = {RIG: wire.RIG_STATE.type_name, "inputs": InputTable.MESSAGE}
 _LINK_ATTITUDE = "link/attitude"
 _ALL_DEPTHS = 10**9  # number of depths that no recording has
 _STEP_S = 5.0  # seconds of the recording that are read at a time
@@ -74,7 +77,11 @@ def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
     settings = recorded_sections(bag, RecordedWell())
     if settings is not None:
         return settings
-    over_link = namespace + "attitude" not in bag.topics and namespace + _LINK_ATTITUDE in bag.topics
+    of_tool, of_links = (
+        any(namespace + topic in bag.topics for topic in topics)
+        for topics in (("attitude", "log"), (_LINK_ATTITUDE, "link/log"))
+    )
+    over_link = of_links and not of_tool
     return RecordedWell(link=LinkSettings("best")) if over_link else RecordedWell()
 
 
@@ -231,18 +238,23 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
     Raises
     ------
     BagError
-        The recording has no rig data.
+        The recording has neither rig data nor a depth set by hand.
     """
-    name = topic_of(bag, RIG, wire.RIG_STATE.type_name, well)
-    if name is None:
-        raise BagError(f"{bag.path} has no depth of the bit, {RIG}", "log samples need it: record the rig's data")
-    namespace = name.removesuffix(RIG)
+    missing = BagError(
+        f"{bag.path} has no depth of the bit: neither {RIG} nor a depth set by hand in inputs",
+        "log samples need it: record the rig's data, or set depths by hand",
+    )
+    namespace = namespace_with(bag, OF_DEPTH, well)
+    if namespace is None:
+        raise missing
     settings = recorded_well(bag, namespace)
     settings = dataclasses.replace(settings, depth=dataclasses.replace(settings.depth, history=_ALL_DEPTHS))
-    player = Player(bag, namespace, settings, only=frozenset({RIG, "inputs"}), log_step=step_m)
+    player = Player(bag, namespace, settings, only=frozenset(OF_DEPTH), log_step=step_m)
     player.seek(player.length_s)
     # The last second is not a whole cell of time.
     player.well.advance(bag.start_ns + round(bag.duration_s * 1e9) + wire.NANOSECONDS)
+    if namespace + RIG not in bag.topics and player.well.book.depth.latest is None:
+        raise missing
     return player.well.book
 
 

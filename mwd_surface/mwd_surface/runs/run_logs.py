@@ -6,15 +6,16 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.log_journal import NAME, LogJournal
-from mwd_surface.logs.recorded_log import RIG, topic_of
+from mwd_surface.logs.recorded_log import TOPICS, namespace_with
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
 from mwd_surface.logs.tool_table import FILE, limits_of_run
-from mwd_surface.runs.player import Player
+from mwd_surface.runs.player import OF_DEPTH, Player
 
-_PLAYED = frozenset({RIG, "inputs", "log", "link/log"})
+_PLAYED = {**OF_DEPTH, **dict.fromkeys(TOPICS, LogSample.MESSAGE)}
 
 
 def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | None:
@@ -38,9 +39,9 @@ def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | 
     if not path.is_dir() or not any(path.glob("*.mcap")):
         return None
     with Bag(path) as bag:
-        name = topic_of(bag, RIG, "mwd_msgs/msg/RigState")
-        if name is None:
+        namespace = namespace_with(bag, _PLAYED)
+        if namespace is None:
             return None
-        player = Player(bag, name.removesuffix(RIG), only=_PLAYED)
+        player = Player(bag, namespace, only=frozenset(_PLAYED))
         player.seek(player.length_s)
         return player.well.book.logs, player.state().tool_health

@@ -34,7 +34,7 @@ class Deviation:
     station: number of the survey, or kind of the station. kind: as in a path, or "planned" ahead of the bit.
     measured_depth: m. inclination, azimuth: rad. right, up: from the design to the hole, across the design, m, negative
     to the left and below. sigma_right, sigma_up: 1 sigma, m. distance: from the design, m. x, y, z: mine coordinates,
-    m, north, east and up.
+    m, north, east and up; NaN for an axis on which the opening is not given.
     """
 
     station: str

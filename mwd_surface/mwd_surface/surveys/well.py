@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
 from mwd_sensors.core.settings import setting
@@ -32,8 +33,9 @@ class Mine:
 
     @property
     def opening(self) -> tuple[float, float, float]:
-        """Mine coordinates of the opening, m: x north, y east, z up; 0 for an axis that is not given."""
-        return self.opening_x or 0.0, self.opening_y or 0.0, self.opening_z or 0.0
+        """Mine coordinates of the opening, m: x north, y east, z up; NaN for an axis that is not given."""
+        x, y, z = (math.nan if one is None else one for one in (self.opening_x, self.opening_y, self.opening_z))
+        return x, y, z
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,6 +4,7 @@
 import csv
 import dataclasses
 import io
+import itertools
 import math
 
 import example_surveys as example
@@ -15,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_surface.exports.export import FORMATS
+from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.surveys.deviation import is_ahead
@@ -26,11 +28,11 @@ OPENING = (4_412_300.0, 38_512_700.0, 512.5)
 MINE = Mine("Shaft 3", "4104", "niche 7", "XDA1201V 17", "2026-02-20", *OPENING)
 
 
-def hole(dip, azimuth, count=31, step=3.0):
+def hole(dip, azimuth, count=31, step=3.0, mine=MINE):
     """Return a list of stations along a straight hole from the opening, and its table."""
     rows = [f"{step * k},{dip},{azimuth}" for k in range(count)]
     data = "\n".join(["# north: true", "md_m,dip_up_deg,azimuth_deg", *rows]).encode()
-    well = Well("H-12", convention="dip_up", north_reference="true", mine=MINE)
+    well = Well("H-12", convention="dip_up", north_reference="true", mine=mine)
     surveys = survey_list(list_of(data, "hole.csv"), well)
     design = straight(math.radians(95.0), math.radians(30.0), 120.0, "true", "design")
     return survey_table(surveys.along(design), example.MADE)
@@ -120,3 +122,24 @@ def test_the_workbook_has_the_head_of_the_mine_and_the_rod_table_in_numbers(lang
     assert {"Shaft 3", "4104", "niche 7", "XDA1201V 17"} <= values
     rows = [[cell.value for cell in row] for row in book.worksheets[1].iter_rows(min_row=3)]
     assert any(row[1] == 90.0 and row[2] == pytest.approx(4.0) for row in rows)
+
+
+@pytest.mark.parametrize("known", list(itertools.product([True, False], repeat=3)))
+def test_an_axis_without_the_opening_has_no_mine_coordinates(known):
+    given = {f"opening_{axis}": OPENING[k] for k, axis in enumerate("xyz") if known[k]}
+    table = hole(4.0, 31.0, mine=Mine(**given))
+    rows = list(csv.DictReader(io.StringIO(FORMATS["deviation"].make(table).decode())))
+    for axis, is_known in zip("xyz", known, strict=True):
+        assert all(bool(row[f"mine_{axis}_m"]) == is_known for row in rows)
+    rods = next(sheet for sheet in content(table).sheets if sheet.heading.startswith("Rod table"))
+    for row in rods.rows:
+        assert [bool(cell) for cell in row[-3:]] == list(known)
+    drawing = ezdxf.read(io.StringIO(FORMATS["dxf"].make(table).decode()))
+    plan, section = (
+        np.array(line.get_points("xy")) for line in drawing.modelspace().query('LWPOLYLINE[layer=="HOLE"]')
+    )
+    titles = [text.dxf.text for text in drawing.modelspace().query("TEXT") if "1 unit" in text.dxf.text]
+    relative = [not (known[0] and known[1]), not known[2]]
+    assert ["relative to the opening" in title for title in titles] == relative
+    np.testing.assert_allclose(plan[0], [0.0, 0.0] if relative[0] else [OPENING[1], OPENING[0]], atol=1e-6)
+    assert np.isfinite(section).all()
