@@ -223,6 +223,9 @@ def clearance(
         reference, offset = reference.below(shared_to), offset.below(shared_to)
     first, second = _library_survey(reference), _library_survey(offset)
     ahead, back = _compared(first, second, rule), _compared(second, first, rule)
+    here, there = _nearest(ahead, back)
+    first, second = _library_survey(reference, here), _library_survey(offset, there)
+    ahead, back = _compared(first, second, rule), _compared(second, first, rule)
     nearest = float(np.min(ahead.distance_cc))
     if nearest > 1000.0 * rule.farthest_km:
         raise ValueError(
@@ -282,6 +285,14 @@ def _compared(first: Any, second: Any, rule: ClearanceRule) -> Any:
         return IscwsaClearance(first, second, k=rule.k, sigma_pa=rule.projection_sigma_m, Sm=rule.surface_margin_m)
 
 
+def _nearest(ahead: Any, back: Any) -> tuple[float, float]:
+    """Return the measured depths, m, along both wells at which the factor is least."""
+    k, j = int(np.argmin(ahead.sf)), int(np.argmin(back.sf))
+    if ahead.sf[k] <= back.sf[j]:
+        return float(ahead.ref.md[k]), float(ahead.off.md[k])
+    return float(back.off.md[j]), float(back.ref.md[j])
+
+
 def _minima(factor: Array) -> list[int]:
     """Return the indices of factors that are smaller than both neighbours."""
     return [int(k) + 1 for k in np.flatnonzero((factor[1:-1] < factor[:-2]) & (factor[1:-1] < factor[2:]))]
@@ -318,13 +329,22 @@ def _check_apart(reference: UncertainWell, offset: UncertainWell) -> None:
         )
 
 
-def _library_survey(well: UncertainWell) -> Any:
-    """Return the well as a library object with points at most `_STEP` apart; covariances are interpolated linearly."""
+def _library_survey(well: UncertainWell, near: float | None = None) -> Any:
+    """
+    Return the well as a library object with points at most `_STEP` apart; covariances are interpolated linearly.
+
+    near: measured depth, m, around which the points are ten times as dense, because the library interpolates between
+    two points.
+    """
     from welleng.survey import Survey, SurveyHeader
 
     covariance = well.covariance()
     ends = np.array([well.md[0] + _AT_END, well.md[-1] - _AT_END])
-    md = np.unique(np.concatenate([well.md, np.arange(well.md[0], well.md[-1], _STEP), ends]))
+    md = np.concatenate([well.md, np.arange(well.md[0], well.md[-1], _STEP), ends])
+    if near is not None:
+        dense = near + np.linspace(-_STEP, _STEP, 21)
+        md = np.append(md, dense[(dense > well.md[0]) & (dense < well.md[-1])])
+    md = np.unique(md)
     # Skip points within a centimetre of a station, which would only repeat it.
     md = md[np.concatenate([[True], np.diff(md) > 0.01])]
     inc, azi, positions = mc.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation.core.north import North
@@ -143,7 +143,23 @@ def test_a_map_that_is_turned_with_its_grid_changes_no_clearance(pair, turn):
     assert least(two) == pytest.approx(least(one), rel=1e-5, abs=1e-5)
 
 
+# Two curved wells that cross between stations that lie far apart.
+CURVED = (
+    well(
+        "A", depths(600.0, 95.0), np.minimum(depths(600.0, 95.0) * 0.00232711, 0.83302107), 2.55319698, (0.0, 0.0, 0.0)
+    ),
+    well(
+        "B",
+        depths(573.93059962, 30.0),
+        np.clip((depths(573.93059962, 30.0) - 173.384) * 0.00208082, 0.0, 0.50614548),
+        0.75,
+        (-86.57824377, -56.42600982, -396.79935704),
+    ),
+)
+
+
 @bounded
+@example(pair=CURVED, step=7.0)
 @given(pair=pairs(), step=st.sampled_from([7.0, 12.0, 20.0]))
 def test_the_least_factor_does_not_depend_on_the_step_of_the_search(pair, step):
     want = least(clearance(*pair, RULE))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 from test_clearance_invariances import REFERENCE, RULE, TEN, depths, least
 
@@ -75,7 +75,12 @@ def covariances(one):
 @given(one=shaped(), printed=st.lists(st.floats(0.0, 6.28), min_size=60, max_size=60))
 def test_the_azimuth_of_vertical_stations_changes_no_covariance(one, printed):
     other = dataclasses.replace(one, azimuth=np.where(one.inclination == 0.0, printed[: one.md.size], one.azimuth))
-    np.testing.assert_array_equal(covariances(other), covariances(one))
+    try:
+        expected = covariances(one)
+    except ValueError:
+        # The code gives no azimuth at some station of this shape.
+        reject()
+    np.testing.assert_array_equal(covariances(other), expected)
 
 
 @pytest.mark.parametrize("code", CODES)
