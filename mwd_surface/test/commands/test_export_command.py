@@ -51,7 +51,7 @@ def test_a_recording_with_the_well_given_gives_the_same_numbers(run, tmp_path):
     given = []
     for field in dataclasses.fields(example.WELL):
         value = getattr(example.WELL, field.name)
-        if value != field.default:
+        if field.default is not dataclasses.MISSING and value != field.default:
             given += ["--set", f"well.{field.name}={json.dumps(value)}"]
     done = mwd("export", bag, "-o", tmp_path / "bag.csv", *given)
     assert done.returncode == 0, done.stderr
