@@ -82,8 +82,8 @@ def _fill(page: Any, sheet: Sheet, sentences: Iterable[str], remark: str) -> Non
         if mark:
             for cell in page[page.max_row]:
                 cell.fill = PatternFill("solid", fgColor=_SHADED)
-    for (row, column), tint in sheet.tints.items():
-        page.cell(above + 1 + row, column + 1).fill = PatternFill("solid", fgColor=TINTS[tint].removeprefix("#"))
+    for (k, column), tint in sheet.tints.items():
+        page.cell(above + 1 + k, column + 1).fill = PatternFill("solid", fgColor=TINTS[tint].removeprefix("#"))
     if sheet.legend:
         _append(page, (sheet.legend,))
 
