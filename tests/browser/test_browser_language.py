@@ -14,9 +14,23 @@ pytestmark = pytest.mark.slow(0.3)
 CHINESE = language("zh_CN")
 TABS = ("surveys", "path", "charts", "logs", "steering", "link", "alarms", "system", "controls")
 # Units, names of wells, zones and models, abbreviations that drillers use in Chinese as well, and names of settings.
-KEPT = {"CSV", "LAS", "PDF", "HTML", "WITSML", "MWD", "UTC", "RKB", "Nordlys", "NORDLYS", "WMM", "pygeomag", "min"} | {
-    *("Esc", "English", "Shanghai", "WebSocket", "bags", "control", "enabled")
-}
+KEPT = {
+    "CSV",
+    "DXF",
+    "XLSX",
+    "LAS",
+    "PDF",
+    "HTML",
+    "WITSML",
+    "MWD",
+    "UTC",
+    "RKB",
+    "Nordlys",
+    "NORDLYS",
+    "WMM",
+    "pygeomag",
+    "min",
+} | {*("Esc", "English", "Shanghai", "WebSocket", "bags", "control", "enabled")}
 # Words that the test itself typed into the page.
 TYPED = frozenset(["External", "field", "use", "gyro", "total", "over", "off", "check", "slow", "look", "mag"])
 

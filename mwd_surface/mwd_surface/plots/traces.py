@@ -196,6 +196,10 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         Trace("truth", "gyro bias", "deg/h", _AXES, _vector("gyro_bias", _DEG * 3600.0)),
         Trace("truth", "accelerometer bias", "mg", _AXES, _vector("accel_bias", 1e3 / STANDARD_GRAVITY)),
     ),
+    wire.TOOL_STATUS.type_name: (
+        Trace("sensors", "battery voltage", "V", ("battery",), _columns("battery_voltage")),
+        Trace("sensors", "battery current", "A", ("battery",), _columns("battery_current")),
+    ),
     wire.ATTITUDE.type_name: (
         Trace(
             "attitude", "inclination from vertical", "deg", ("estimate",), _estimate("inclination"), key="inclination"

@@ -292,7 +292,9 @@ def named_plan(bag: Bag) -> PlanSettings:
     """Return the plan settings of the surface node in a recording; without a file name if it had no plan."""
     named = {name: str(value) for name, value in dict(bag.metadata().get(SURFACE, {})).items()}
     known = (field.name for field in dataclasses.fields(PlanSettings))
-    return changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})
+    # A recording writes a number that is not given as None.
+    given = {n: named[f"plan.{n}"] for n in known if named.get(f"plan.{n}", "None") != "None"}
+    return changed(PlanSettings(), given)
 
 
 def usual_dip(bag: Bag) -> str:
