@@ -135,19 +135,24 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
 
 
 def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
-    """Return the plan of a file, read as --plan-set says, or of the plan file of the recorded surface node."""
+    """Return the plan of a file, read as --plan-set says, or the plan file or straight design of the recording."""
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
+    from mwd_surface.live.plan_monitor import PlanMonitor
     from mwd_surface.runs.player import named_plan, usual_dip
+    from mwd_surface.surveys.recorded_settings import recorded_settings
+    from mwd_surface.surveys.well import Well
+    from mwd_surface.trajectory.plan import Plan
     from mwd_surface.trajectory.plan_file import read_plan
 
     if path is not None or said:
         return read_plan_option(path, said)
     named = named_plan(bag)
     if not named.file:
-        return None
+        designed = PlanMonitor.read(named, recorded_settings(bag).well(Well()))
+        return designed if isinstance(designed, Plan) else None
     file = Path(named.file).expanduser()
     if not file.is_file():
         terminal.remark(f"the plan of this recording, {file}, is not on this machine; give it with --plan")

@@ -15,8 +15,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from mwd_sensors.core import wire
-from mwd_sensors.core.angle_convention import AngleConvention
-from mwd_sensors.core.settings import changed
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.inputs import InputTable
@@ -290,14 +288,11 @@ def namespace_of(bag: Bag) -> str:
 
 def named_plan(bag: Bag) -> PlanSettings:
     """Return the plan settings of the surface node in a recording; without a file name if it had no plan."""
-    named = {name: str(value) for name, value in dict(bag.metadata().get(SURFACE, {})).items()}
-    known = (field.name for field in dataclasses.fields(PlanSettings))
-    # A recording writes a number that is not given as None.
-    given = {n: named[f"plan.{n}"] for n in known if named.get(f"plan.{n}", "None") != "None"}
-    return changed(PlanSettings(), given)
+    settings = recorded_sections(bag, RecordedWell())
+    return PlanSettings() if settings is None else settings.plan
 
 
 def usual_dip(bag: Bag) -> str:
     """Return where positive dips point in the well of a recording: up, down, or empty for a well in inclinations."""
-    said = dict(bag.metadata().get(SURFACE, {})).get("well.convention", AngleConvention.INCLINATION)
-    return AngleConvention(str(said)).points
+    settings = recorded_sections(bag, RecordedWell())
+    return "" if settings is None else settings.well.angles.points

@@ -7,21 +7,28 @@ import math
 import signal
 import subprocess
 import sys
+import tempfile
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core.settings import changed, values
 from mwd_sensors.simulator.scenario import parse, read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
+from mwd_surface.live.settings import PlanSettings
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.processing import process
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.runs import simulate
-from mwd_surface.runs.player import Player, RecordedWell, namespace_of
+from mwd_surface.runs.player import Player, RecordedWell, named_plan, namespace_of, usual_dip
+from mwd_surface.surveys.recorded_settings import SURFACE
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
 from running_graph import until
@@ -195,3 +202,23 @@ def test_the_page_of_a_recording_is_played_paused_and_wound(recorded, tmp_path):
         until(lambda: state(address)["server"]["replay"]["at"] > 25.0, 20, "it plays")
         assert ask(address, {"rate": 1e9}) == 400
         assert ask(address, {"sek": 1}) == 400
+
+
+@given(
+    st.one_of(st.none(), st.floats(0.0, 360.0)),
+    st.one_of(st.none(), st.floats(-180.0, 180.0)),
+    st.floats(1.0, 5000.0),
+    st.sampled_from(["", "plan.csv"]),
+    st.sampled_from(["inclination", "dip_up", "dip_down"]),
+)
+def test_the_plan_and_the_convention_of_a_recording_are_those_of_its_settings(azimuth, angle, length, file, word):
+    plan = PlanSettings(file=file, opening_azimuth_deg=azimuth, opening_angle_deg=angle, length_m=length)
+    settings = changed(RecordedWell(plan=plan), {"well.convention": word})
+    table = {name: str(value) for name, value in values(settings).items()}
+    with tempfile.TemporaryDirectory() as folder:
+        with BagWriter(Path(folder) / "bag") as bag:
+            bag.add_metadata(SURFACE, table)
+            bag.write(bag.topic("/text", "std_msgs/msg/String"), b"\0\1\0\0\1\0\0\0\0", 1, 1)
+        with Bag(Path(folder) / "bag") as bag:
+            assert named_plan(bag) == settings.plan
+            assert usual_dip(bag) == {"inclination": "", "dip_up": "up", "dip_down": "down"}[word]
