@@ -180,7 +180,7 @@ class DownlinkDecoder:
         return [received]
 
     def _fit(self, cell: int) -> tuple[float, Received] | None:
-        """Return the rms error of the levels and the command that ends with this cell; None if there is no command."""
+        """Return the rms error of the levels and the command that ends with this cell; None without one."""
         smooth, places, downlink = self._smooth, self._places, self._downlink
         first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
         high = (first + second + last) / 3.0

@@ -202,7 +202,7 @@ class InputTopics:
         self._transforms_seen += 1
 
     def diagnostic(self, topic: str, count: int, level: bytes) -> Diagnostic:
-        """State of one topic, of which so many samples were taken; level: where it is silent."""
+        """Return the state of one topic; count: number of samples in use; level: the level while it is silent."""
         values: tuple[tuple[str, str], ...] = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
         if not self.silent(topic):
             rate_hz = self._rates[topic].hz

@@ -240,7 +240,7 @@ class Rests:
     first, last : ndarray, shape (m,)
         Index of the first sample of each rest, and index after its last sample.
     gyro, accel, mag : ndarray, shape (m, 3)
-        Mean readings, rad/s, m/s^2, T; mag is NaN if there is no magnetometer.
+        Mean readings, rad/s, m/s^2, T; mag is NaN without a magnetometer.
     celsius : ndarray, shape (m,)
         Mean temperature, degC.
     """

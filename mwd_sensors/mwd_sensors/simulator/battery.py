@@ -41,7 +41,7 @@ class Battery(Pack):
     )
 
     def __post_init__(self) -> None:
-        """Raise ValueError as `Pack`, or if there is no such self-test."""
+        """Raise ValueError as `Pack` does, or for an unknown self-test."""
         super().__post_init__()
         for _, name in self.failures:
             if name not in _BITS:

@@ -140,7 +140,7 @@ class ToolLimits:
     parts: dict[str, Part] = setting({}, "Parts by name, with serial number and calibration.")
 
     def __post_init__(self) -> None:
-        """Raise ValueError if there is no such quantity."""
+        """Raise ValueError for an unknown quantity."""
         for name in self.exposures:
             if name not in SOURCES:
                 raise ValueError(f"exposures.{name}: unknown quantity; choose of {', '.join(SOURCES)}")

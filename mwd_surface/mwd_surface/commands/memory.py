@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -112,15 +111,7 @@ def merge(
     say = terminal.output()
     say.print(f"clock of the memory: {clock}", markup=False)
     for one in memory_merge.improvements(logs[0], logs[1], logs[2]):
-        shift = "" if math.isnan(one.depth_shift) else f"; depth shift {one.depth_shift:+.2f} m"
-        sigma = ""
-        if not math.isnan(one.sigma_before):
-            sigma = f"; median sigma {one.sigma_before:.3g}, now {one.sigma_after:.3g}"
-        lost = f", {one.lost} lost" if one.lost else ""
-        say.print(
-            f"{one.channel}: {one.before} steps from the run, {one.filled} filled from the memory{lost}{sigma}{shift}",
-            markup=False,
-        )
+        say.print(str(one), markup=False)
     if surveys is not None:
         listed, _ = surveys_of(run)
         offset = listed.well.sensor_offset

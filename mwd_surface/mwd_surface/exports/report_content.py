@@ -47,7 +47,7 @@ def positions(table: SurveyTable) -> Section | None:
     try:
         head = earth.map_grid(math.radians(well.latitude_deg), math.radians(well.longitude_deg), crs)
     except ValueError:
-        return None  # the head of the report says why there is no map grid
+        return None  # the head of the report gives the reason
     turn = head.convergence if well.north_reference == "true" else 0.0
     north, east = path.positions[:, 0], path.positions[:, 1]
     northing = head.northing + head.scale * (north * math.cos(turn) + east * math.sin(turn))

@@ -56,6 +56,17 @@ class Improvement:
     depth_shift: float
     correlation: float
 
+    def __str__(self) -> str:
+        """Return the numbers of steps, the sigmas and the depth shift for people."""
+        lost = f", {self.lost} lost" if self.lost else ""
+        sigma = shift = ""
+        if not math.isnan(self.sigma_before):
+            sigma = f"; median sigma {self.sigma_before:.3g}, now {self.sigma_after:.3g}"
+        if not math.isnan(self.depth_shift):
+            shift = f"; depth shift {self.depth_shift:+.2f} m"
+        filled = f"{self.filled} filled from the memory"
+        return f"{self.channel}: {self.before} steps from the run, {filled}{lost}{sigma}{shift}"
+
 
 def in_run_time(samples: Iterable[LogSample], clock: MemoryClock) -> list[LogSample]:
     """Return samples of the memory with the stamps of the run."""

@@ -166,7 +166,7 @@ class Field:
 
 
 class Meaning:
-    """What a sample is: values at an instant, means, or strapdown-integrated over the interval (`sample_meaning`)."""
+    """Meaning of a sample: value at an instant, mean over the interval, or integral over it (`sample_meaning`)."""
 
     sampled: bool
     """Whether rates are values at an instant; they are integrated by the trapezoid."""
