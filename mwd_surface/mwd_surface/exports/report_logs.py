@@ -100,7 +100,7 @@ def tracks(curves: Sequence[Curve]) -> Figure:
     from matplotlib.figure import Figure
 
     images = [curve for curve in curves if np.isfinite(curve.sectors).any()]
-    figure = Figure(figsize=(7.4, 8.5), layout="constrained")
+    figure = Figure(figsize=(11.0, 7.4), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(curves) + len(images), sharey=True))
     place = iter(axes)
     for curve in curves:

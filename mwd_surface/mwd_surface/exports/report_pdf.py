@@ -7,7 +7,7 @@ import datetime as dt
 import io
 import unicodedata
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mwd_surface.exports.report_content import Content, content, printed_logo
 from mwd_surface.exports.report_edge import for_people
@@ -17,8 +17,14 @@ from mwd_surface.language.language import language
 from mwd_surface.plots import fonts
 from mwd_surface.plots.drawing import png
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _FONT, _SPARE = "text", "spare"
 _MARK = (255, 243, 224)
+# Heights, mm: title at the top of a page, heading of a section, caption of a drawing. Width of one of two drawings.
+_TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
+_NARROW = 134.0
 
 
 def report_pdf(table: SurveyTable) -> bytes:
@@ -45,7 +51,7 @@ def report_pdf(table: SurveyTable) -> bytes:
         def header(self) -> None:
             if self.page_no() > 1:
                 self.set_font(_FONT, "", 8)
-                self.cell(0, 5, title, new_x="LMARGIN", new_y="NEXT")
+                self.cell(0, _TITLE, title, new_x="LMARGIN", new_y="NEXT")
 
         def footer(self) -> None:
             self.set_y(-10)
@@ -107,38 +113,53 @@ def _head(pdf: Any, report: Content) -> None:
 
 
 def _section(pdf: Any, section: Section) -> None:
-    if section.page or pdf.will_page_break(30):
+    drawings = [_Placed(one, one.draw(), _room(pdf)) for one in section.drawings]
+    # A heading stays on the page of what follows it.
+    follows = 22.0 if section.text or section.sheets or not drawings else drawings[0].height
+    if section.page or pdf.will_page_break(_HEADING + follows):
         pdf.add_page()
     pdf.set_font(_FONT, "B", 11)
-    pdf.cell(0, 8, section.heading, new_x="LMARGIN", new_y="NEXT")
+    pdf.cell(0, _HEADING, section.heading, new_x="LMARGIN", new_y="NEXT")
     for text in section.text:
         pdf.set_font(_FONT, "", 8)
         pdf.multi_cell(0, 4.6, text, new_x="LMARGIN", new_y="NEXT")
     for sheet in section.sheets:
         _sheet(pdf, sheet, sheet.heading if sheet.heading != section.heading else "")
-    _drawings(pdf, section.drawings)
+    _drawings(pdf, drawings)
 
 
-def _drawings(pdf: Any, drawings: Sequence[Drawing]) -> None:
+def _room(pdf: Any) -> float:
+    """Return the height of a page below its title and the heading of a section, mm."""
+    return float(pdf.h - pdf.t_margin - pdf.b_margin) - _TITLE - _HEADING - 1.0
+
+
+class _Placed:
+    """A drawing with its size on the page, mm: as wide as its column, or as high as a page with a heading holds."""
+
+    def __init__(self, drawing: Drawing, figure: Figure, room: float) -> None:
+        ratio = figure.get_figheight() / figure.get_figwidth()
+        self.drawing, self.figure = drawing, figure
+        self.width = min(225.0 if drawing.wide else _NARROW, (room - _CAPTION) / ratio)
+        self.height = self.width * ratio + _CAPTION
+
+
+def _drawings(pdf: Any, placed: Sequence[_Placed]) -> None:
     """Print drawings in pairs side by side, wide ones alone."""
-    narrow = 134.0
     column = 0
-    for drawing in drawings:
-        figure = drawing.draw()
-        width = 225.0 if drawing.wide else narrow
-        height = width * figure.get_figheight() / figure.get_figwidth() + 6.0
-        if column == 0 or drawing.wide:
+    for one in placed:
+        wide = one.drawing.wide
+        if column == 0 or wide:
             column = 0
-            if pdf.will_page_break(height):
+            if pdf.will_page_break(one.height):
                 pdf.add_page()
             top = pdf.get_y()
-        pdf.set_xy(10.0 + column * (narrow + 8.0), top)
+        pdf.set_xy(10.0 + column * (_NARROW + 8.0), top)
         pdf.set_font(_FONT, "", 8)
-        pdf.cell(width, 5, drawing.caption, new_x="LEFT", new_y="NEXT")
-        pdf.image(io.BytesIO(png(figure, 160)), w=width)
-        figure.clear()
-        pdf.set_xy(10.0, top + height + 2.0)
-        column = 0 if drawing.wide or column else 1
+        pdf.cell(one.width, _CAPTION - 1.0, one.drawing.caption, new_x="LEFT", new_y="NEXT")
+        pdf.image(io.BytesIO(png(one.figure, 160)), w=one.width)
+        one.figure.clear()
+        pdf.set_xy(10.0, top + one.height + 2.0)
+        column = 0 if wide or column else 1
 
 
 def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:

@@ -40,7 +40,7 @@ from mwd_surface.nodes.receiver_settings import ReceiverSettings
 from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput, Quality
 from mwd_surface.receiver.link.link_feed import LinkFeed
-from mwd_surface.receiver.link.link_log import log_samples
+from mwd_surface.receiver.link.link_log import log_samples, survey_samples
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.sources import SerialBytes
@@ -254,7 +254,9 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             message.header.frame_id = rig_frame
             self._word.publish(message)
         travel_s = link.attitude.travel_s
-        for sample in log_samples(out.words, link.tool, lambda at: feed.stamp_of(at - travel_s)):
+        samples = [*log_samples(out.words, link.tool, lambda at: feed.stamp_of(at - travel_s))]
+        samples += (sample for heard in out.surveys for sample in survey_samples(heard, link.tool))
+        for sample in samples:
             self._log.publish(dataclasses.replace(sample, frame_id=self.frame(wire.SONDE_FRAME)).to_message(make))
         for frame in out.frames:
             words = [word for word in out.words if word.frame == frame.frame and word.revision]

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The PDF report read back: every printed cell, and its pages counted."""
 
+import dataclasses
 import io
 
 import example_surveys as example
 import pypdf
 import pytest
+from matplotlib.figure import Figure
 
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_pdf import report_pdf
+from mwd_surface.exports.report_section import Drawing, Section
 
 pytestmark = pytest.mark.slow
 
@@ -59,3 +62,29 @@ def test_a_long_list_flows_over_pages_and_repeats_its_titles():
     texts = [page.extract_text() for page in reader.pages]
     assert sum("Inc" in t and "TVD" in t for t in texts) >= 3
     assert reader.metadata.title == "Survey report Åsgard Ω-1, Ω-1 ST0"
+
+
+@pytest.mark.parametrize("wide", [True, False])
+@pytest.mark.parametrize("height_to_width", [0.2, 0.7, 1.0, 3.0])
+def test_a_drawing_lies_whole_on_the_page_of_its_heading(table, height_to_width, wide):
+    def draw():
+        return Figure(figsize=(4.0, 4.0 * height_to_width))
+
+    drawings = tuple(Drawing(caption, draw, wide=wide) for caption in ("caption one", "caption two"))
+    whole = dataclasses.replace(table, sections=(*table.sections, Section("Tall heading", drawings=drawings)))
+    places = []
+    for number, page in enumerate(pypdf.PdfReader(io.BytesIO(report_pdf(whole))).pages):
+
+        def image(operator, operands, current, _text, number=number, page=page):
+            if operator == b"Do":
+                width, _, _, height, x, y = current
+                assert y >= 0.0
+                assert x + width <= float(page.mediabox.width)
+                places.append((number, height / width))
+
+        text = page.extract_text(visitor_operand_before=image)
+        headed = "Tall heading" in text
+        assert headed == ("caption one" in text)
+        if headed:
+            first = number
+    assert (first, pytest.approx(height_to_width, rel=0.01)) in places

@@ -5,16 +5,16 @@ import * as units from "./units.js";
 import { say, t } from "./words.js";
 
 const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "no flow": "idle", "no pressure": "reject" };
-const UNITS = { rad: "angle", T: "field" };
+const UNITS = { rad: "angle", T: "field", degC: "temperature", V: "voltage", gAPI: "gamma" };
 const SAYS = { locked: t("Words arrive"), searching: t("No words yet"), "no flow": t("No mud flows: the tool is silent"), doubtful: t("Words are doubtful"), "no pressure": t("No pressure arrives") };
 const HARMONICS = [1, 2, 3, 6];
 const MOST_PASSES = 12; // shown
 
 function valueText(word) {
-  if (word.unit === "rad") return `${units.number("angle", word.value)}°`;
   if (word.unit === "m/s^2") return `${(word.value / 9.80665).toFixed(4)} g`;
-  if (word.unit in UNITS) return `${units.number(UNITS[word.unit], word.value)} ${units.unit(UNITS[word.unit])}`;
-  return `${Number(word.value.toPrecision(5))} ${word.unit}`;
+  const kind = UNITS[word.unit];
+  if (kind) return `${units.number(kind, word.value)}${kind === "angle" ? "" : " "}${units.unit(kind)}`;
+  return `${Number(word.value.toPrecision(4))} ${word.unit}`;
 }
 
 function wordBox(word) {

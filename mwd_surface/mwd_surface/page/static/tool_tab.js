@@ -68,17 +68,22 @@ function exposure(one) {
   const value = (v) => `${units.number(kind, v)} ${units.unit(kind)}`;
   const share = Math.round(100 * one.dose);
   const level = one.dose >= LIMIT ? "reject" : one.dose >= WARNING ? "doubtful" : "good";
-  const least = one.bins.length ? one.bins[0][0] : 0;
-  const count = one.bins.length ? Math.round((one.bins[one.bins.length - 1][0] - least) / one.width) + 1 : 1;
+  // From the least level, or zero, to the largest level, or the limit.
+  const least = Math.min(0, ...one.bins.map(([low]) => low));
+  const span = Math.max(one.limit ?? 0, ...one.bins.map(([low]) => low + one.width)) - least || one.width;
   const most = Math.max(...one.bins.map((bin) => bin[1]), 1e-9);
-  const wide = WIDE / count;
+  const x = (level) => ((level - least) / span) * WIDE;
+  const y = (seconds) => HIGH * (1 - seconds / most);
+  const bar = ([low, seconds]) => svg("rect", {
+    class: low + one.width > one.limit ? "bin-beyond" : "bin", x: x(low), width: Math.max(1, x(low + one.width) - x(low) - 1), y: y(seconds), height: HIGH - y(seconds),
+  }, svg("title", {}, t`${value(low)} to ${value(low + one.width)}: ${hours(seconds)}`));
   return el("div", { class: "exposure", "data-source": one.source },
     el("p", {}, el("strong", {}, TITLE[one.source] || say(one.source.replaceAll("_", " "))), " ",
       pill(level, t`${share} % of the life used`), " ", one.assumed ? pill("doubtful", t("assumed limits")) : null),
-    svg("svg", { class: "plot", width: WIDE, height: HIGH, role: "img", "aria-label": t`Hours by level, to ${value(one.largest)}` },
-      one.bins.map(([low, seconds]) => svg("rect", {
-        class: low + one.width > one.limit ? "bin-beyond" : "bin", x: ((low - least) / one.width) * wide, width: Math.max(1, wide - 1),
-        y: HIGH - (HIGH * seconds) / most, height: (HIGH * seconds) / most,
-      }, svg("title", {}, t`${value(low)} to ${value(low + one.width)}: ${hours(seconds)}`)))),
+    svg("svg", { class: "plot", width: WIDE, height: HIGH + 16, role: "img", "aria-label": t`Hours by level, to ${value(one.largest)}` },
+      one.bins.map(bar),
+      svg("line", { class: "grid", x1: 0, x2: WIDE, y1: HIGH, y2: HIGH }),
+      svg("text", { class: "tick", x: 0, y: HIGH + 13 }, value(least)),
+      svg("text", { class: "tick", x: WIDE, y: HIGH + 13, "text-anchor": "end" }, value(least + span))),
     el("p", { class: "quiet-text" }, t`now ${value(one.newest)}, largest ${value(one.largest)}, observed ${hours(one.observed)}, limit from ${value(one.limit)}`));
 }

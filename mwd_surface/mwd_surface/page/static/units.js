@@ -32,6 +32,7 @@ const KINDS = {
   count: [[1, 0, 0, ""]],
   voltage: [[1, 0, 1, "V"]],
   current: [[1000, 0, 0, "mA"]],
+  gamma: [[1, 0, 0, "gAPI"]],
   charge: [[1 / 3600, 0, 1, "Ah"]],
   pressure: [[1e-5, 0, 0, "bar"], [1 / 6894.757, 0, 0, "psi"]],
 };

@@ -18,6 +18,7 @@ from mwd_sensors.telemetry.log_channels import (
     carried,
 )
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.link.link_survey import HeardSurvey
 from mwd_surface.receiver.words import ReceivedWord
 
 # The tool's mean ends at a whole second of its clock, SETTLE_S to SETTLE_S + 1 s before the word begins.
@@ -45,10 +46,31 @@ def log_samples(
         if item.channel.source == BATTERY_VOLTAGE and word.value <= 0.0:
             # A tool that sends has a voltage: many tools send 0 for a missing measurement.
             continue
-        # A word with a meaning of its own carries a value of the moment; of a survey, that moment is not known here.
+        # A word with a meaning of its own carries a value of the moment. That of a survey is the time of the survey,
+        # which `survey_samples` knows.
         running = not meanings.meaning_of(word.name)
         if running or word.kind == "toolface":
             yield _sample(word, item, stamp_of(word.start_s), link=tool.link, running=running)
+
+
+def survey_samples(heard: HeardSurvey, tool: ToolConfiguration) -> Iterator[LogSample]:
+    """Yield the samples of the channels whose words came with a survey; they have the time of the survey."""
+    for word, item in carried(tool.logged).items():
+        found = heard.values.get(meanings.meaning_of(word))
+        if found is not None:
+            yield LogSample(
+                heard.at.stamp_ns,
+                item.name,
+                item.channel.unit,
+                0.0,
+                0.0,
+                found.value,
+                found.sigma,
+                sensor_to_bit=item.channel.sensor_to_bit,
+                quality=FROM_WORD,
+                source=item.channel.source,
+                link=tool.link,
+            )
 
 
 def _sample(word: ReceivedWord, item: Carried, sent_ns: int, *, link: str, running: bool) -> LogSample:

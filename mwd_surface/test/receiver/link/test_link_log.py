@@ -10,10 +10,11 @@ from mwd_estimation.downhole.log_sampler import LogSampler
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Transmitter
 from mwd_sensors.core import wire
-from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry import meanings, tool_configuration
 from mwd_sensors.telemetry.log_channels import FROM_WORD
-from mwd_surface.receiver.link.link_log import log_samples
-from mwd_surface.receiver.words import BELIEVED, ERASED, ReceivedWord
+from mwd_surface.receiver.link.link_log import log_samples, survey_samples
+from mwd_surface.receiver.link.link_survey import HeardSurvey, SurveyTime
+from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, ReceivedWord
 
 TOOL = tool_configuration.from_mapping(
     {
@@ -28,12 +29,13 @@ TOOL = tool_configuration.from_mapping(
                 "sensor_to_bit_m": 8.0,
             },
             "inclination": {"source": "inclination", "word": "RINC"},
+            "temperature": {"source": "temperature", "word": "Temp"},
         },
         "words": {
             "Gama": {"bits": 8, "high": 255.0, "unit": "cps"},
             **{name: {"bits": 7, "high": 254.0, "unit": "gAPI"} for name in ("GU", "GR", "GD", "GL")},
         },
-        "survey_sequences": ["Inc:12 Azm:12"],
+        "survey_sequences": ["Inc:12 Azm:12 Temp:8"],
         "toolface_sequences": ["Gama:8 GU:7 GR:7 GD:7 GL:7 RINC:11"],
     }
 )
@@ -124,3 +126,12 @@ def test_only_final_believed_words_of_a_channel_count():
     assert samples([received(gamma, status=ERASED)]) == []
     assert samples([received(gamma, revision=0)]) == []
     assert len(samples([received(gamma)])) == 1
+
+
+def test_words_of_a_survey_give_samples_at_the_time_of_the_survey():
+    """Also in the unit of the channel: the words of a survey are SI when they are believed."""
+    hot = LinkValue(61.3, 0.3, 78, 100.0, 101.0)
+    heard = HeardSurvey(TOOL.link, SurveyTime(T0, 10.0), {meanings.TEMPERATURE: hot, meanings.INCLINATION: hot})
+    (sample,) = survey_samples(heard, TOOL)
+    assert (sample.channel, sample.stamp_ns, sample.value, sample.sigma) == ("temperature", T0, 61.3, 0.3)
+    assert (sample.link, sample.quality, sample.span) == (TOOL.link, FROM_WORD, 0.0)
