@@ -40,7 +40,6 @@ def witsml_log(log: DepthLog, which: str, well: Well) -> bytes:
         *ends,
         "<direction>increasing</direction>",
         f"<indexCurve>{found[0].mnemonic}</indexCurve>",
-        "<nullValue></nullValue>",
         *curves,
         "<logData>",
         f"<mnemonicList>{','.join(column.mnemonic for column in found)}</mnemonicList>",

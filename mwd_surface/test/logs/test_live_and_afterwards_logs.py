@@ -30,6 +30,7 @@ from mwd_surface.runs import simulate
 from mwd_surface.runs.player import Player, recorded_depths
 from mwd_surface.runs.simulate import estimator_settings
 from mwd_surface.surveys.recorded_settings import recorded_settings
+from project import REFERENCE_DATA
 
 pytestmark = pytest.mark.slow
 
@@ -139,6 +140,8 @@ def test_the_bed_stands_at_its_depth_in_every_file(bags, tmp_path):
         # Steps share samples, so their errors are not independent.
         assert np.abs(gamma[part].mean() - true) < 3.0 * sigma[part].mean()
     name = "{http://www.witsml.org/schemas/1series}"
+    schema = etree.XMLSchema(etree.parse(REFERENCE_DATA / "witsml" / "xsd" / "obj_log.xsd"))
+    schema.assertValid(etree.parse(tmp_path / "g.xml"))
     log = etree.parse(tmp_path / "g.xml").getroot().find(f"{name}log")
     at = log.findtext(f"{name}logData/{name}mnemonicList").split(",").index("GR")
     cells = [one.text.split(",")[at] for one in log.iterfind(f"{name}logData/{name}data")]
