@@ -61,13 +61,14 @@ def inspect(
         estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded.estimator)
         own = recorded.estimator if recorded.source else None
         links = recorded_link.topics_of(opened)
-        decoding = f"mwd decode {shlex.quote(str(bag))} --tool TOOL.yaml -o {shlex.quote(str(output))}" if links else ""
+        tool = str(bag / "tool.yaml") if (bag / "tool.yaml").is_file() else "TOOL.yaml"
+        decoding = shlex.join(["mwd", "decode", str(bag), "--tool", tool, "-o", str(output)]) if links else ""
         try:
             found = look_through(opened, input_settings(reading), estimator, output, progress, own)
         except BagError as error:
             if not links:
                 raise
-            terminal.facts([("telemetry", ", ".join(links)), ("no survey", str(error))], 14)
+            terminal.facts([("telemetry", ", ".join(links)), ("no survey", error.sentence)], 14)
             console.print(f"\n{decoding}", markup=False)
             return
         others = [t for t in opened.topics.values() if t.count and t.name not in (*found.topics.all, *links)]
