@@ -6,6 +6,7 @@
 # make fuzz   generated input against every parser, for long (the suite does it for short); INPUTS=500: of so many each
 # make sweep  every scenario with requests of people, live and afterwards: equal lists; SECONDS=100: of so many each
 # make soak   an hour of the graph at ten times its pace with kills, LOSS=0.3: over a network that loses and reorders
+# make font   the font of Chinese texts, a subset of Noto Sans SC
 # make words  the texts of the sources, into the catalogues of the languages
 # make sbom   the locked packages as CycloneDX
 # make deb    out/mwd_*.deb: ROS 2, messages, packages and mwd in /opt/mwd, for machines of this distribution
@@ -22,7 +23,7 @@ CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD
 # check, ROS sends an integer in a field of floats as another number.
 PYTEST = $(CLEAN) ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures tour words lock bench fuzz soak sweep sbom deb clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench fuzz soak sweep sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -70,6 +71,9 @@ config: setup
 
 words: setup
 	@$(BIN)/python .ci/words
+
+font: setup
+	@$(BIN)/python .ci/font
 
 lock: setup
 	@$(BIN)/python .ci/lock

@@ -59,7 +59,6 @@ setup(
         "serial": ["pyserial"],
         "cluster": ["distributed"],
         "foxglove": ["foxglove-sdk"],
-        "chinese": ["pylopdf-fonts-zh-cn"],
     },
     zip_safe=False,
     maintainer="MWD telemetry maintainers",

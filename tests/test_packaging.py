@@ -44,8 +44,8 @@ def test_setup_names_what_the_code_imports(package):
 @pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_setup_names_nothing_that_is_not_imported(package):
-    # Packages that are imported by a name made at run time, or that only contain files.
-    late = {"foxglove-sdk", "pylopdf-fonts-zh-cn"}
+    # A package that is imported by a name made at run time.
+    late = {"foxglove-sdk"}
     assert required(package) - imported(package) <= late
 
 

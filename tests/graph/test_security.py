@@ -25,9 +25,12 @@ from running_graph import until
 
 # What nodes open by their settings only: bursts, other links, rig data in, simulated time.
 OPTIONAL = {
-    "sonde": {"publish": ["gyro/burst", "imu/burst", "rig/earth_voltage", "rig/standpipe_2"], "subscribe": ["/clock"]},
+    "sonde": {
+        "publish": ["gyro/burst", "imu/burst", "rig/coil_voltage", "rig/earth_voltage", "rig/standpipe_2"],
+        "subscribe": ["/clock"],
+    },
     "estimator": {"publish": ["innovations", "tool/transmission"], "subscribe": ["/clock"]},
-    "receiver": {"subscribe": ["/clock", "rig/earth_voltage", "rig/standpipe_2", "rig/strokes"]},
+    "receiver": {"subscribe": ["/clock", "rig/coil_voltage", "rig/earth_voltage", "rig/standpipe_2", "rig/strokes"]},
     "surface": {"publish": ["rig/state"], "subscribe": ["/clock", "innovations"]},
     "probe": {"subscribe": ["/clock"]},
 }

@@ -24,6 +24,7 @@ STROKES = "mwd_msgs/msg/StrokeBurst"
 TOPICS = {
     "mud_pulse": ("rig/standpipe", PRESSURE),
     "em": ("rig/earth_voltage", VOLTAGE),
+    "coil": ("rig/coil_voltage", VOLTAGE),
     "serial": ("rig/serial", SERIAL),
 }
 MOST = 100_000  # most samples in one burst, the bound in the message definition

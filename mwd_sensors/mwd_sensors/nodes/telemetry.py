@@ -3,7 +3,8 @@
 Topics of the simulated telemetry links.
 
 The node subscribes to `tool/transmission`. It publishes `tool/flow` and the signals at the surface: `rig/standpipe` and
-`rig/strokes` for a link through mud, `rig/earth_voltage` for one through the earth, `rig/serial` for a wired tool.
+`rig/strokes` for a link through mud, `rig/earth_voltage` for one through the earth,
+`rig/coil_voltage` for the field of a coil, `rig/serial` for a wired tool.
 """
 
 from __future__ import annotations

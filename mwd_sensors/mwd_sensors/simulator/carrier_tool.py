@@ -17,7 +17,7 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 # Share of a symbol in which the phase changes: a rotor needs time for it, a current source does not.
-_SHIFT = {"mud": 0.1, "earth": 0.0}
+_SHIFT = {"mud": 0.1, "earth": 0.0, "coil": 0.0}
 SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop
 _SIREN_RISE_S = 0.005
 _NO_GAP = 0.05  # largest distance of two spans that count as continuous, symbols; stamps are rounded
@@ -68,7 +68,7 @@ class CarrierStream:
     Parameters
     ----------
     medium : str
-        Medium of the carrier: mud or earth. A mud rotor needs time to change its phase.
+        Medium of the carrier: mud, earth or coil. A mud rotor needs time to change its phase.
     """
 
     def __init__(self, medium: str) -> None:

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.simulator import earth_channel, mud_channel
+from mwd_sensors.simulator import coil_channel, earth_channel, mud_channel
 from mwd_sensors.simulator.carrier_tool import CarrierStream
+from mwd_sensors.simulator.coil_channel import CoilChannel, CoilVoltage, Place
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage
 from mwd_sensors.simulator.mud_channel import MudChannel, Pressure
 from mwd_sensors.simulator.serial_channel import SerialChannel, SerialStream
+from mwd_sensors.telemetry.carrier import Coil
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
 BLOCK_S = 1.0
@@ -30,7 +32,7 @@ class OnAir(NamedTuple):
     Attributes
     ----------
     link : str
-        Name of the link: mud_pulse, em or serial.
+        Name of the link: mud_pulse, em, coil or serial.
     start_s : float
         Time of the start, s of the run.
     edges_s, phases, octets : tuple of float, tuple of float, bytes
@@ -171,6 +173,39 @@ class EarthLink:
         while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
             start = self._voltage.seconds
             blocks.append(Heard("em", start, 1.0 / earth_channel.RATE_HZ, self._voltage.block(), []))
+        return blocks
+
+
+class CoilLink:
+    """
+    Link through the field of a coil, by its strength.
+
+    Parameters
+    ----------
+    channel : CoilChannel
+    coil : Coil
+    place : callable
+        Where the sonde is, and how it points.
+    seed : int
+    """
+
+    def __init__(self, channel: CoilChannel, coil: Coil, place: Place, seed: int) -> None:
+        self._source = CarrierStream("coil")
+        self._voltage = CoilVoltage(channel, coil, place, self._source.drive, seed, BLOCK_S)
+
+    def send(self, signal: OnAir) -> int:
+        """Transmit symbols of the carrier; see `LinkChannel`."""
+        return _add(self._source, signal, self._voltage.seconds)
+
+    def deepen(self, depth_m: float) -> None:
+        """Do nothing: the strength follows the position of the sonde from block to block."""
+
+    def advance(self, until_s: float) -> list[Heard]:
+        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
+        blocks = []
+        while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
+            start = self._voltage.seconds
+            blocks.append(Heard("coil", start, 1.0 / coil_channel.RATE_HZ, self._voltage.block(), []))
         return blocks
 
 

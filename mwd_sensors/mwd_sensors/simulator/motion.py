@@ -121,6 +121,11 @@ class Motion:
         assemble(self.path, bit[1], bit[2], angle, shake, out)
         return out
 
+    def place(self, at_s: float) -> tuple[Array, Array]:
+        """Return position, m, north, east, down, and direction of the tool axis at a time, s; each of shape (3,)."""
+        there = self.at(round(1000.0 * at_s), 1, 1000.0)  # instants are counted, here in milliseconds
+        return there.position_n[0], there.mat_nt[0, :, 0]
+
     @functools.cached_property
     def _per_turn(self) -> PerTurnLines:
         channel, per_turn, phase, amplitude = [], [], [], []

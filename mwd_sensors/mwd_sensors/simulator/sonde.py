@@ -116,6 +116,7 @@ class Sonde:
                 self.motion.timeline,
                 scenario.rig,
                 scenario.seed,
+                self.motion.place,
                 scenario.clock.drift_ppm * 1e-6,
             )
             if scenario.telemetry is not None

@@ -15,8 +15,9 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
+from mwd_sensors.simulator.coil_channel import CoilChannel, Place
 from mwd_sensors.simulator.earth_channel import EarthChannel
-from mwd_sensors.simulator.link_channels import BLOCK_S, EarthLink, Heard, LinkChannel, MudLink, OnAir, WireLink
+from mwd_sensors.simulator.link_channels import BLOCK_S, CoilLink, EarthLink, Heard, LinkChannel, MudLink, OnAir, WireLink
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import wave_speed
 from mwd_sensors.simulator.schedule import Rig, Timeline
@@ -37,6 +38,7 @@ class Telemetry:
     second_tool: ToolConfiguration | None = setting(None, "configuration of a second, simultaneous link; null for none")
     mud: MudChannel = setting(MudChannel, "mud channel of pulses or a siren: line, pumps, noise, valve")
     earth: EarthChannel = setting(EarthChannel, "earth channel of an EM tool: ground, string, electrodes, noise")
+    coil: CoilChannel = setting(CoilChannel, "receiver of the field of a sonde: position, ground, noise")
     serial: SerialChannel = setting(SerialChannel, "errors of the line of a wired tool")
 
     def __post_init__(self) -> None:
@@ -70,11 +72,15 @@ class TelemetryLink:
         Drilling flow and pressure.
     seed : int
         Seed of all noise.
+    place : callable
+        Position and axis of the sonde at a time of the run, s.
     clock : float
         Share by which the tool's clock runs fast.
     """
 
-    def __init__(self, telemetry: Telemetry, timeline: Timeline, rig: Rig, seed: int, clock: float = 0.0) -> None:
+    def __init__(
+        self, telemetry: Telemetry, timeline: Timeline, rig: Rig, seed: int, place: Place, clock: float = 0.0
+    ) -> None:
         self._timeline, self._full, self._clock = timeline, rig.flow_lpm * 1e-3 / 60.0, clock
         self._well = dataclasses.replace(
             telemetry.mud.well,
@@ -82,16 +88,18 @@ class TelemetryLink:
             flow_m3_s=self._full,
             pressure_pa=rig.pressure_bar * 1e5,
         )
-        self._channels = {tool.link: self._channel(telemetry, tool, seed) for tool in telemetry.tools}
+        self._channels = {tool.link: self._channel(telemetry, tool, seed, place) for tool in telemetry.tools}
         self._random = np.random.default_rng(np.random.SeedSequence(seed).spawn(64)[63])
         self._flows = 0
         self._done_s = 0.0
         self.late = 0
 
-    def _channel(self, telemetry: Telemetry, tool: ToolConfiguration, seed: int) -> LinkChannel:
+    def _channel(self, telemetry: Telemetry, tool: ToolConfiguration, seed: int, place: Place) -> LinkChannel:
         if tool.link == "em":
             ground = dataclasses.replace(telemetry.earth.ground, depth_m=self._well.depth_m)
             return EarthLink(dataclasses.replace(telemetry.earth, ground=ground), seed)
+        if tool.link == "coil":
+            return CoilLink(telemetry.coil, tool.coil, place, seed)
         if tool.link == "serial":
             return WireLink(telemetry.serial, tool.serial.baud, seed)
         return MudLink(dataclasses.replace(telemetry.mud, well=self._well), seed, self._flow_share)

@@ -42,8 +42,9 @@ class Carrier:
 
     medium: str = setting(
         "mud",
-        "Medium of the carrier: pressure of the mud (siren, oscillator) or voltage in the earth.",
-        choices=("mud", "earth"),
+        "Medium of the carrier: pressure of the mud (siren, oscillator), voltage in the earth, or the strength of the "
+        "field of a coil.",
+        choices=("mud", "earth", "coil"),
     )
     modulation: str = setting(
         "qpsk",
@@ -51,7 +52,13 @@ class Carrier:
         "dB more.",
         choices=tuple(_BITS_PER_SYMBOL),
     )
-    frequency_hz: float = setting(12.0, "Frequency of the carrier.", unit="Hz", low=0.5, high=200.0)
+    frequency_hz: float = setting(
+        12.0,
+        "Frequency of the carrier; with a coil, that of the change of strength, which carries the symbols.",
+        unit="Hz",
+        low=0.5,
+        high=200.0,
+    )
     symbol_rate_hz: float = setting(
         2.5, "Symbols per second. A lower rate reaches greater depth.", unit="Hz", low=0.1, high=50.0
     )
@@ -99,6 +106,28 @@ class Carrier:
     def block_s(self) -> float:
         """Duration of a block, s."""
         return self.block_symbols / self.symbol_rate_hz
+
+
+@dataclasses.dataclass(frozen=True)
+class Coil:
+    """Transmitting coil of a sonde, wound about the tool axis; its field is changed in strength by the carrier."""
+
+    frequency_hz: float = setting(
+        8025.0,
+        "Frequency of the field. Midway between two harmonics of the mains the receiver is disturbed least.",
+        unit="Hz",
+        low=500.0,
+        high=100_000.0,
+    )
+    moment_a_m2: float = setting(
+        5.0,
+        "Moment of the coil: current times turns times area, with its core. The strength at a distance that is "
+        "measured on the surface gives it (`mwd tool locate --calibrate`).",
+        unit="A m^2",
+        low=1e-4,
+        high=1e4,
+    )
+    depth: float = setting(0.5, "Share by which the strength is changed.", low=0.05, high=1.0)
 
 
 class BlockName(NamedTuple):

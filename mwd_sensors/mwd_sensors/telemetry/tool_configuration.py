@@ -31,7 +31,7 @@ from mwd_sensors.telemetry import (
     sequences,
     serial_frames,
 )
-from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
+from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, Coil, blocks_of
 from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.log_channels import LogChannel
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
@@ -83,6 +83,7 @@ class ToolConfiguration:
     pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
     sync: Sync = setting(Sync, "Pulse pattern that starts a transmission.")
     carrier: Carrier = setting(Carrier, "Carrier and its blocks, for the code psk.")
+    coil: Coil = setting(Coil, "Coil of a sonde, for a carrier with the medium coil.")
     serial: SerialLine = setting(SerialLine, "Line and frames, for the code serial.")
     header_bits: int = setting(
         0, "Bits after the sync with the number of the sequence, from 0; 0 bits always means the first.", low=0, high=6
@@ -203,13 +204,13 @@ class ToolConfiguration:
 
     @property
     def medium(self) -> str:
-        """Medium of the transmission: mud, earth or serial."""
+        """Medium of the transmission: mud, earth, coil or serial."""
         return {"psk": self.carrier.medium, "serial": "serial"}.get(self.code, "mud")
 
     @property
     def link(self) -> str:
-        """Name of the link: mud_pulse, em or serial."""
-        return {"mud": "mud_pulse", "earth": "em", "serial": "serial"}[self.medium]
+        """Name of the link: mud_pulse, em, coil or serial."""
+        return {"mud": "mud_pulse", "earth": "em"}.get(self.medium, self.medium)
 
     @property
     def names_sequences(self) -> bool:

@@ -113,7 +113,7 @@ def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, g
     write_whole(folder / "surveys.csv", word_files.surveys_csv(got.words))
     if configuration.code == "serial":
         return "words.csv, surveys.csv"
-    quantity = picture.VOLTAGE if configuration.medium == "earth" else picture.PRESSURE
+    quantity = picture.VOLTAGE if configuration.medium in ("earth", "coil") else picture.PRESSURE
     drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration, quantity=quantity)
     write_whole(folder / "picture.png", drawn)
     return "words.csv, surveys.csv, picture.png"

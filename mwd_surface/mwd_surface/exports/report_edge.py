@@ -154,10 +154,9 @@ def _translate(figure: Figure, edge: Edge) -> None:
     """Translate the texts of a figure; a text stays English if no font has its characters."""
     from matplotlib.text import Text
 
-    from mwd_surface.plots.fonts import families, lacking
+    from mwd_surface.plots.fonts import lacking
 
     for item in figure.findobj(Text):
         said = edge.drawn(item.get_text())
-        if not lacking(said):
+        if not lacking((said,)):
             item.set_text(said)
-            item.set_fontfamily(list(families()))

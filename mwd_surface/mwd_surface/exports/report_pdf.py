@@ -34,7 +34,7 @@ def report_pdf(table: SurveyTable) -> bytes:
     Raises
     ------
     ValueError
-        No font here has the characters of the language; the message says how to get one. Or the language is unknown.
+        The language is unknown, or no font here has its characters.
     """
     from fpdf import FPDF
 
@@ -42,8 +42,8 @@ def report_pdf(table: SurveyTable) -> bytes:
     said = language(well.language)
     report = for_people(content(table), said, well.units)
     title = report.title
-    if said.entries and fonts.lacking(report.certificate):
-        raise ValueError(f"well.language: no font for {said.name} is installed, which the PDF needs: {fonts.HOW}")
+    if without := fonts.lacking((report.certificate,)):
+        raise ValueError(f"well.language: no font has the characters {without[:20]} of the report: {fonts.HOW}")
 
     class Page(FPDF):  # type: ignore[misc]
         """Pages with the title and the page number."""
@@ -59,11 +59,14 @@ def report_pdf(table: SurveyTable) -> bytes:
             self.cell(0, 5, said.say(f"page {self.page_no()} of {{nb}}"), align="R")
 
     pdf = Page(orientation="landscape", format="A4")
-    main, bold, wide = fonts.main_font(), fonts.main_font(bold=True), fonts.wide_font()
-    if wide is not None and fonts.needs_wide(report.words()):
+    main, bold = fonts.main_font(), fonts.main_font(bold=True)
+    if fonts.needs_wide(report.words()):
         # One font for all texts: fpdf2 2.8 mixes up the glyphs where a cell of two lines changes the font.
-        pdf.add_font(_SPARE, "", main)
-        pdf.set_fallback_fonts([_SPARE], exact_match=False)
+        wide, *others = fonts.wide_fonts()
+        spares = {f"{_SPARE}{k}": path for k, path in enumerate((main, *others))}
+        for name, path in spares.items():
+            pdf.add_font(name, "", path)
+        pdf.set_fallback_fonts([*spares], exact_match=False)
         main = bold = wide
     pdf.add_font(_FONT, "", main)
     pdf.add_font(_FONT, "B", bold)

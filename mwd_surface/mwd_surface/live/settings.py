@@ -110,8 +110,8 @@ class LinkSettings:
     source: str = setting(
         "direct",
         "How attitude and surveys reach the surface. direct: the topics of the tool, as over a wire without limits "
-        "(simulation, bench). mud_pulse, em, serial: the topics link/... of a receiver alone; best: the same, of "
+        "(simulation, bench). mud_pulse, em, coil, serial: the topics link/... of a receiver alone; best: the same, of "
         "several receivers. With any but direct the surface subscribes to nothing else of the tool",
-        choices=("direct", "mud_pulse", "em", "serial", "best"),
+        choices=("direct", "mud_pulse", "em", "coil", "serial", "best"),
         fixed=True,
     )

@@ -39,10 +39,22 @@ def grid(ax: Axes) -> None:
     ax.grid(visible=True, linewidth=0.4, color=GRID_COLOUR)
 
 
+def with_fonts(figure: Figure) -> Figure:
+    """Return the figure with the second font for the texts that have characters which the main font does not have."""
+    from matplotlib.text import Text
+
+    from mwd_surface.plots.fonts import families, needs_wide
+
+    for item in figure.findobj(Text):
+        if needs_wide((item.get_text(),)):
+            item.set_fontfamily(list(families()))
+    return figure
+
+
 def png(figure: Figure, dots_per_inch: int = 130) -> bytes:
     """Return the figure as PNG bytes; the same figure gives the same bytes."""
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=dots_per_inch, metadata={"Software": None})
+    with_fonts(figure).savefig(out, format="png", dpi=dots_per_inch, metadata={"Software": None})
     return out.getvalue()
 
 
@@ -52,7 +64,7 @@ def svg(figure: Figure) -> str:
 
     out = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "mwd", "svg.fonttype": "path"}):
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+        with_fonts(figure).savefig(out, format="svg", metadata={"Date": None, "Creator": None})
     return out.getvalue()
 
 

@@ -1,28 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Fonts of reports and plots: DejaVu, which comes with matplotlib, and a second one with Chinese characters, if any.
+Fonts of reports and plots: DejaVu, which comes with matplotlib, and one with Chinese characters, which comes with us.
 
-A font with Chinese characters has several megabytes, so none comes with this package. `pip install
-pylopdf-fonts-zh-cn` (Noto Sans SC, 17 MB, SIL Open Font License) installs one. Chinese fonts of the system work too.
+The second is a subset of Noto Sans SC (SIL Open Font License) that `make font` writes: the 3755 characters of level 1
+of GB/T 2312, those of the catalogues, and common ones of names. The page uses the same file. Rarer characters come from
+a whole font of the system, if it has one.
 """
 
 from __future__ import annotations
 
 import functools
-import importlib.resources
-import importlib.util
 from collections.abc import Iterable
 from pathlib import Path
 
 MAIN = "DejaVu Sans"
-HOW = (
-    "pip install pylopdf-fonts-zh-cn, or a font of the system such as the Debian package fonts-noto-cjk or "
-    "fonts-droid-fallback"
-)
-_PACKAGE = "pylopdf_fonts_zh_cn"
+HOW = "install a font with them, such as the Debian package fonts-noto-cjk"
+WIDE = Path(__file__).resolve().parents[1] / "page" / "static" / "vendor" / "NotoSansSC-subset.otf"
 _FAMILIES = (
-    *("Noto Sans SC", "Noto Sans CJK SC", "Source Han Sans SC", "Source Han Sans CN", "Droid Sans Fallback"),
-    *("WenQuanYi Micro Hei", "WenQuanYi Zen Hei", "Microsoft YaHei", "SimHei", "PingFang SC"),
+    *("Noto Sans SC", "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "Source Han Sans CN"),
+    *("Droid Sans Fallback", "WenQuanYi Micro Hei", "WenQuanYi Zen Hei", "Microsoft YaHei", "SimHei", "PingFang SC"),
 )
 
 
@@ -34,16 +30,12 @@ def main_font(*, bold: bool = False) -> Path:
 
 
 @functools.cache
-def wide_font() -> Path | None:
-    """Return the file of a font with Chinese characters, from the package or the system; None if there is none."""
-    if importlib.util.find_spec(_PACKAGE) is not None:
-        path = Path(str(importlib.resources.files(_PACKAGE))) / "NotoSansSC-Regular.otf"
-        if path.exists():
-            return path
+def wide_fonts() -> tuple[Path, ...]:
+    """Return the files of fonts with Chinese characters: the one of this package, then one of the system, if any."""
     from matplotlib.font_manager import fontManager
 
     known = {font.name: font.fname for font in fontManager.ttflist}
-    return next((Path(known[name]) for name in _FAMILIES if name in known), None)
+    return (WIDE, *[Path(known[name]) for name in _FAMILIES if name in known][:1])
 
 
 @functools.cache
@@ -51,25 +43,30 @@ def families() -> tuple[str, ...]:
     """Return the families for the texts of a figure, the main one first."""
     from matplotlib.font_manager import FontProperties, fontManager
 
-    path = wide_font()
-    if path is None:
-        return (MAIN,)
-    fontManager.addfont(path)
-    return (MAIN, str(FontProperties(fname=str(path)).get_name()))
+    paths = wide_fonts()
+    for path in paths:
+        fontManager.addfont(path)
+    return (MAIN, *(str(FontProperties(fname=str(path)).get_name()) for path in paths))
 
 
 @functools.cache
-def _characters() -> frozenset[int]:
+def _characters(path: Path) -> frozenset[int]:
     from matplotlib.ft2font import FT2Font
 
-    return frozenset(FT2Font(str(main_font())).get_charmap())
+    return frozenset(FT2Font(str(path)).get_charmap())
 
 
 def needs_wide(texts: Iterable[str]) -> bool:
     """Return whether a text has characters that the main font does not have."""
-    return any(ord(letter) not in _characters() for text in texts for letter in text if letter.isprintable())
+    return bool(_without(texts, (main_font(),)))
 
 
-def lacking(text: str) -> bool:
-    """Return whether a text has characters that the main font does not have, and there is no wide font."""
-    return wide_font() is None and needs_wide((text,))
+def lacking(texts: Iterable[str]) -> str:
+    """Return the characters of texts that no font here has."""
+    return _without(texts, (main_font(), *wide_fonts()))
+
+
+def _without(texts: Iterable[str], fonts: Iterable[Path]) -> str:
+    known = frozenset[int]().union(*map(_characters, fonts))
+    letters = {letter for text in texts for letter in text if letter.isprintable()}
+    return "".join(sorted(letter for letter in letters if ord(letter) not in known))

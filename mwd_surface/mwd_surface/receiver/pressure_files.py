@@ -62,7 +62,7 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", c
     topic : str
         Topic to read from a recording that has several pressure topics.
     link : str
-        mud_pulse or em: the link to read from a recording.
+        mud_pulse, em or coil: the link to read from a recording.
     columns : str
         Columns of a table, as `pressure_table.columns_of` reads them.
 

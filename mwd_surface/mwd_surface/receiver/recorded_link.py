@@ -36,7 +36,7 @@ def read(path: Path, link: str, topic: str = "") -> RecordedLink:
     ----------
     path : Path
     link : str
-        mud_pulse, em or serial.
+        mud_pulse, em, coil or serial.
     topic : str
         Name of the topic or its end; empty selects the usual topic.
 

@@ -37,6 +37,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "rig/standpipe_2": (msg.PressureBurst, EVENT),
     "rig/strokes": (msg.StrokeBurst, EVENT),
     "rig/earth_voltage": (msg.VoltageBurst, EVENT),
+    "rig/coil_voltage": (msg.VoltageBurst, EVENT),
     "rig/serial": (msg.SerialBurst, EVENT),
     "tool/flow": (msg.ToolFlow, EVENT),
     "tool/status": (msg.ToolStatus, STREAM),

@@ -42,6 +42,7 @@ _JUDGED_WORDS = 40
 _NO_INPUT = {
     "mud": "no pressure arrives: look at the gauge and its cable",
     "earth": "no voltage arrives: look at the antenna and its cable",
+    "coil": "no voltage arrives: look at the receiver of the sonde's field and its cable",
     "serial": "no bytes arrive: look at the line, its port and the power of the probe",
 }
 
@@ -97,7 +98,7 @@ class Link:
     tool : ToolConfiguration
         Tool configuration, the same as in the tool.
     name : str
-        mud_pulse, em or serial.
+        mud_pulse, em, coil or serial.
     rules : AgeRules
     stamp_ns : callable
         Converts a time on the clock of the samples, s, to a stamp, ns.
@@ -387,7 +388,7 @@ class ToolFlow:
             self._since_s = self._switch.since_ns / NANOSECONDS if changed else self._since_s
         self._at_s, self._changing = at_s, above != self._switch.on
         self._rate = self._rate if self._changing else rate
-        if changed and self._tool.medium == "earth":
+        if changed and self._tool.medium in ("earth", "coil"):
             self.spans.switch(self._since_s, above)
 
     def take_word(self, start_s: float) -> None:
