@@ -138,6 +138,8 @@ class Clearance:
     rule : ClearanceRule
     not_compared : tuple of NotCompared
         Parts of both wells above the compared paths.
+    other : UncertainWell or None
+        The other well, for drawings.
     """
 
     name: str
@@ -150,6 +152,7 @@ class Clearance:
     bearing: Array
     rule: ClearanceRule
     not_compared: tuple[NotCompared, ...] = ()
+    other: UncertainWell | None = None
 
     @property
     def least(self) -> int:
@@ -217,6 +220,7 @@ def clearance(
     for well in (reference, offset):
         check_plausible(well, rule)
     missing = _above(reference, shared_to) + _above(offset, shared_to)
+    other = offset
     if shared_to is None:
         _check_apart(reference, offset)
     else:
@@ -237,7 +241,7 @@ def clearance(
     rows = [_rows(ahead, ahead.ref, ahead.off), _rows(back, back.off, back.ref)[kept]]
     table = np.concatenate(rows)
     md, offset_md, distance, allowed, factor, toolface, bearing = table[np.argsort(table[:, 0], kind="stable")].T
-    return Clearance(offset.name, md, offset_md, distance, allowed, factor, toolface, bearing, rule, missing)
+    return Clearance(offset.name, md, offset_md, distance, allowed, factor, toolface, bearing, rule, missing, other)
 
 
 def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:

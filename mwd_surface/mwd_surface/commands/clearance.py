@@ -38,10 +38,10 @@ def clearance(
     """
     Compare a well with its offset wells: separation factor, distance, directions.
 
-    Writes DIR/clearance.csv, DIR/ladder.png and DIR/travelling_cylinder.png. The offset wells are given in a YAML file:
-    wells, each with name, file, north_m and east_m of its wellhead, hole_diameter_m, and code or programme; rule, with
-    its factors; hole_diameter_m and ahead_m. Ends with status 1 if a factor at the bit or ahead of it is below the
-    level that stops drilling, or if a well of the file could not be compared.
+    Writes DIR/clearance.csv, and DIR/ladder.png, DIR/travelling_cylinder.png and DIR/plan_view.png. The offset wells
+    are given in a YAML file: wells, each with name, file, north_m and east_m of its wellhead, hole_diameter_m, and code
+    or programme; rule, with its factors; hole_diameter_m and ahead_m. Ends with status 1 if a factor at the bit or
+    ahead of it is below the level that stops drilling, or if a well of the file could not be compared.
 
     \b
     Examples:
@@ -57,7 +57,7 @@ def clearance(
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences
-    from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
+    from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder
     from mwd_surface.plots.drawing import png
     from mwd_surface.surveys.survey_source import surveys_of
 
@@ -75,6 +75,7 @@ def clearance(
         "clearance.csv": clearance_csv(near.found),
         "ladder.png": png(ladder(near.found)),
         "travelling_cylinder.png": png(travelling_cylinder(near.found)),
+        "plan_view.png": png(plan_view(near)),
     }
     _show(near.found)
     for one in near.ahead()[:1]:

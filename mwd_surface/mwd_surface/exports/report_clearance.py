@@ -11,7 +11,7 @@ from mwd_surface.clearance.clearance import Clearance, Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
 from mwd_surface.list_files.remark import sentences
-from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
+from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder
 from mwd_surface.signals.cells import fixed, typed
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
@@ -76,6 +76,10 @@ def clearance_section(near: WellClearance) -> Section:
     drawings = (
         Drawing("Separation factor and distance along the hole", lambda: ladder(near.found), wide=True),
         Drawing("Travelling cylinder: toolface + azimuth", lambda: travelling_cylinder(near.found)),
+        Drawing(
+            "Plan view with offset wells; ellipses at 2 sigma, at the points nearest by the rule",
+            lambda: plan_view(near),
+        ),
     )
     sheets = (sheet, ahead_sheet(near))
     return Section(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plots of clearance: the ladder plot along the hole and the travelling cylinder around it."""
+"""Plots of clearance: the ladder along the hole, the travelling cylinder around it, and the plan view of all wells."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mwd_sensors.core import minimum_curvature
 from mwd_sensors.core.arrays import Array
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
+from mwd_surface.clearance.well_clearance import WellClearance
 from mwd_surface.plots.drawing import BAD, DOUBTFUL, SERIES, finish_axes, grid
+from mwd_surface.uncertainty.position_covariance import ellipse
+from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
 _MOST = 12  # largest number of wells drawn; more would hide each other
 # The axis ends at this factor.
 _FAR = 10.0
+_ELLIPSE_SIGMAS = 2.0
 
 
 def ladder(found: Sequence[Clearance]) -> Figure:
@@ -78,6 +83,61 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
     grid(ax)
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.12, -0.05), frameon=False)
     return figure
+
+
+def plan_view(near: WellClearance) -> Figure:
+    """
+    Draw the well and its offset wells from above, around the nearest points by the rule.
+
+    The hole ahead of the last survey is dashed. Where an offset well is nearest by the rule, a line joins both wells,
+    and each has its ellipse at 2 sigma.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 6.2), layout="constrained")
+    ax: Any = figure.subplots()
+    well = near.well
+    depths, whole = _dense(well)
+    for ahead, line in ((False, "-"), (True, "--")):
+        part = whole[depths >= near.surveyed] if ahead else whole[depths <= near.surveyed]
+        ax.plot(part[:, 1], part[:, 0], line, color="k", linewidth=1.8, label="" if ahead else well.name or "well")
+    close = []
+    for k, one in enumerate(near.found[:_MOST]):
+        if one.other is None:
+            continue
+        colour, line = _style(k)
+        path = _dense(one.other)[1]
+        ax.plot(path[:, 1], path[:, 0], line, color=colour, linewidth=1.2, label=one.name)
+        ends = [_at(of, float(md[one.least])) for of, md in ((well, one.md), (one.other, one.offset_md))]
+        ax.plot([ends[0][0][1], ends[1][0][1]], [ends[0][0][0], ends[1][0][0]], "-", color=colour, linewidth=0.7)
+        for place, covariance in ends:
+            # North, east -> east, north as the axes of the map.
+            outline = ellipse(covariance[:2, :2][::-1, ::-1], _ELLIPSE_SIGMAS).outline() + place[[1, 0]]
+            ax.plot(outline[:, 0], outline[:, 1], color=colour, linewidth=0.7)
+            close.append(outline)
+    ax.set(xlabel="east, m", ylabel=f"north ({well.north.name.lower()}), m")
+    if close:
+        points = np.concatenate([*close, whole[-1:, [1, 0]]])
+        middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.7 * float(np.ptp(points, axis=0).max())
+        ax.set_xlim(middle[0] - half, middle[0] + half)
+        ax.set_ylim(middle[1] - half, middle[1] + half)
+    ax.set_aspect("equal", adjustable="box")
+    grid(ax)
+    ax.legend(fontsize=8, frameon=False, loc="best")
+    return figure
+
+
+def _dense(well: UncertainWell) -> tuple[Array, Array]:
+    """Return dense measured depths, m, shape (n,), and positions, m, shape (n, 3), to draw the path as arcs."""
+    md = np.unique(np.concatenate([well.md, np.linspace(well.md[0], well.md[-1], 400)]))
+    return md, minimum_curvature.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)[2]
+
+
+def _at(well: UncertainWell, md: float) -> tuple[Array, Array]:
+    """Return position, m, shape (3,), and covariance, m^2, shape (3, 3), of a depth; that of the station before it."""
+    place = minimum_curvature.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)[2]
+    station = max(int(np.searchsorted(well.md, md + 1e-6)) - 1, 0)
+    return place, well.covariance()[station]
 
 
 def _style(k: int) -> tuple[str, str]:

@@ -46,7 +46,7 @@ def test_table_and_pictures_are_written_and_stop_is_a_status(folder):
     rows = read(folder / "out" / "clearance.csv")
     assert [rows[0]["offset_well"], rows[-1]["offset_well"]] == ["A-3", "A-2"]
     assert {row["level"] for row in rows} >= {"stop", "clear"}
-    for name in ("ladder.png", "travelling_cylinder.png"):
+    for name in ("ladder.png", "travelling_cylinder.png", "plan_view.png"):
         assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")
 
 

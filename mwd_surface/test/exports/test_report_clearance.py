@@ -4,6 +4,7 @@
 import dataclasses
 
 import example_surveys as example
+import numpy as np
 import pytest
 
 from mwd_surface.clearance.clearance import Level
@@ -13,6 +14,7 @@ from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.report_section import GOOD, REJECT
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.plots.clearance_plots import plan_view
 from mwd_surface.trajectory.plan_file import read_plan
 
 WELLS = """
@@ -47,6 +49,22 @@ def test_each_well_has_a_line_for_the_whole_path_and_one_ahead(folder):
     assert float(rows[1][2]) >= 630.0
     assert "below 1.25" in section.text[0] or "below 1.25 a warning" in section.text[0]
     assert any("A-4" in text for text in remarks)
+
+
+@pytest.mark.slow
+def test_the_plan_view_shows_each_compared_well_and_joins_the_nearest_points(folder):
+    near = well_clearance(surveys(folder), read_offset_wells(folder / "wells.yaml"), None)
+    (axes,) = plan_view(near).axes
+    _, names = axes.get_legend_handles_labels()
+    assert names[1:] == [one.name for one in near.found]
+    joins = [line.get_xydata() for line in axes.get_lines() if len(line.get_xydata()) == 2]
+    assert len(joins) == len(near.found)
+    for one, (here, there) in zip(near.found, joins, strict=True):
+        assert np.hypot(*(here - there)) <= one.distance[one.least] + 1e-6
+        # Both ends lie in the picture.
+        for place in (here, there):
+            assert axes.get_xlim()[0] <= place[0] <= axes.get_xlim()[1]
+            assert axes.get_ylim()[0] <= place[1] <= axes.get_ylim()[1]
 
 
 def test_the_position_ahead_grows_worse_from_the_last_survey_over_the_bit_along_the_plan(folder):
