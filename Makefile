@@ -3,6 +3,8 @@
 # make check  lint, types and the fast tests, before each commit
 # make test-ubuntu  the same tests with the versions of Ubuntu 24.04's Python packages, on Python 3.12
 # make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
+# make papers  the tables and figures of the papers S0, S1 and S3, computed next to the printed values: docs/papers.md
+# make cortex  instructions of S3's filters on a Cortex-M3, in emulation (needs gcc-arm-none-eabi and qemu-system-arm)
 # make fuzz   generated input against every parser, for long (the suite does it for short); INPUTS=500: of so many each
 # make sweep  every scenario with requests of people, live and afterwards: equal lists; SECONDS=100: of so many each
 # make soak   an hour of the graph at ten times its pace with kills, LOSS=0.3: over a network that loses and reorders
@@ -23,7 +25,7 @@ CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD
 # check, ROS sends an integer in a field of floats as another number.
 PYTEST = $(CLEAN) ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench fuzz soak sweep sbom deb clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak sweep sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -51,6 +53,12 @@ test-ubuntu:
 bench: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check --require-hashes -r .ci/bench.lock
 	@$(CLEAN) $(BIN)/python tests/benchmarks/bench.py $(if $(ONLY),--only $(ONLY))
+
+papers: setup
+	@$(CLEAN) PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/papers.py $(if $(ONLY),--only $(ONLY))
+
+cortex: setup
+	@$(CLEAN) PYTHONPATH=tests OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/cortex_m3/instruction_count.py
 
 docs: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check --require-hashes -r .ci/docs.lock

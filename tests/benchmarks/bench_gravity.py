@@ -6,8 +6,8 @@ Gravity while drilling: our methods, the papers' and the peers on the same data 
 
 Accuracy after 10 s on the eleven benchmark scenarios, as they are and with the errors of calibration taken out, on four
 BROAD trials; honesty of sigma there and on scenarios drawn at random; speed per sample as a ratio to VQF's C++ in the
-same run, and the tables of S3, paper beside ours. Peers: vqf, imufusion, ahrs from PyPI; those that are not installed
-are left out by name.
+same run. Peers: vqf, imufusion, ahrs from PyPI; those that are not installed are left out by name. The tables of S3
+stand in docs/papers.md.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from consistency import consistency
-from mwd_estimation.gravity import fuzzy_mahony, smoother
 from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings
@@ -400,63 +400,6 @@ def speed() -> list[str]:
     return out + [f"| {name} | {' | '.join(row)} |" for name, row in cells.items()]
 
 
-def paper_tables() -> list[str]:
-    """S3's tables 1 to 3 and its rotation experiment, paper beside ours."""
-    out = ["| S3 table 1, step of k_p at the corners | paper | ours |", "|---|---|---|"]
-    names = {-0.06: "NM", -0.03: "NS", 0.0: "Z", 0.03: "PS", 0.06: "PM"}
-    paper = (("PM", "PS", "NS"), ("Z", "Z", "NS"), ("Z", "NS", "NM"))
-    for i, rpm in enumerate((0.0, 100.0, 200.0)):
-        steps = [fuzzy_mahony.fuzzy_step(a, rpm) for a in (0.0, 25.0, 50.0)]
-        got = " ".join(names[round(step, 6) + 0.0] for step in steps)
-        out.append(f"| {rpm:.0f} r/min | {' '.join(paper[i])} | {got} |")
-    t, w, f, down = drilled(SCENARIOS / "s3_rotation.yaml", {})
-    turning = np.abs(w[:, 0]) > 10.0
-    out += ["", "| S3 rotation, inclination error, deg | paper | ours, rms | ours, largest |", "|---|---|---|---|"]
-    for label, name, reported in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
-        error = (inclination(ours(name)(t, w, f)) - inclination(down))[turning]
-        out.append(f"| {label} | {reported} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
-    # The paper's raw deviation shows how little of the 50 m/s^2 its sensor let through; its gyro had no bias to learn.
-    sensed = {"low_hz": 10.0, "high_hz": 150.0, "period_s": 332.0, "acceleration_mps2": [0.13, 0.2, 3.35]}
-    matched: dict[str, Any] = {
-        "ahrs": {"grade": "mti3_calibrated", "changes": {"gyro": {"bias_deg_h": 0.0}}},
-        "vibration": {"sweeps": [{**sensed, "rate_deg_s": [0.0, 0.2, 0.0]}]},
-    }
-    t, w, f, _ = drilled(SCENARIOS / "s3_vibration.yaml", {})
-    out += [
-        "",
-        f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours, all measured | ours, as much measured |",
-    ]
-    out.append("|---|---|---|---|")
-    for label, name, reported in (
-        ("raw", "raw", "0.8269 / 0.6586"),
-        ("S3", "s3", "0.0068 / 0.0379"),
-        ("Kalman", "kalman", "0.0902 / 0.0485"),
-        ("bounded", "bounded", ""),
-    ):
-        cells = []
-        for changes in ({}, matched):
-            t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", changes)
-            error = (inclination(ours(name)(t, w, f)) - inclination(down))[t - t[0] > SKIP_NS]
-            cells.append(f"{abs(error.mean()):.4f} / {error.std():.4f}")
-        out.append(f"| {label} | {reported} | {' | '.join(cells)} |")
-    out += ["", "| S3 table 3, per update called alone, us | paper (MATLAB, PC) | ours |", "|---|---|---|"]
-    for label, name, reported in (("S3", "s3", "38.3"), ("Kalman", "kalman", "56.3"), ("bounded", "bounded", "")):
-        out.append(f"| {label} | {reported} | {alone(name, t, w, f):.1f} |")
-    return out
-
-
-def alone(name: str, t: NDArray[np.int64], w: Array, f: Array, count: int = 1000) -> float:
-    """Time of one call with one sample, us, mean over `count` calls as S3 did."""
-    method = gravity.method(name)
-    params = method.Params()
-    state = method.initial(params)
-    method.run(params, state, t[:1], w[:1], f[:1])
-    begin = time.perf_counter()
-    for k in range(1, count + 1):
-        method.run(params, state, t[k : k + 1], w[k : k + 1], f[k : k + 1])
-    return (time.perf_counter() - begin) / count * 1e6
-
-
 def main(seeds: int = 3) -> list[str]:
     """Print all tables; returns their Markdown rows. Honesty takes four times the seeds."""
     rows = methods()
@@ -481,7 +424,6 @@ def main(seeds: int = 3) -> list[str]:
         lambda: real(rows),
         honest_on_broad,
         speed,
-        paper_tables,
     ):
         part = table()
         print("\n".join(part), end="\n\n", flush=True)

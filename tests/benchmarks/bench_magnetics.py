@@ -3,7 +3,7 @@
 Monte Carlo of azimuths by single magnetic methods: error, sigma and NEES, as Markdown.
 
 Multi-station runs are of two kinds: with the small errors that the figures of the compared tool can be reproduced with,
-and with every error as large as the tool code has it. Then S0's table. Surveys as they are decided: bench_surveys.py.
+and with every error as large as the tool code has it. Surveys as they are decided: bench_surveys.py.
 ``nice -n 10 python tests/benchmarks/bench_magnetics.py [RUNS]``; 200 runs, as it comes, take a minute on one core.
 """
 
@@ -16,12 +16,10 @@ from collections.abc import Callable
 import numpy as np
 from test_multi_station_analysis import QUIET, drawn_run
 
-from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.surveys import multi_station_analysis
 
 DEG = math.radians(1.0)
@@ -29,7 +27,6 @@ MSA_HEAD = (
     "| run of 40 stations | errors | raw | single station | multi-station "
     "| its sigma | NEES | refused | compared tool |"
 )
-S0_HEAD = "| axial interference nT | raw, S0 | raw, ours | corrected, S0 | corrected, ours | its sigma |"
 
 
 def rms(values: Array) -> float:
@@ -76,31 +73,6 @@ def multi(kind: str, small: bool, runs: int) -> str:
     return f"| {name} | {'small' if small else 'tool code'} | " + " | ".join(words) + " |"
 
 
-def s0_rows() -> list[str]:
-    """Rows of S0's table 1: 40 uT, dip 12 deg, the tool at 67 deg inclination and 42 deg from magnetic north."""
-    total, dip = 4e-5, 12.0 * DEG
-    mat_tn = mat_nt(67.0 * DEG, 42.0 * DEG, 112.0 * DEG).T
-    f_t = mat_tn @ np.array([0.0, 0.0, -9.81])
-    reference = Reference(total, dip, 0.0, 0.0, 9.81, "S0")
-    table = []
-    for axial_nt, paper in ((20000.0, 28.87), (40000.0, 21.67), (80000.0, 14.30)):
-        b_t = mat_tn @ np.array([total * math.cos(dip), 0.0, total * math.sin(dip)]) + [axial_nt * 1e-9, 0.0, 0.0]
-        done = axial_correction.axial_correction(
-            f_t,
-            b_t,
-            reference.horizontal,
-            reference.vertical,
-            SensorErrors().covariance(f_t, b_t),
-            reference.covariance,
-        )
-        table.append(
-            f"| {axial_nt:g} | {paper:.2f} | {math.degrees(float(magnetic_geometry.raw_azimuth(f_t, b_t))):.2f} "
-            "| 42.00 | "
-            f"{math.degrees(float(done.azimuth)):.2f} | {math.degrees(float(done.sigma_azimuth)):.2f} |"
-        )
-    return table
-
-
 def rows(runs: int = 200, progress: Callable[[str], None] | None = None) -> list[str]:
     """All Markdown rows of the tables, titles and heads first."""
     table: list[str] = []
@@ -118,8 +90,6 @@ def rows(runs: int = 200, progress: Callable[[str], None] | None = None) -> list
     for small in (True, False):
         for kind in ("build", "east-west"):
             add(multi(kind, small, max(runs // 4, 2)))
-    head("S0, table 1: azimuth by one station, deg", S0_HEAD)
-    add(*s0_rows())
     return table
 
 

@@ -46,17 +46,35 @@ class Reading:
 
 @dataclasses.dataclass(frozen=True)
 class ToolStation:
-    """One station: measured depth, m, the readings of both tools, and the truth of the simulation."""
+    """
+    One survey: measured depth, m, the readings of both tools, and the truth of the simulation.
+
+    automatic: the tool took the survey by itself; accepted: its azimuth was accepted.
+    """
 
     measured_depth: float
     conventional: Reading
     gyro: Reading
     truth: Reading
+    automatic: bool
+    accepted: bool
 
 
 def compared(story: Scenario) -> list[ToolStation]:
     """
-    Return the stations of a scenario as both tools survey them.
+    Return the stations of a scenario as both tools survey them: the last survey of each.
+
+    Raises
+    ------
+    ValueError
+        As `surveyed`.
+    """
+    return last_of_each_station(surveyed(story))
+
+
+def surveyed(story: Scenario) -> list[ToolStation]:
+    """
+    Return every survey at rest in a scenario, in the order of depth and time, those that the tool takes by itself too.
 
     Raises
     ------
@@ -87,14 +105,19 @@ def compared(story: Scenario) -> list[ToolStation]:
     found += pipeline.finish().surveys
     rows, samples = np.concatenate(truth), np.concatenate(precision)
     stations = [_station(one, rows, samples) for one in found if one.kind == STATIC]
+    if not stations:
+        raise ValueError(f"{story.name}: no survey is taken in it")
+    return sorted(stations, key=lambda one: one.measured_depth)
+
+
+def last_of_each_station(surveys: list[ToolStation]) -> list[ToolStation]:
+    """Return of surveys in the order of depth and time the last one of each station."""
     last: list[ToolStation] = []
-    for station in sorted(stations, key=lambda one: one.measured_depth):
+    for station in surveys:
         if last and station.measured_depth - last[-1].measured_depth < _SAME:
             last[-1] = station
         else:
             last.append(station)
-    if not last:
-        raise ValueError(f"{story.name}: no survey is taken in it")
     return last
 
 
@@ -115,6 +138,8 @@ def _station(one: DecidedSurvey, truth: Samples, precision: Samples) -> ToolStat
         Reading(survey.inclination, *_azimuth(survey, AzimuthMethod.RAW)),
         Reading(float(inclination(mean)), *_azimuth(survey, AzimuthMethod.GYRO)),
         Reading(float(at["inclination"]), float(at["azimuth"])),
+        automatic=not survey.requested,
+        accepted=one.station.verdicts.azimuth == "accept",
     )
 
 
