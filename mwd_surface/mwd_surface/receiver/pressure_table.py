@@ -3,7 +3,8 @@
 Columns of time and pressure in a table as a rig writes it: names, units and times of any usual kind.
 
 The table layer of the lists finds encoding, separator, names and units in the first lines; the rows, which may be many
-millions, are read by Arrow. A cell that is not a number is a missing sample and is counted.
+millions, are read by Arrow. A cell that is not a number is a missing sample and is counted. A historian writes a row
+for each value of each of its tags (time, tag, value, quality); the rows of the tag of the pressure are the samples.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import check_regular, read_file
-from mwd_surface.list_files.grid_file import is_spreadsheet
+from mwd_surface.list_files.grid_file import Row, is_spreadsheet
 from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.number_cells import NULL_NUMBERS, Cell, decimal_mark, looks_like_number, split
 from mwd_surface.list_files.table import Table, table_of
-from mwd_surface.receiver import table_times
+from mwd_surface.receiver import json_columns, table_times
 
+_TITLES = 100  # lines of titles above the names
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
 _FULL_SCALE = 1.0e7  # Pa of a gauge whose range is not known: 20 mA, or 1 in a WAV
 # A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR).
@@ -42,16 +44,22 @@ PRESSURES = {
     "bars": 1e5,
     "psi": 6894.757293168,
     "psig": 6894.757293168,
+    "psia": 6894.757293168,
+    "ksi": 6_894_757.293168,
+    "hpa": 100.0,
     "atm": 101_325.0,
+    "at": 98_066.5,
     "kgcm": 98_066.5,
+    "kgfcm": 98_066.5,
     "v": 1.0,
     "mv": 1e-3,
     "ma": 1e-3,
 }
+_SAID = ("date", "time", "pressure", "pump", "rate", "decimal", "tag", "value")
 _DECIMAL_MARKS = {"comma": ",", "point": "."}
 _TIME = re.compile(
     r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source )?"
-    r"(?:time ?stamp|time|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|"
+    r"(?:time ?stamp|time|ts|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|"
     r"tiempo|hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b"
 )
 _DATE = re.compile(r"^(?:date|day|日期|datum|fecha|dato|data|дата)\b")
@@ -63,7 +71,17 @@ _ELSEWHERE = re.compile(
 )
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
-_BAD_QUALITY = 64  # an OPC quality below it is bad
+_BAD_QUALITY = 64  # a quality below it is bad, by the numbers of OPC and in percent
+_GOOD_QUALITIES = {192.0, 216.0, 100.0}
+# Columns of a table with a row for each value of each tag.
+_TAG = re.compile(
+    r"^(?:tag|point|channel|sensor|signal|mnemonic|parameter|variable|metric|measurement|item|node|curve|topic|name|id|messstelle|kanal|canal|etiqueta|标签|测点|位号)"
+    r"(?: ?(?:name|id|no|number|path))?$"
+)
+_VALUE = re.compile(
+    r"^(?:data |process |raw |average |avg )?(?:value|values|val|reading|result|wert|valor|valeur|verdi|值|数值)$"
+)
+_UNIT = re.compile(r"^(?:unit|units|uom|eu|eng(?:ineering)? units?|einheit|unidad|unité|单位)$")
 _MARKS = re.compile(r"[^\w./%]+|_")
 _NUMBER = r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$"
 _GROUPED = r"^[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?$"
@@ -94,10 +112,11 @@ def columns_of(text: str) -> dict[str, str]:
     for part in filter(None, text.split(",")):
         quantity, equals, column = part.partition("=")
         quantity = quantity.strip().lower()
-        if not equals or quantity.partition("_")[0] not in ("date", "time", "pressure", "pump", "rate", "decimal"):
+        if not equals or quantity.partition("_")[0] not in _SAID:
             raise ValueError(
                 f"--columns {part}: write time=NAME, date=NAME or pressure_bar=NAME, where a number counts columns from"
-                " 1; rate_hz=50 for rows without times; decimal=comma or decimal=point"
+                " 1; tag=NAME and value=NAME for rows of several tags, of which pressure_bar names one; rate_hz=50 for"
+                " rows without times; decimal=comma or decimal=point"
             )
         pairs[quantity] = column.strip()
         if quantity.startswith("decimal"):
@@ -130,10 +149,13 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     """
     file = _TableFile(path, columns)
     column = file.pressure(gauge)
-    times = file.times()
+    times = file.times(column)
     quality = file.found("quality", _QUALITY)[:1]
     cells = file.cells([*times, column, *quality])
     pressure, notes = file.numbers(cells[len(times)], column)
+    if file.is_cut(column):
+        pressure[-1] = math.nan
+        notes.append("the last line lacks its end and is left out")
     if quality:
         pressure, said = _of_good_quality(pressure, cells[-1])
         notes = [*notes, *said]
@@ -142,12 +164,16 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     else:
         time, origin, said = file.counted(len(pressure)), "first row of the file", []
     notes = [*said, *notes]
+    rows, said = table_times.without_repeats(time, pressure)
+    time, pressure, notes = time[rows], pressure[rows], [*notes, *said]
     time, rows, said = table_times.in_order(time)
     pressure, notes = pressure[rows], [*notes, *said]
     time, said = table_times.spread(time)
     notes += said
     if file.skipped:
-        notes.append(f"{file.skipped} lines have another number of cells, such as comments, and are left out")
+        notes.append(f"{file.skipped} lines are not rows of this table, such as comments, and are left out")
+    if file.tag:
+        notes.append(f"the file has rows of several tags; those of {file.tag!r} are read")
     pressure, said = in_pascal(pressure, column.unit)
     notes += said
     if time.size and time[0] > 365.0 * 86_400.0:
@@ -167,9 +193,10 @@ def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
         The file cannot be read.
     """
     file = _TableFile(path, columns)
-    pumps, times = file.found("pump", _PUMP), file.times()
+    pumps = file.found("pump", _PUMP)
     if not pumps:
         raise ValueError(file.missing("pump", "a column pump"))
+    times = file.times(pumps[0])
     cells = file.cells([*times, pumps[0]])
     time, _, _ = file.seconds(times, cells[:-1])
     return file.numbers(cells[-1], pumps[0])[0], time
@@ -235,10 +262,12 @@ class _TableFile:
         size = check_regular(path, budgets.PRESSURE)
         with path.open("rb") as file:
             start = file.read(_HEAD)
-        self.path, self._said, self.skipped = path, columns, 0
+        self.path, self._said, self.skipped, self.tag = path, columns, 0, ""
         self._whole = is_spreadsheet(start)
         self._encoding = "utf-8" if self._whole else _encoding(start)
         self._las = False
+        self._json: dict[str, list[str]] = {}
+        self._kept: Any = None  # which rows are those of the tag, an Arrow array; None: all
         if self._whole:
             self._table = table_of(read_file(path, budgets.SPREADSHEET), str(path), _is_header, _are_units)
         else:
@@ -246,15 +275,17 @@ class _TableFile:
             if size > len(start):
                 text = text[: text.rfind("\n") + 1] or text
             self._las = is_las(text.lstrip("\ufeff"))
-            self._table = (
-                las_table(text, str(path)) if self._las else table_of(text.encode(), str(path), _is_header, _are_units)
-            )
+            if json_columns.is_json(text):
+                self._json, self.skipped = json_columns.read(path, self._encoding)
+                self._table = _head_of(self._json, str(path))
+            else:
+                self._table = las_table(text, str(path)) if self._las else _text_table(text, str(path))
         self.headless = any(looks_like_number(name) for name in self._table.names)
 
     def found(self, quantity: str, pattern: re.Pattern[str]) -> list[_Column]:
         """Return the columns of a quantity in order, or the one that the caller names."""
         named = self._by_caller(quantity)
-        return [named] if named else [one for one, words in self._columns() if pattern.match(words)]
+        return [named] if named else [one for one, words in self._columns() if pattern.match(_last(words))]
 
     def pressure(self, gauge: int) -> _Column:
         """
@@ -265,13 +296,22 @@ class _TableFile:
         ValueError
             There is no such column, or its unit is unknown.
         """
+        tagged = self._tagged(gauge)
+        if tagged is not None:
+            return self._with_unit(tagged)
         one = self._by_caller("pressure")
-        found = [one] if one else self._pressures()
+        found = [one] if one else _pressures(self._columns())
         if len(found) < gauge:
             what = f"a column of pressure for gauge {gauge}" if found else "a column of pressure"
             raise ValueError(self.missing("pressure", what))
-        column = found[gauge - 1]
+        return self._with_unit(found[gauge - 1])
+
+    def _with_unit(self, column: _Column) -> _Column:
+        """Return a column of pressure with its unit; ValueError if it is unknown."""
         column = dataclasses.replace(column, unit=column.unit or self._unit_in_cells(column.number))
+        if column.unit not in PRESSURES and self._kept is None:
+            units = _nearest(column, [one for one, words in self._columns() if _UNIT.match(_last(words))])
+            column = dataclasses.replace(column, unit=column.unit or next(iter(self._units_of(units[:1])), ""))
         if column.unit not in PRESSURES:
             raise ValueError(
                 f"{self.path}: pressure (column {column.name!r}) has no unit of pressure; write pressure_bar or a line"
@@ -279,15 +319,50 @@ class _TableFile:
             )
         return column
 
-    def _pressures(self) -> list[_Column]:
-        """Return columns of pressure, the standpipe first; without a name of pressure a unit of pressure suffices."""
-        rows = [(one, words) for one, words in self._columns() if not _ELSEWHERE.search(words)]
-        named = [one for one, words in rows if _STANDPIPE.search(words)]
-        named += [one for one, words in rows if one not in named and _PRESSURE.search(words)]
-        if named:
-            # A column without a unit is a flag or a counter if others have one.
-            return [one for one in named if one.unit in PRESSURES] or named
-        return [one for one, _ in rows if one.unit in PRESSURES]
+    def _tagged(self, gauge: int) -> _Column | None:
+        """
+        Return the column of values, named as the tag of the pressure, and keep only the rows of this tag.
+
+        Return None if the table does not have a row for each value of several tags. The tag is that which the caller
+        names, or the one of a gauge, from 1, by the names and units of all tags.
+
+        Raises
+        ------
+        ValueError
+            No tag is a pressure.
+        """
+        import pyarrow.compute as pc
+
+        tags, values = self.found("tag", _TAG)[:1], self.found("value", _VALUE)[:1]
+        named = any(_STANDPIPE.search(words) or _PRESSURE.search(words) for _, words in self._columns())
+        if not (tags and values) or (named and self._by_caller("tag") is None):
+            return None
+        units = [one for one, words in self._columns() if _UNIT.match(_last(words))][:1]
+        wanted = [*tags, *units]
+        text = [pc.utf8_trim_whitespace(pc.cast(one, "string")) for one in self.cells(wanted)]
+        names = [name for name in pc.unique(text[0]).to_pylist() if name]
+        budgets.PRESSURE.check("columns", len(names))
+        rows = []
+        for name in names:
+            words, unit = _words(name, "")
+            own = text[1].filter(pc.equal(text[0], name)) if units else None
+            unit = unit or (next(iter(_all_units(own)), "") if own is not None else "") or values[0].unit
+            rows.append((_Column(values[0].number, name, unit), words))
+        said = next(((key, name) for key, name in self._said.items() if key.startswith("pressure")), None)
+        found = _pressures(rows) if said is None else [one for one, _ in rows if one.name.lower() == said[1].lower()]
+        if len(found) < gauge:
+            raise ValueError(
+                f"{self.path}: no tag is {said[1] if said else 'the pressure'}; the tags are {', '.join(names)}; say it"
+                " with --columns pressure_bar=NAME"
+            )
+        column = found[0 if said else gauge - 1]
+        if len(names) > 1:
+            self._kept, self.tag = pc.equal(text[0], column.name), column.name
+        return dataclasses.replace(column, unit=(said[0].partition("_")[2] if said else "") or column.unit)
+
+    def _units_of(self, columns: Sequence[_Column]) -> set[str]:
+        """Return the units in the cells of a column of units, as far as the head of the file shows them."""
+        return {_unit(str(cell)) for one in columns for cell in self._cells_of(one.number)} - {""}
 
     def _columns(self) -> list[tuple[_Column, str]]:
         """Return the columns with the words of their names; none if no line names them."""
@@ -324,14 +399,24 @@ class _TableFile:
             f" time_s,pressure_bar, or say it with --columns {quantity}=NAME"
         )
 
-    def times(self) -> list[_Column]:
-        """Return columns of the time: the time, after the date if that is a separate column; none if a rate is said."""
+    def times(self, value: _Column) -> list[_Column]:
+        """
+        Return columns of the time: the time, after the date if that is a separate column; none if a rate is said.
+
+        Where several columns have the same name of a time, or the name of a quantity and "time", each belongs to the
+        columns after it.
+        """
         if any(key.startswith("rate") for key in self._said):
             return []
         dates = self.found("date", _DATE)
         clocks = self.found("time", _TIME) or [one for one in dates if ":" in self._first(one)]
+        own = [one for one, words in self._columns() if words.endswith((" time", " timestamp", " time stamp"))]
+        alike = not clocks or len({_last(_words(one.name, "")[0]) for one in clocks}) == 1
+        clocks = clocks or own
         if not clocks:
             raise ValueError(self.missing("time", "a column of time (or say --columns rate_hz=50)"))
+        if alike:
+            clocks = [one for one in clocks if one.number < value.number][-1:] or clocks
         clock = dataclasses.replace(clocks[0], unit=clocks[0].unit or self._unit_in_cells(clocks[0].number))
         dates = [one for one in dates if one.number != clock.number]
         # A date next to times that have one, or that count seconds, is not needed.
@@ -363,9 +448,31 @@ class _TableFile:
 
     def cells(self, wanted: Sequence[_Column]) -> list[Any]:
         """Return the cells of columns as Arrow arrays of numbers or text."""
+        cells = self._all_cells(wanted)
+        return cells if self._kept is None else [one.filter(self._kept) for one in cells]
+
+    def is_cut(self, column: _Column) -> bool:
+        """Return whether the last line of a text lacks its end: no line end, and a shorter cell than all first rows."""
+        if self._whole or self._las or self._json or self._kept is not None:
+            return False
+        with self.path.open("rb") as file:
+            file.seek(max(0, self.path.stat().st_size // 2 * 2 - 4096))
+            text = file.read().decode(self._encoding.replace("-sig", ""), errors="replace")
+        last = re.split(r"[\r\n]", text)[-1]
+        cells = last.split() if self._table.separator.startswith(" ") else last.split(self._table.separator or None)
+        if len(cells) <= column.number:
+            return False
+        usual = [len(str(cell)) for cell in self._cells_of(column.number)]
+        return len(cells[column.number].strip(' "')) < min(usual, default=0)
+
+    def _all_cells(self, wanted: Sequence[_Column]) -> list[Any]:
+        """Return the cells of columns in all rows, as `cells`."""
         import pyarrow as pa
 
         numbers = [one.number for one in wanted]
+        if self._json:
+            columns = list(self._json.values())
+            return [pa.chunked_array([pa.array(columns[number], pa.string())]) for number in numbers]
         separator = self._table.separator
         if self._whole or self._las or separator.startswith(" ") or not separator:
             columns = self._table_cells(numbers) if self._whole else self._split(numbers)
@@ -606,6 +713,56 @@ def _encoding(start: bytes) -> str:
     return "utf-8-sig" if start.startswith(b"\xef\xbb\xbf") else "utf-8"
 
 
+def _text_table(text: str, path: str) -> Table:
+    """Return the table of a text; if no names were found, lines of titles above the names are left out."""
+    table = table_of(text.encode(), path, _is_header, _are_units)
+    if not _is_header(table.names):
+        lines = text.splitlines()
+        for k, line in enumerate(lines[:_TITLES]):
+            if any(_is_header(line.split(separator)) for separator in ",;\t|"):
+                # Empty lines keep the numbers of the lines.
+                return table_of(("\n" * k + "\n".join(lines[k:])).encode(), path, _is_header, _are_units)
+    return table
+
+
+def _head_of(columns: Mapping[str, list[str]], path: str) -> Table:
+    """Return the first rows of columns as a table."""
+    first = [column[:200] for column in columns.values()]
+    rows = tuple(Row(f"{path}, sample {k + 1}", cells) for k, cells in enumerate(zip(*first, strict=True)))
+    return Table(path, path, tuple(columns), ("",) * len(columns), rows)
+
+
+def _pressures(columns: Sequence[tuple[_Column, str]]) -> list[_Column]:
+    """
+    Return the columns of pressure among columns and the words of their names, the standpipe first.
+
+    Without a name of pressure a unit of pressure suffices.
+    """
+    rows = [(one, words) for one, words in columns if not _ELSEWHERE.search(words)]
+    named = [one for one, words in rows if _STANDPIPE.search(words)]
+    named += [one for one, words in rows if one not in named and _PRESSURE.search(words)]
+    if named:
+        # A column without a unit is a flag or a counter if others have one.
+        return [one for one in named if one.unit in PRESSURES] or named
+    return [one for one, _ in rows if one.unit in PRESSURES]
+
+
+def _last(words: str) -> str:
+    """Return the last part of a name with dots, as of an object inside another."""
+    return words.rpartition(".")[2]
+
+
+def _nearest(column: _Column, others: Sequence[_Column]) -> list[_Column]:
+    """Return other columns in the order in which they probably belong to a column: those of the same object first."""
+    above = column.name.rpartition(".")[0]
+    return sorted(others, key=lambda one: one.name.rpartition(".")[0] != above)
+
+
+def _all_units(cells: Any) -> set[str]:
+    """Return the units in an Arrow array of text."""
+    return {_unit(text or "") for text in cells.unique().to_pylist()} - {""}
+
+
 def _words(name: str, unit: str) -> tuple[str, str]:
     """Words of a name in lower case without its unit, and the unit."""
     brackets = re.findall(r"[(\[{]([^)\]}]*)[)\]}]?", name)
@@ -624,11 +781,12 @@ def _unit(text: str) -> str:
 
 def _is_header(names: Sequence[str]) -> int:
     found = [_words(str(name), "") for name in names]
+    tagged = all(any(pattern.match(words) for words, _ in found) for pattern in (_TAG, _VALUE))
     times = [any(pattern.match(words) for pattern in (_TIME, _DATE, _PUMP)) for words, _ in found]
     pressures = [
         bool(_STANDPIPE.search(words) or _PRESSURE.search(words) or unit in PRESSURES) for words, unit in found
     ]
-    quantities = sum(times) + any(p and not t for p, t in zip(pressures, times, strict=True))
+    quantities = sum(times) + (tagged or any(p and not t for p, t in zip(pressures, times, strict=True)))
     return quantities if quantities > 1 and not any(looks_like_number(name) for name in names) else 0
 
 
@@ -653,8 +811,9 @@ def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
     text = pc.utf8_lower(pc.utf8_trim_whitespace(pc.cast(quality, "string")))
     bad = pc.match_substring_regex(text, "^(?:bad|invalid|fail|error|fault|not )")
     lost = table_times.array(pc.cast(pc.cast(bad, "int8"), "float64")) == 1.0
-    numbers = table_times.array(quality) if str(quality.type) == "double" else np.zeros(0)
-    if numbers.size and set(np.unique(numbers)) & {192.0, 216.0}:
+    is_number = pc.match_substring_regex(text, _NUMBER)
+    numbers = table_times.array(pc.cast(pc.if_else(is_number, text, None), "float64"))
+    if set(np.unique(numbers)) & _GOOD_QUALITIES:
         lost |= numbers < _BAD_QUALITY
     lost &= np.isfinite(pressure)
     note = f"{int(lost.sum())} samples have a bad quality and are missing samples"

@@ -374,6 +374,32 @@ def _days(year: Array, month: Array, day: Array) -> Array:
     return np.where(good, days, math.nan)
 
 
+def without_repeats(seconds: Array, values: Array) -> tuple[Indices, list[str]]:
+    """
+    Return the rows that do not repeat the time and the value of an earlier row, and notes; all rows if few repeat.
+
+    A file that was joined from overlapping parts, or a stream that sends each sample twice, has such rows. They are
+    repeats if the times rise strictly without them; samples under one stamp of a second do not.
+
+    Parameters
+    ----------
+    seconds, values : ndarray, shape (n,)
+    """
+    rows = np.arange(seconds.size)
+    known = np.isfinite(seconds)
+    steps = np.diff(seconds[known])
+    if not (steps <= 0.0).any() or (steps < 0.0).sum() > (steps > 0.0).sum():
+        return rows, []
+    order = np.lexsort((rows, values, seconds))
+    same = (np.diff(seconds[order]) == 0.0) & (np.diff(values[order]) == 0.0)
+    kept = np.ones(seconds.size, dtype=bool)
+    kept[order[1:][same]] = False
+    left = seconds[kept & known]
+    if kept.all() or not (np.diff(left) > 0.0).all():
+        return rows, []
+    return rows[kept], [f"{int((~kept).sum())} rows repeat the time and value of an earlier row and are left out"]
+
+
 def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     """
     Return times that rise, the rows to which they belong, and notes.

@@ -2,6 +2,7 @@
 """The same pressure in every table that rigs write is the same samples; what is not a number is a missing sample."""
 
 import datetime as dt
+import json
 
 import numpy as np
 import pytest
@@ -340,3 +341,144 @@ def test_a_pressure_too_large_for_a_number_of_pascal_is_a_missing_sample(tmp_pat
     read = pressure_files.read(tmp_path / "p.csv")
     assert np.isfinite(read.pressure_pa).all()
     assert len(read.time_s) == COUNT - COUNT // 10
+
+
+VALUES = [float(f"{p / 1e5:.7f}") for p in PRESSURE]
+ISO = TIMES["iso"][2]
+
+
+def lines_of(sample):
+    return "".join(json.dumps(sample(k)) + "\n" for k in range(COUNT))
+
+
+JSON = {
+    "an object a line": lines_of(lambda k: {"time_s": TIME[k], "pressure_bar": VALUES[k]}),
+    "its last line lacks its end": lines_of(lambda k: {"t_s": TIME[k], "p_bar": VALUES[k]}) + '{"t_s": 60.0, "p_b',
+    "a message of a broker": lines_of(lambda k: {"ts": ISO[k], "data": {"SPP": VALUES[k], "HKLD": 3}, "unit": "bar"}),
+    "objects inside": lines_of(
+        lambda k: {"time": ISO[k], "SPP": {"value": VALUES[k], "unit": "bar"}, "RPM": {"value": 1}}
+    ),
+    "a block of samples a line": "".join(
+        json.dumps({"ts": 1_772_000_000 + k, "spp_bar": VALUES[50 * k : 50 * k + 50]}) + "\n"
+        for k in range(COUNT // 50)
+    ),
+    "a row for each tag": lines_of(lambda k: {"time": ISO[k // 2 * 2], "tag": "HKLD", "value": 100.0})
+    + lines_of(lambda k: {"time": ISO[k], "tag": "SPP", "value": VALUES[k], "unit": "bar"}),
+    "a list": json.dumps([{"time_s": TIME[k], "pressure_bar": VALUES[k]} for k in range(COUNT)], indent=1),
+    "a list that lacks its end": "[\n"
+    + lines_of(lambda k: {"time_s": TIME[k], "pressure_bar": VALUES[k]}).replace("}", "},"),
+    "a list for each quantity": json.dumps({"time_s": list(TIME), "pressure_bar": VALUES}),
+    "names and rows": json.dumps(
+        {"columns": ["time_s", "p_bar"], "data": list(map(list, zip(TIME, VALUES, strict=True)))}
+    ),
+    "samples with facts that hold for all": json.dumps(
+        {"tag": "SPP", "unit": "bar", "samples": [{"timestamp": ISO[k], "value": VALUES[k]} for k in range(COUNT)]}
+    ),
+}
+
+
+@pytest.mark.parametrize("form", JSON)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_the_same_pressure_in_any_json_is_the_same_samples(tmp_path, form, encoding):
+    (tmp_path / "p.json").write_bytes(JSON[form].encode(encoding))
+    assert_same(pressure_files.read(tmp_path / "p.json"), 2e-3)
+
+
+def test_values_of_json_that_are_not_numbers_are_missing_samples(tmp_path):
+    odd = {3: "Bad", 4: None, 5: -999.25, 6: float("nan"), 7: ""}
+    text = lines_of(lambda k: {"time_s": TIME[k], "pressure_bar": odd.get(k % 10, VALUES[k])})
+    (tmp_path / "p.json").write_text(text)
+    kept = ~np.isin(np.arange(COUNT) % 10, list(odd))
+    np.testing.assert_allclose(pressure_files.read(tmp_path / "p.json").time_s, TIME[kept], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text", ["{}", "[]", '{"time_s": 1}', "[" * 5000, '{"a":' * 5000, "[[[[1]]]]", '{"a": {"b": []}}\n']
+)
+def test_json_without_samples_is_refused_with_a_reason(tmp_path, text):
+    (tmp_path / "p.json").write_text(text)
+    with pytest.raises(ValueError, match=r"p\.json"):
+        pressure_files.read(tmp_path / "p.json")
+
+
+@given(
+    st.sampled_from(
+        [
+            ("RIG7.SPP", ["Time", "Tag", "Value", "Unit", "Quality"]),
+            ("Stand Pipe Pressure (bar)", ["Timestamp", "TagName", "Value"]),
+            ("rig/standpipe_pressure_bar", ["time", "topic", "value"]),
+            ("PT-101", ["TimeStamp", "Point Name", "Data Value", "Engineering Units", "Status"]),
+            ("SPP", ["Zeit", "Messstelle", "Wert", "Einheit", "Status"]),
+        ]
+    ),
+    st.lists(st.sampled_from(["RIG7.HKLD", "Block.Position", "FT-100", "Choke Pressure"]), unique=True, max_size=3),
+    st.sampled_from([",", ";", "\t"]),
+    st.randoms(use_true_random=False),
+    st.booleans(),
+    st.booleans(),
+)
+def test_the_rows_of_the_pressure_in_an_export_of_several_tags_are_the_samples(
+    tmp_path_factory, tag, others, separator, random, in_blocks, titled
+):
+    name, head = tag
+    rows = []
+    for k in range(COUNT):
+        for one in [*others, name]:
+            value = f"{VALUES[k]:.7f}" if one == name else f"{100 + k % 7}"
+            unit = "bar" if one in (name, "Choke Pressure") else "kN"
+            rows.append([ISO[k], one, value, unit, "Good"][: len(head)])
+    if in_blocks:
+        tags = [*others, name]
+        random.shuffle(tags)
+        rows.sort(key=lambda row: tags.index(row[1]))
+    lines = [*(["Export of a historian", ""] if titled else []), *(separator.join(row) for row in [head, *rows])]
+    path = tmp_path_factory.mktemp("p") / "p.csv"
+    path.write_text("\n".join(lines) + "\n")
+    assert_same(pressure_files.read(path))
+
+
+def test_a_tag_can_be_said_and_bad_values_of_a_tag_are_missing(tmp_path):
+    rows = [
+        f"{ISO[k]},{tag},{v},{q}" for k in range(COUNT) for tag, v, q in (("A", 1, "Good"), ("B", VALUES[k], "Good"))
+    ]
+    rows[2 * 7 + 1] = f"{ISO[7]},B,7,Bad"
+    (tmp_path / "p.csv").write_text("\n".join(["Time,Tag,Value,Quality", *rows]))
+    with pytest.raises(ValueError, match="the tags are A, B"):
+        pressure_files.read(tmp_path / "p.csv")
+    read = pressure_files.read(tmp_path / "p.csv", columns="pressure_bar=B")
+    np.testing.assert_allclose(read.pressure_pa, np.delete(PRESSURE, 7), rtol=1e-8)
+    (tmp_path / "p.csv").write_text("\n".join(rows))
+    said = "time=1,tag=2,value=3,pressure_bar=B"
+    assert len(pressure_files.read(tmp_path / "p.csv", columns=said).time_s) == COUNT
+
+
+@pytest.mark.parametrize("names", ["Timestamp,HKLD (kN),Timestamp,SPP (Pa)", "HKLD Time,HKLD (kN),SPP Time,SPP (Pa)"])
+def test_a_column_of_time_belongs_to_the_columns_after_it(tmp_path, names):
+    rows = [f"{ISO[k + 9] if k < 200 else ''},{'7' if k < 200 else ''},{ISO[k]},{ROWS[k][1]}" for k in range(COUNT)]
+    (tmp_path / "p.csv").write_text("\n".join([names, *rows]))
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+@pytest.mark.parametrize(
+    "rows", [[row for row in ROWS for _ in range(2)], ROWS[:300] + ROWS[200:], ROWS + ROWS, [*ROWS[:9], *ROWS[3:]]]
+)
+def test_rows_that_are_there_twice_count_once(tmp_path, rows):
+    (tmp_path / "p.csv").write_text("\n".join(["time_s,pressure_pa", *(",".join(row) for row in rows)]))
+    read = pressure_files.read(tmp_path / "p.csv")
+    assert_same(read)
+    assert "repeat" in " ".join(read.notes)
+
+
+@pytest.mark.parametrize("end", ["8.00,2", "8.0", "8.00,", "8"])
+def test_a_last_line_without_its_end_is_left_out(tmp_path, end):
+    (tmp_path / "p.csv").write_text("\n".join(["time_s,pressure_pa", *(",".join(row) for row in ROWS), end]))
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+@pytest.mark.parametrize(
+    ("unit", "pascal"), [("ksi", 6_894_757.293168), ("psia", 6894.757293168), ("kgf/cm2", 98_066.5), ("hPa", 100.0)]
+)
+def test_other_units_of_pressure_are_read(tmp_path, unit, pascal):
+    rows = [f"{t},{p / pascal:.12g}" for (t, _), p in zip(ROWS, PRESSURE, strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join([f"time_s,SPP ({unit})", *rows]))
+    assert_same(pressure_files.read(tmp_path / "p.csv"))
