@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import itertools
 import os
 import re
 import sqlite3
 import struct
+import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -104,29 +106,31 @@ def endless_view(path: Path) -> None:
     database.close()
 
 
-def _ros1(path: Path, compression: str) -> None:
+@functools.cache
+def _ros1(compression: str) -> bytes:
     """ROS 1 bag of one chunk that unpacks to 300 MB."""
-    writer = Ros1Writer(path)
-    writer.set_compression(Ros1Writer.CompressionFormat[compression])
-    with writer:
-        connection = writer.add_connection("/a", "std_msgs/msg/String", msgdef="string data\n", md5sum="0" * 32)
-        writer.write(connection, 1, (300 * 10**6).to_bytes(4, "little") + bytes(300 * 10**6))
+    with tempfile.TemporaryDirectory() as folder:
+        writer = Ros1Writer(Path(folder) / "a.bag")
+        writer.set_compression(Ros1Writer.CompressionFormat[compression])
+        with writer:
+            connection = writer.add_connection("/a", "std_msgs/msg/String", msgdef="string data\n", md5sum="0" * 32)
+            writer.write(connection, 1, (300 * 10**6).to_bytes(4, "little") + bytes(300 * 10**6))
+        return (Path(folder) / "a.bag").read_bytes()
 
 
 def ros1_bz2(path: Path) -> None:
     """ROS 1 bag of some hundred bytes, packed by bz2."""
-    _ros1(path, "BZ2")
+    path.write_bytes(_ros1("BZ2"))
 
 
 def ros1_lz4(path: Path) -> None:
     """ROS 1 bag of a megabyte, packed by lz4."""
-    _ros1(path, "LZ4")
+    path.write_bytes(_ros1("LZ4"))
 
 
 def ros1_without_index(path: Path) -> None:
     """ROS 1 bag whose index is cut off."""
-    _ros1(path, "BZ2")
-    data = bytearray(path.read_bytes())
+    data = bytearray(_ros1("BZ2"))
     at = data.index(b"index_pos=") + len("index_pos=")
     data[at : at + 8] = bytes(8)
     path.write_bytes(data)

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import resource
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import bombs
+import forked_command
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
 from project import GOLDEN, ROOT
@@ -25,23 +23,11 @@ MEMORY = 3 * 10**9
 
 def mwd(*words: object) -> str:
     """Run a command under the limit; returns the one sentence with which it must end."""
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-
-    done = subprocess.run(
-        [sys.executable, "-m", "mwd_surface.cli", *map(str, words)],
-        preexec_fn=limit,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-        stdin=subprocess.DEVNULL,
-    )
-    assert done.returncode in (1, 2), done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    assert "Killed" not in done.stderr
-    return done.stdout + done.stderr
+    status, output = forked_command.run(*words, memory=MEMORY, timeout_s=120.0)
+    assert status in (1, 2), output
+    assert output
+    assert "Traceback" not in output
+    return output
 
 
 def test_the_table_of_the_security_page_is_that_of_the_code():
@@ -54,7 +40,7 @@ def test_every_budget_is_in_the_table_and_bounds_something():
     assert all(one.size < 2**62 or one.unpacked or one.records for one in budgets.BUDGETS)
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.fault_case(84)
 @pytest.mark.parametrize("kind", bombs.YAML)
 def test_yaml_bombs_end_in_a_sentence(kind, tmp_path):
@@ -68,7 +54,7 @@ def test_yaml_bombs_end_in_a_sentence(kind, tmp_path):
     mwd("inspect", bag)
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.fault_case(66)
 @pytest.mark.parametrize("kind", bombs.MCAP)
 @pytest.mark.parametrize("command", ["inspect", "recover"])
@@ -79,14 +65,14 @@ def test_recordings_that_unpack_without_measure_end_in_a_sentence(kind, command,
     mwd(command, file)
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize(("make", "name"), [(bombs.packed_file, "a.mcap.zstd"), (bombs.endless_view, "a.db3")])
 def test_packed_files_and_databases_that_compute_their_rows_end_in_a_sentence(make, name, tmp_path):
     make(tmp_path / name)
     mwd("inspect", tmp_path / name)
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("command", ["inspect", "recover"])
 @pytest.mark.parametrize("kind", bombs.ROS1)
 def test_ros_1_chunks_that_unpack_without_measure_end_in_a_sentence(kind, command, tmp_path):
@@ -95,14 +81,14 @@ def test_ros_1_chunks_that_unpack_without_measure_end_in_a_sentence(kind, comman
     assert "unpacked" in said or "unpacks" in said
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 def test_ros_1_chunks_that_alternate_in_time_are_unpacked_once_each(tmp_path):
     bombs.alternating_chunks(tmp_path / "a.bag")
     # The time limit of `mwd` is the test: a chunk for each message takes minutes.
     assert "has no topic" in mwd("inspect", tmp_path / "a.bag")
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("kind", bombs.RUNS)
 def test_results_of_runs_that_unpack_without_measure_end_in_a_sentence(kind, tmp_path):
     bombs.RUNS[kind](tmp_path / "run")
@@ -119,7 +105,7 @@ READERS = {
 }
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("kind", bombs.FILES)
 @pytest.mark.parametrize("reader", READERS)
 def test_files_that_are_endless_or_nested_without_end_end_in_a_sentence(reader, kind, tmp_path):
@@ -130,7 +116,7 @@ def test_files_that_are_endless_or_nested_without_end_end_in_a_sentence(reader, 
     mwd(*(tmp_path / word if word in inside else word.format(tmp_path / "x") for word in words))
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("kind", bombs.FILES)
 def test_secrets_and_certificates_that_are_endless_end_in_a_sentence(kind, tmp_path):
     bombs.FILES[kind](tmp_path / "secret")
@@ -139,20 +125,20 @@ def test_secrets_and_certificates_that_are_endless_end_in_a_sentence(kind, tmp_p
             read_file(tmp_path / "secret", one)
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 def test_packed_messages_that_hold_gigabytes_end_in_a_sentence(tmp_path):
     bombs.packed_messages(tmp_path / "packed")
     mwd("process", tmp_path / "packed" / "bag", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("kind", bombs.SHEETS)
 def test_spreadsheets_that_unpack_without_measure_end_in_a_sentence(kind, tmp_path):
     bombs.SHEETS[kind](tmp_path / "a.xlsx")
     mwd("path", tmp_path / "a.xlsx", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("kind", bombs.WAV)
 def test_wav_files_that_claim_or_last_too_much_end_in_a_sentence(kind, tmp_path):
     bombs.WAV[kind](tmp_path / "a.wav")
@@ -160,7 +146,7 @@ def test_wav_files_that_claim_or_last_too_much_end_in_a_sentence(kind, tmp_path)
     mwd("decode", tmp_path / "a.wav", "--tool", tmp_path / "tool.yaml", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
     bombs.far_rows(tmp_path / "far.csv")
     (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
@@ -168,7 +154,7 @@ def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
     assert "cut the file" in words
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(2)
 @pytest.mark.fault_case(83)
 @pytest.mark.parametrize("name", bombs.LISTS)
 def test_lists_that_take_minutes_to_parse_end_in_a_sentence(name, tmp_path):
@@ -192,7 +178,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow(1)
 @pytest.mark.parametrize("place", bombs.PLACES)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_command_waits_for_a_pipe_a_device_or_a_folder(name, place, tmp_path):
