@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.dipole import dipole_field, wave_number
 from mwd_sensors.core.settings import setting
+from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.telemetry.carrier import Coil
 
 RATE_HZ = 250.0
 # Half of the receiver's band, Hz, and the wandering of the mains: 1 sigma, Hz, and its correlation time, s.
-_HALF_BAND_HZ = 0.5 * RATE_HZ
+_HALF_BAND_HZ = 0.4 * RATE_HZ
 _MAINS_SIGMA_HZ, _MAINS_S = 0.01, 20.0
 
 Place = Callable[[float], tuple[Array, Array]]
@@ -52,7 +53,10 @@ class CoilChannel:
         5.0e-14, "Noise of receiver and atmosphere near the frequency of the sonde.", unit="T/sqrt(Hz)", low=0.0
     )
     mains_t: float = setting(
-        1.0e-12, "Amplitude of each odd harmonic of the mains there; the even ones are a tenth of it.", unit="T", low=0.0
+        1.0e-12,
+        "Amplitude of each odd harmonic of the mains there; the even ones are a tenth of it.",
+        unit="T",
+        low=0.0,
     )
     mains_hz: float = setting(50.0, "Frequency of the mains.", unit="Hz", low=10.0, high=120.0)
     volt_per_t: float = setting(1.0e9, "Voltage of the receiver for a field of 1 T.", unit="V/T", low=1.0, high=1e15)
@@ -149,3 +153,10 @@ class CoilVoltage:
             away = 2.0 * math.pi * (number * channel.mains_hz - self._coil.frequency_hz)
             total += size * np.exp(1j * (away * time + number * turned + phase))
         return total
+
+
+def coil_run(channel: CoilChannel, coil: Coil, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
+    """Return times, s, and voltages, V, of a run with a level sonde at the wellhead that points north; (n,) each."""
+    stream = CoilVoltage(channel, coil, lambda _at: (np.zeros(3), np.array([1.0, 0.0, 0.0])), sent.drive, seed)
+    voltage = np.concatenate([stream.block() for _ in range(math.ceil(seconds))])
+    return np.arange(len(voltage)) / RATE_HZ, voltage

@@ -17,7 +17,16 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.coil_channel import CoilChannel, Place
 from mwd_sensors.simulator.earth_channel import EarthChannel
-from mwd_sensors.simulator.link_channels import BLOCK_S, CoilLink, EarthLink, Heard, LinkChannel, MudLink, OnAir, WireLink
+from mwd_sensors.simulator.link_channels import (
+    BLOCK_S,
+    CoilLink,
+    EarthLink,
+    Heard,
+    LinkChannel,
+    MudLink,
+    OnAir,
+    WireLink,
+)
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import wave_speed
 from mwd_sensors.simulator.schedule import Rig, Timeline

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd tool`: check the configuration of a tool, and simulate a recording of such a tool."""
+"""`mwd tool`: check the configuration of a tool, simulate a recording of such a tool, locate its coil."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
     from mwd_sensors.telemetry.words import Word
 
-tool = typer.Typer(help="Configuration of a tool (tool.yaml): check it, simulate it.", no_args_is_help=True)
+tool = typer.Typer(
+    help="Configuration of a tool (tool.yaml): check it, simulate it, locate its coil.", no_args_is_help=True
+)
 Configuration = Annotated[Path, typer.Argument(metavar="TOOL.YAML", help="Tool configuration.")]
 
 
@@ -199,15 +201,18 @@ def simulate(
     seed: Annotated[int, typer.Option(help="Seed of values and noise.")] = 1,
     clock: Annotated[float, typer.Option(help="Error of the tool's clock, %.", min=-1.0, max=1.0)] = 0.0,
     resistivity: Annotated[
-        float, typer.Option(help="Resistivity of the ground for an EM tool, ohm m.", min=0.1, max=1e4)
+        float, typer.Option(help="Resistivity of the ground for an EM tool or a coil, ohm m.", min=0.1, max=1e4)
     ] = 20.0,
     bit_errors: Annotated[float, typer.Option(help="Share of wrong bits on a serial line.", min=0.0, max=0.1)] = 1e-4,
+    distance: Annotated[
+        float, typer.Option(help="Distance from a level coil to the receiver ahead of it, m.", min=0.5, max=500.0)
+    ] = 20.0,
 ) -> None:
     """
     Simulate what the surface would record of this tool; sent.csv contains the words sent.
 
     Pulses and a carrier in the mud: pressure.csv, with two pumps and noise, and strokes.csv. A carrier in the earth:
-    voltage.csv, with rig noise. A serial line: bytes.bin.
+    voltage.csv, with rig noise. The field of a coil: voltage.csv, with mains. A serial line: bytes.bin.
 
     \b
     Example:
@@ -215,6 +220,7 @@ def simulate(
       mwd decode well/pressure.csv --tool tool.yaml -o decoded
     """
     from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
+    from mwd_sensors.simulator.coil_channel import CoilChannel, coil_run
     from mwd_sensors.simulator.earth_channel import EarthChannel, earth_run
     from mwd_sensors.simulator.earth_line import Ground
     from mwd_sensors.simulator.mud_channel import MudChannel
@@ -236,6 +242,11 @@ def simulate(
         sent = carrier_tool.transmit(read, flows, seed, error)
         ground = Ground(bottom_m=(12000.0,), resistivity=(resistivity,), depth_m=depth)
         _write_samples(output / "voltage.csv", "voltage_v", *earth_run(EarthChannel(ground), sent, seconds, seed))
+        words, name = sent.words, "voltage.csv"
+    elif read.medium == "coil":
+        sent = carrier_tool.transmit(read, flows, seed, error)
+        receiver = CoilChannel(position_m=(distance, 0.0, 0.0), axis=(1.0, 0.0, 0.0), resistivity=resistivity)
+        _write_samples(output / "voltage.csv", "voltage_v", *coil_run(receiver, read.coil, sent, seconds, seed))
         words, name = sent.words, "voltage.csv"
     else:
         well, off = Well(depth_m=depth), ((-100.0, flow_on),)
@@ -265,6 +276,77 @@ def simulate(
         ),
     )
     terminal.output().print(f"written: {output}/{name}, sent.csv ({len(words)} words sent)", markup=False)
+
+
+@tool.command()
+def locate(
+    readings: Annotated[
+        Path,
+        typer.Argument(
+            metavar="READINGS",
+            help="Table: north_m, east_m, down_m and strength_nt or b_north_nt, b_east_nt, b_down_nt.",
+        ),
+    ],
+    configuration: Annotated[
+        Path | None, typer.Option("--tool", help="Tool configuration with the coil.", metavar="TOOL.YAML")
+    ] = None,
+    words: Annotated[
+        Path | None,
+        typer.Option(help="words.csv of `mwd decode`: its last inclination is the pitch, its last toolface the roll."),
+    ] = None,
+    pitch: Annotated[
+        float | None, typer.Option(help="Pitch of the sonde, deg, up positive, in place of --words.")
+    ] = None,
+    azimuth: Annotated[
+        float | None, typer.Option(help="Rough azimuth of the bore, deg, from the north of the table.")
+    ] = None,
+    calibrate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M,NT", help="Calibration: distance beside the sonde at its level, m, and strength there, nT."
+        ),
+    ] = None,
+    noise: Annotated[float, typer.Option(help="Noise of a reading, 1 sigma, nT.", min=0.0)] = 0.01,
+    share: Annotated[
+        float, typer.Option(help="Error of gain and alignment of a reading, 1 sigma, as a share of it.", min=1e-4)
+    ] = 0.02,
+) -> None:
+    """
+    Locate the coil of a sonde below the surface from the strength of its field at some points.
+
+    Prints the point above the sonde, its depth, pitch, azimuth and roll with their sigmas, and the points behind and
+    ahead of it where the field is vertical, if the surface is level. A receiver with three coils gives all components
+    of a point; their sign has no meaning. Of a single strength more points are needed.
+
+    \b
+    Examples:
+      mwd tool locate readings.csv --tool tool.yaml --words decoded/words.csv --azimuth 42
+      mwd tool locate readings.csv --pitch -4.5 --calibrate 3,18.5
+    """
+    import math
+
+    from mwd_sensors.telemetry import tool_configuration
+    from mwd_sensors.telemetry.carrier import Coil
+    from mwd_surface.commands import terminal
+    from mwd_surface.receiver import sonde_locate, surface_readings
+
+    if words is not None and pitch is not None:
+        raise ValueError("--words and --pitch both give the pitch; omit one")
+    coil = Coil() if configuration is None else tool_configuration.read(configuration).coil
+    if configuration is None and calibrate is None:
+        terminal.warn(f"no --tool and no --calibrate: the usual coil of {coil.moment_a_m2:g} A m^2 is assumed")
+    sent = surface_readings.sent_attitude(words) if words is not None else surface_readings.SentAttitude()
+    known = sonde_locate.Known(
+        coil.moment_a_m2 if calibrate is None else surface_readings.calibrated(calibrate),
+        pitch=sent.pitch if pitch is None else math.radians(pitch),
+        azimuth=math.nan if azimuth is None else math.radians(azimuth),
+    )
+    errors = sonde_locate.ReadingErrors(1e-9 * noise, share)
+    fix = sonde_locate.locate(surface_readings.read(readings), known, errors)
+    for line in surface_readings.lines(fix, sent):
+        terminal.output().print(line, markup=False)
+    for doubt in fix.doubts:
+        terminal.warn(doubt)
 
 
 def _write_samples(path: Path, column: str, time_s: Array, value: Array) -> None:

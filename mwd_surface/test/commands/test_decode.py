@@ -2,6 +2,7 @@
 """`mwd tool` and `mwd decode` as people call them."""
 
 import csv
+import math
 import shlex
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mwd_sensors.core import gauge_burst, wire
+from mwd_sensors.core.dipole import dipole_field
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 
@@ -93,6 +95,32 @@ def test_other_codes_are_simulated_and_decoded(tmp_path, code, recording):
     sent, words = rows(tmp_path / "well" / "sent.csv"), rows(tmp_path / "out" / "words.csv")
     assert [row["raw"] for row in words[:7]] == [row["raw"] for row in sent[:7]]
     assert (tmp_path / "out" / "picture.png").exists() == (code != "serial")
+
+
+@pytest.mark.slow
+def test_a_coil_is_simulated_decoded_and_located_with_the_pitch_and_roll_that_it_sent(tmp_path):
+    run("tool", "new", "-o", tmp_path / "coil.yaml", "--code", "psk")
+    text = (tmp_path / "coil.yaml").read_text()
+    (tmp_path / "coil.yaml").write_text(text.replace("medium: mud", "medium: coil"))
+    run("tool", "simulate", tmp_path / "coil.yaml", "-o", tmp_path / "well", "--minutes", 4)
+    said = run("decode", tmp_path / "well/voltage.csv", "--tool", tmp_path / "coil.yaml", "-o", tmp_path / "out")
+    assert "7 of 7 words believed" in said
+    sent = [row for row in rows(tmp_path / "well" / "sent.csv") if row["name"].lower() in ("inc", "rinc", "atfa")]
+    pitch = 90.0 - float([row["value"] for row in sent if row["name"].lower() in ("inc", "rinc")][-1])
+    axis = np.array([math.cos(math.radians(pitch)), 0.0, -math.sin(math.radians(pitch))])
+    points = np.array([[north, east, 0.0] for north in (-3.0, 1.0, 4.0) for east in (-2.0, 0.0, 3.0)])
+    strength = np.linalg.norm(dipole_field(points - np.array([0.5, 0.3, 4.0]), 5.0 * axis).real, axis=1)
+    table = [f"{n:g},{e:g},{1e9 * s:.6g}" for (n, e, _), s in zip(points, strength, strict=True)]
+    (tmp_path / "readings.csv").write_text("\n".join(["north_m,east_m,strength_nt", *table, ""]))
+    words = tmp_path / "out" / "words.csv"
+    options = ("--tool", tmp_path / "coil.yaml", "--words", words, "--azimuth", 10)
+    said = run("tool", "locate", tmp_path / "readings.csv", *options)
+    assert "north 0.50" in said
+    assert "depth 4.00" in said
+    assert "as the sonde sent it" in said
+    (tmp_path / "bad.csv").write_text("north_m,strength_nt\n1,2\n")
+    with pytest.raises(ValueError, match="no column east_m"):
+        run("tool", "locate", tmp_path / "bad.csv", "--pitch", 0)
 
 
 @pytest.mark.slow

@@ -89,7 +89,19 @@ telemetry:
 """
 
 
-@pytest.mark.parametrize("telemetry", ["", EM, SIREN, SERIAL], ids=["pulses", "em", "siren", "serial"])
+COIL = """
+telemetry:
+  tool:
+    code: psk
+    transmit_delay_s: 30.0
+    carrier: {medium: coil, frequency_hz: 12.0, symbol_rate_hz: 5.0, block_bits: 40}
+    survey_sequences: ["Inc:12 Azm:12 DipA:12 Grav:12 MagF:12"]
+    toolface_sequences: ["aTFA:6"]
+  coil: {position_m: [473.0, 448.0, 1013.0], axis: [0.4, 0.4, 0.8]}
+"""
+
+
+@pytest.mark.parametrize("telemetry", ["", EM, SIREN, COIL, SERIAL], ids=["pulses", "em", "siren", "coil", "serial"])
 def test_a_recording_of_it_decodes_to_what_was_sent(telemetry, tmp_path, monkeypatch):
     tools = []
 

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Locate the coil of a sonde from the strength of its field at points on the surface.
+
+The coil is a dipole along the tool axis. Position, direction and moment are fitted to the readings by least squares;
+pitch and moment are known from the words of the sonde and from a calibration, each with its sigma. A receiver does not
+know the sign of an alternating field, only how its three components relate, so the sign of each reading is free.
+Conduction of the ground is neglected: see `docs/methods/coil_link.md` for the distance up to which that holds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.dipole import dipole_field
+from mwd_sensors.core.frames import wrap_pi
+
+_UNKNOWNS = 6  # north, east, down, azimuth, pitch, logarithm of the moment
+# Starts of the fit: depths as shares of the extent of the readings, and directions around the compass.
+_DEPTHS, _DIRECTIONS = (0.3, 1.0, 3.0), 8
+# Two solutions are the same if they differ by less than these, m and rad.
+_SAME_M, _SAME_RAD = 0.05, 0.02
+# Another solution is named if chi-square does not exclude it with a probability of 99 % (one degree of freedom).
+_OTHER_CHI2 = float(scipy.stats.chi2.ppf(0.99, 1))
+# Readings do not fit one dipole if chance gives a larger chi-square with less than this probability.
+_UNLIKELY = 1e-3
+# Sigma as a share of the depth, and of the azimuth in rad, above which linear propagation of errors does not hold.
+_LOOSE = 0.3
+
+
+class SurfaceReadings(NamedTuple):
+    """
+    Readings of a receiver on the surface.
+
+    Attributes
+    ----------
+    point : ndarray, shape (n, 3)
+        Position of the receiver: north, east, down, m.
+    field : ndarray, shape (n, 3)
+        Amplitude of the field in the same axes, T; the sign of a whole row has no meaning. NaN if only the strength is
+        known.
+    strength : ndarray, shape (n,)
+        Amplitude of the total field, T.
+    """
+
+    point: Array
+    field: Array
+    strength: Array
+
+
+class Known(NamedTuple):
+    """
+    Facts about the sonde, each with 1 sigma.
+
+    Attributes
+    ----------
+    moment, moment_share : float
+        Moment of the coil, A m^2, and its sigma as a share of it.
+    pitch, pitch_sigma : float
+        Angle of the tool axis above the horizontal, rad, as the sonde sends it; NaN if unknown.
+    azimuth, azimuth_sigma : float
+        Direction of the bore as planned or measured, rad; NaN if unknown.
+    """
+
+    moment: float
+    moment_share: float = 0.02
+    pitch: float = math.nan
+    pitch_sigma: float = math.radians(0.3)
+    azimuth: float = math.nan
+    azimuth_sigma: float = math.radians(30.0)
+
+
+class ReadingErrors(NamedTuple):
+    """Errors of a reading, 1 sigma of a component: noise, T, and alignment and gain as a share of the strength."""
+
+    noise_t: float = 1e-11
+    share: float = 0.02
+
+
+@dataclasses.dataclass(frozen=True)
+class SondeFix:
+    """
+    Located sonde.
+
+    Attributes
+    ----------
+    position : ndarray, shape (3,)
+        North, east, down, m.
+    azimuth, pitch, moment : float
+        Direction of the tool axis, rad, the pitch positive above the horizontal; moment of the coil, A m^2.
+    covariance : ndarray, shape (6, 6)
+        Covariance of north, east, down, azimuth, pitch and the logarithm of the moment.
+    chi2, freedom : float, int
+        Sum of the squared errors over their sigmas, and its degrees of freedom.
+    others : tuple of SondeFix
+        Other solutions that the readings do not exclude, best first.
+    """
+
+    position: Array
+    azimuth: float
+    pitch: float
+    moment: float
+    covariance: Array
+    chi2: float
+    freedom: int
+    others: tuple[SondeFix, ...] = ()
+
+    @property
+    def sigma(self) -> Array:
+        """1 sigma of north, east, down (m), azimuth, pitch (rad) and the logarithm of the moment, shape (6,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on what makes the solution or its sigmas doubtful; empty if nothing does."""
+        found = []
+        if self.freedom > 0 and scipy.stats.chi2.sf(self.chi2, self.freedom) < _UNLIKELY:
+            found.append(
+                f"the readings do not fit one dipole (chi-square {self.chi2:.0f} for {self.freedom} degrees of"
+                " freedom): steel or another source is near, or a point is wrong; the sigmas do not hold"
+            )
+        if self.sigma[2] > _LOOSE * self._deepness or self.sigma[3] > _LOOSE:
+            found.append("the readings hardly determine the sonde: measure at more points, also beside the bore")
+        if self.others:
+            found.append(
+                f"other solutions fit as well ({len(self.others)}): give the azimuth of the bore, or more points"
+            )
+        return tuple(found)
+
+    @property
+    def _deepness(self) -> float:
+        return max(abs(float(self.position[2])), 0.1)
+
+
+def locate(readings: SurfaceReadings, known: Known, errors: ReadingErrors = ReadingErrors()) -> SondeFix:  # noqa: B008
+    """
+    Locate a sonde.
+
+    The sonde is below all points of the receiver.
+
+    Parameters
+    ----------
+    readings : SurfaceReadings
+    known : Known
+    errors : ReadingErrors
+
+    Raises
+    ------
+    ValueError
+        There are fewer numbers than unknowns, or a number is not usable.
+    """
+    model = _Model(readings, known, errors)
+    fits = [model.fit(start) for start in model.starts()]
+    fits.sort(key=lambda fit: fit.chi2)
+    best = fits[0]
+    apart: list[SondeFix] = [best]
+    for fit in fits[1:]:
+        if fit.chi2 - best.chi2 < _OTHER_CHI2 and not any(_same(fit, one) for one in apart):
+            apart.append(fit)
+    return dataclasses.replace(best, others=tuple(apart[1:]))
+
+
+def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
+    """
+    Return where the field on a level surface is vertical: behind and ahead of the point above the sonde, m.
+
+    Parameters
+    ----------
+    depth_m : float
+        Depth below the surface.
+    pitch : float
+        Angle of the tool axis above the horizontal, rad, below pi/2.
+    """
+    c, s = math.cos(pitch), math.sin(pitch)
+    root = math.sqrt(9.0 * s * s + 8.0 * c * c)
+    return depth_m * (-3.0 * s - root) / (4.0 * c), depth_m * (-3.0 * s + root) / (4.0 * c)
+
+
+def depth_overhead(strength: float, moment: float, pitch: float) -> float:
+    """Return the depth of a sonde, m, from the strength of its field directly above it, T, and its pitch, rad."""
+    unit = float(np.linalg.norm(dipole_field((0.0, 0.0, 1.0), (math.cos(pitch), 0.0, math.sin(pitch))).real))
+    return (moment * unit / strength) ** (1.0 / 3.0)
+
+
+def moment_of(strength: float, distance_m: float) -> float:
+    """Return the moment of a coil, A m^2, from the strength beside it, T: at its level, across its axis."""
+    unit = float(np.linalg.norm(dipole_field((0.0, distance_m, 0.0), (1.0, 0.0, 0.0)).real))
+    return strength / unit
+
+
+class _Model:
+    """Readings, prior knowledge and sigmas as residuals of one vector of unknowns."""
+
+    def __init__(self, readings: SurfaceReadings, known: Known, errors: ReadingErrors) -> None:
+        self._point, self._known = readings.point, known
+        self._vector = np.isfinite(readings.field).all(axis=1)
+        self._field, self._strength = readings.field[self._vector], readings.strength[~self._vector]
+        size = np.where(self._vector, np.linalg.norm(readings.field, axis=1), readings.strength)
+        if not (np.isfinite(size).all() and np.isfinite(readings.point).all() and (size > 0.0).all()):
+            raise ValueError("readings: each point needs a position and a field above 0")
+        sigma = np.hypot(errors.noise_t, errors.share * size)
+        self._sigma, self._size = sigma, size
+        priors = 1 + math.isfinite(known.pitch) + math.isfinite(known.azimuth)
+        self.freedom = 3 * len(self._field) + len(self._strength) + priors - _UNKNOWNS
+        if self.freedom < 0:
+            raise ValueError(
+                f"readings: {self.freedom + _UNKNOWNS} numbers cannot give {_UNKNOWNS} unknowns; measure at more points"
+            )
+
+    def starts(self) -> list[Array]:
+        """Return first guesses of the unknowns, shape (6,) each: below the strongest points, in all directions."""
+        weight = self._size / self._size.sum()
+        centre = weight @ self._point[:, :2]
+        # The strength is never more than that on the axis nor less than that beside it.
+        usual = (1.5 * 1e-7 * self._known.moment / self._size.max()) ** (1.0 / 3.0)
+        azimuths = math.tau * np.arange(_DIRECTIONS) / _DIRECTIONS
+        if math.isfinite(self._known.azimuth):
+            azimuths = self._known.azimuth + np.array([0.0, math.pi / 4.0, -math.pi / 4.0])
+        pitch = self._known.pitch if math.isfinite(self._known.pitch) else 0.0
+        top = float(self._point[:, 2].max())
+        return [
+            np.array([*centre, top + share * usual, azimuth, pitch, math.log(self._known.moment)])
+            for share in _DEPTHS
+            for azimuth in azimuths
+        ]
+
+    def fit(self, start: Array) -> SondeFix:
+        """Return the solution that a start leads to."""
+        low = np.array([-np.inf, -np.inf, self._point[:, 2].max() + 0.01, -np.inf, -np.inf, -np.inf])
+        scale = np.array([1.0, 1.0, 1.0, 0.3, 0.3, 0.1])
+        found = scipy.optimize.least_squares(
+            self.residuals, np.maximum(start, low + 0.01), bounds=(low, np.inf), x_scale=scale, max_nfev=200
+        )
+        normal = found.jac.T @ found.jac
+        x = found.x
+        # A tool axis beyond the vertical is the opposite azimuth.
+        axis = _axis(x)
+        return SondeFix(
+            position=x[:3],
+            azimuth=math.atan2(axis[1], axis[0]) % math.tau,
+            pitch=math.asin(float(np.clip(-axis[2], -1.0, 1.0))),
+            moment=math.exp(x[5]),
+            covariance=np.asarray(np.linalg.pinv(normal)),
+            chi2=2.0 * float(found.cost),
+            freedom=self.freedom,
+        )
+
+    def residuals(self, x: Array) -> Array:
+        """Return errors over their sigmas, shape (m,)."""
+        field = dipole_field(self._point - x[:3], math.exp(x[5]) * _axis(x)).real
+        vectors = field[self._vector]
+        sign = np.where(np.sum(vectors * self._field, axis=1) < 0.0, -1.0, 1.0)
+        known = self._known
+        priors = [(x[5] - math.log(known.moment)) / known.moment_share]
+        if math.isfinite(known.pitch):
+            priors.append((x[4] - known.pitch) / known.pitch_sigma)
+        if math.isfinite(known.azimuth):
+            priors.append(float(wrap_pi(x[3] - known.azimuth)) / known.azimuth_sigma)
+        return np.concatenate(
+            [
+                ((vectors * sign[:, None] - self._field) / self._sigma[self._vector, None]).ravel(),
+                (np.linalg.norm(field[~self._vector], axis=1) - self._strength) / self._sigma[~self._vector],
+                priors,
+            ]
+        )
+
+
+def _axis(x: NDArray[np.float64]) -> Array:
+    """Return the direction of the tool axis: north, east, down."""
+    level = math.cos(x[4])
+    return np.array([level * math.cos(x[3]), level * math.sin(x[3]), -math.sin(x[4])])
+
+
+def _same(one: SondeFix, other: SondeFix) -> bool:
+    near = float(np.linalg.norm(one.position - other.position)) < _SAME_M
+    turned = max(abs(float(wrap_pi(one.azimuth - other.azimuth))), abs(one.pitch - other.pitch))
+    return near and turned < _SAME_RAD
