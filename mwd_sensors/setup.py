@@ -23,7 +23,7 @@ setup(
         (f"share/{NAME}/scenarios", glob("scenarios/*.yaml")),
         (f"share/{NAME}/scenarios/bench", glob("scenarios/bench/*.yaml")),
     ],
-    install_requires=["numpy", "scipy", "numba", "PyYAML", "pyproj", "pygeomag", "ppigrf", "pyserial"],
+    install_requires=["numpy", "scipy", "numba", "PyYAML", "pyproj", "pygeomag", "ppigrf", "pyserial", "pymodbus"],
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import collections
 import fcntl
+import functools
+import operator
 import os
 import select
 import struct
@@ -19,7 +21,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.drivers import mtdata2, probe_protocol
+from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol
 from mwd_sensors.drivers.readings import LAYOUTS, Answer, Reading, readings_of
 
 NAME = "mwd emulator 1"
@@ -27,7 +29,7 @@ NAME = "mwd emulator 1"
 _ORDER = ("imu/temperature", "gyro/data_raw", "imu/mag", "imu/data_raw")
 XSENS_FIELD_T = 50e-6
 """Field that the emulated MTi reports as 1, T; the driver's `xsens_field_ut` must be 50."""
-PROTOCOLS = ("binary", "ascii", "xsens")
+PROTOCOLS = ("binary", "ascii", "xsens", "polled")
 # Longest wait for commands between two samples, and for the host to read the line, s.
 _WAIT_S = 0.02
 # At the end the emulator keeps the line open until the host has read nothing for the first time, at most for the second
@@ -42,11 +44,14 @@ class Emulator:
     Parameters
     ----------
     protocol : str
-        binary, ascii or xsens. With xsens there is no precision unit and the only commands are start and stop.
+        binary, ascii, xsens or polled. With xsens there is no precision unit and the only commands are start and stop.
+        With polled the unit replies to each request with its newest samples, and sends nothing by itself.
     link : Path, optional
         Further name for the line, in addition to /dev/pts/....
     wait_for_start : bool
-        Send nothing until the command start arrives.
+        Send nothing until the command start, or the first request, arrives.
+    frame : PolledFrame, optional
+        Frame of the protocol polled.
 
     Attributes
     ----------
@@ -56,8 +61,17 @@ class Emulator:
         Number of samples sent.
     """
 
-    def __init__(self, protocol: str, link: Path | None = None, wait_for_start: bool = False) -> None:
+    def __init__(
+        self,
+        protocol: str,
+        link: Path | None = None,
+        wait_for_start: bool = False,
+        frame: polled_line.PolledFrame | None = None,
+    ) -> None:
         self._protocol = protocol
+        self._unit = polled_line.Unit(frame or polled_line.PolledFrame()) if protocol == "polled" else None
+        self._values: dict[str, float] = {}
+        self._asked: polled_line.Poll | bytes | None = None  # request that is not answered yet
         self._master, self._slave = os.openpty()
         for end in (self._master, self._slave):
             tty.setraw(end)
@@ -70,7 +84,7 @@ class Emulator:
             link.symlink_to(self.device)
         self._commands = probe_protocol.Splitter(protocol == "ascii")
         self._sending = not wait_for_start
-        # For an MTi: the bytes of commands received, and the readings since its last packet.
+        # For an MTi: bytes of commands received, and the readings since its last packet; polled: the newest readings.
         self._heard, self._beside = b"", dict[str, Reading]()
         self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
@@ -85,7 +99,7 @@ class Emulator:
         Send all samples of the blocks, each a mapping of topic to samples, in the order of their stamps.
 
         rate is the number of sample seconds per second of the wall clock; 0 sends as fast as the line accepts the
-        bytes.
+        bytes, or as the host asks for the samples.
         """
         for reading in _in_order(blocks):
             if not self._began:
@@ -102,6 +116,8 @@ class Emulator:
                 self._unit_ns = reading.stamp_ns
             self._send(self._encoded(reading))
             self._answer()
+            if self._unit is not None and rate == 0.0 and reading.topic == "imu/data_raw":
+                self._wait_for_request(self._unit)
             self.sent += 1
         self._drain()
 
@@ -122,7 +138,21 @@ class Emulator:
     def __exit__(self, *_error: object) -> None:
         self.close()
 
+    def _wait_for_request(self, unit: polled_line.Unit) -> None:
+        """Keep the values until they have been asked for, within a time limit."""
+        answered, end = unit.answered, time.monotonic() + _LONGEST_DRAIN_S
+        while unit.answered == answered and time.monotonic() < end:
+            self._obey(_WAIT_S)
+
     def _encoded(self, reading: Reading) -> bytes:
+        if self._unit is not None:
+            self._beside[reading.topic] = reading
+            self._values |= dict(zip(polled_line.NAMES[reading.topic], reading.values, strict=True))
+            self._values[polled_line.TIME] = reading.stamp_ns
+            self._values[polled_line.STATUS] = functools.reduce(
+                operator.or_, (one.status for one in self._beside.values())
+            )
+            return b""
         if self._protocol != "xsens":
             self._counter += 1
             return probe_protocol.sample(reading, self._counter, self._protocol == "ascii")
@@ -162,7 +192,10 @@ class Emulator:
         self._answer()
 
     def _answer(self) -> None:
-        """Send the waiting answers, between frames and never inside one."""
+        """Send the waiting answers, between frames and never inside one; a polled unit answers once it has measured."""
+        if self._unit is not None and self._asked is not None and "imu/data_raw" in self._beside:
+            asked, self._asked = self._asked, None
+            self._send(asked if isinstance(asked, bytes) else polled_line.reply(self._unit.frame, asked, self._values))
         while self._answers:
             self._counter += 1
             told = self._answers.popleft()
@@ -176,6 +209,10 @@ class Emulator:
         data = os.read(self._master, 4096)
         if self._protocol == "xsens":
             self._hear(data)
+            return
+        if self._unit is not None:
+            self._asked = self._unit.take(data) or self._asked
+            self._sending = self._sending or self._asked is not None
             return
         for kind, content in self._commands.take(data):
             asked = probe_protocol.requested(kind, content)

@@ -11,11 +11,12 @@ import collections
 import dataclasses
 import select
 import time
+from pathlib import Path
 
 import serial  # type: ignore[import-untyped]
 
 from mwd_sensors.core.settings import setting
-from mwd_sensors.drivers import mtdata2, probe_protocol
+from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol
 from mwd_sensors.drivers.mtdata2 import MtReader
 from mwd_sensors.drivers.probe_protocol import ProbeReader
 from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, Answer, Reading
@@ -42,8 +43,9 @@ class LineSettings:
     )
     protocol: str = setting(
         "binary",
-        "Protocol of the line: binary (COBS frames with CRC-16), ascii (text lines with CRC-16) or xsens (MTData2).",
-        choices=("binary", "ascii", "xsens"),
+        "Protocol of the line: binary (COBS frames with CRC-16), ascii (text lines with CRC-16), xsens (MTData2) or "
+        "polled (RS-485: this machine asks, the unit replies).",
+        choices=("binary", "ascii", "xsens", "polled"),
         fixed=True,
     )
     clock: str = setting(
@@ -62,6 +64,12 @@ class LineSettings:
         high=100.0,
         fixed=True,
     )
+    frame_file: str = setting(
+        "",
+        "Frame of the protocol polled, a YAML file: address, requests, replies, timeout. Empty: Modbus RTU, unit 1, "
+        "all values in input registers from 0.",
+        fixed=True,
+    )
     wait_for_listener_s: float = setting(
         0.0,
         "Longest wait for subscribers before the line is opened; 0 opens it at once.",
@@ -70,6 +78,25 @@ class LineSettings:
         high=600.0,
         fixed=True,
     )
+
+
+def polled_frame(settings: LineSettings) -> polled_line.PolledFrame:
+    """
+    Return the frame of the protocol polled.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be used, or the unit's own stamps are wanted and its replies have no time.
+    OSError
+        The file cannot be read.
+    """
+    if not settings.frame_file:
+        return polled_line.PolledFrame()
+    frame = polled_line.read(Path(settings.frame_file).expanduser(), polled_line.PROBE_QUANTITIES)
+    if settings.clock == "unit" and polled_line.TIME not in frame.quantities:
+        raise ValueError("clock: the replies have no time of the unit; set clock to host")
+    return frame
 
 
 class SerialProbe:
@@ -94,6 +121,8 @@ class SerialProbe:
 
     def __init__(self, settings: LineSettings) -> None:
         self._settings = settings
+        self._frame = polled_frame(settings)
+        self._polled_ns = -1  # unit time of the last polled sample
         self._line: serial.Serial | None = None
         self._next_try = self._next_exchange = 0.0
         self._counter = 0
@@ -105,10 +134,13 @@ class SerialProbe:
         self._open_reader()
 
     def _open_reader(self) -> None:
+        self.clock = UnitClock()
+        if self._settings.protocol == "polled":
+            self._reader: MtReader | ProbeReader | polled_line.Master = polled_line.Master(self._frame)
+            return
         text = self._settings.protocol == "ascii"
         xsens = self._settings.protocol == "xsens"
         self._reader = MtReader(1e-6 * self._settings.xsens_field_ut) if xsens else ProbeReader(text)
-        self.clock = UnitClock()
 
     @property
     def connected(self) -> bool:
@@ -116,7 +148,7 @@ class SerialProbe:
         return self._line is not None
 
     @property
-    def reader(self) -> MtReader | ProbeReader:
+    def reader(self) -> MtReader | ProbeReader | polled_line.Master:
         """Return the decoder of the line, which holds its counters; each opening makes a new one."""
         return self._reader
 
@@ -135,6 +167,8 @@ class SerialProbe:
             return []
         try:
             data = self._line.read(max(self._line.in_waiting, 1))
+            if isinstance(self._reader, polled_line.Master):
+                return self._polled(self._reader, data, moment, now_ns)
             if moment >= self._next_exchange:
                 awaited = self._settings.clock == "host" and self.clock.jumps < 0
                 self._next_exchange = moment + (_FIRST_S if awaited else _EXCHANGE_S)
@@ -155,7 +189,39 @@ class SerialProbe:
             self.clock.observe(found[-1].stamp_ns, now_ns)
         self.received += len(found)
         # Without a known offset a sample cannot be stamped with the host's time.
-        return [] if self._settings.clock == "host" and self.clock.jumps < 0 else found
+        return found if self.clock_known else []
+
+    def _polled(self, master: polled_line.Master, data: bytes, moment: float, now_ns: int) -> list[Reading]:
+        """Return the samples of the reply that bytes complete, and send the request that is due."""
+        found: list[Reading] = []
+        for values, sent_s in master.take(data, moment):
+            # The unit measures somewhere between request and reply.
+            half_ns = round(0.5 * (moment - sent_s) * 1e9)
+            unit = values.get(polled_line.TIME)
+            if unit is None:
+                stamp_ns = now_ns - half_ns
+            elif not 0 <= unit < _END_OF_TIME_NS:
+                master.counters.broken += 1
+                continue
+            else:
+                stamp_ns = int(unit)
+                self.clock.observe(stamp_ns, now_ns, half_ns)
+                if stamp_ns == self._polled_ns:
+                    continue  # asked twice for one sample
+            self._polled_ns = stamp_ns
+            found += polled_line.readings(values, stamp_ns)
+        if self._wanted and (asked := master.due(moment)) and not self._write(asked):
+            master.cancel()
+        for one in found:
+            self._note(one)
+        self.received += len(found)
+        return found if self.clock_known else []
+
+    @property
+    def clock_known(self) -> bool:
+        """Whether samples can be stamped: always, unless the unit's time must be converted to that of the host."""
+        timed = self._settings.protocol != "polled" or polled_line.TIME in self._frame.quantities
+        return not timed or self._settings.clock == "unit" or self.clock.jumps >= 0
 
     def stream(self, on: bool) -> bool:
         """Tell the unit to send samples or to stop; return whether the command could be sent."""
@@ -186,6 +252,8 @@ class SerialProbe:
         self.connections += 1
         self._next_exchange = 0.0
         self._open_reader()
+        if settings.protocol == "polled":
+            return
         try:
             self._ask_for_samples()
             if settings.protocol != "xsens":
@@ -206,7 +274,9 @@ class SerialProbe:
             self._command("time", now_ns)
 
     def _ask_for_samples(self) -> bool:
-        """Send the command to start or stop samples; return whether it could be sent."""
+        """Send the command to start or stop samples; return whether it could be sent. A polled unit needs none."""
+        if self._settings.protocol == "polled":
+            return True
         if self._settings.protocol == "xsens":
             return self._write(mtdata2.message(mtdata2.GO_TO_MEASUREMENT if self._wanted else mtdata2.GO_TO_CONFIG))
         return self._command("start" if self._wanted else "stop", 0)

@@ -12,8 +12,9 @@ from std_srvs.srv import SetBool
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.drivers.polled_line import Master
 from mwd_sensors.drivers.readings import LAYOUTS, Reading, samples_of
-from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
+from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, polled_frame
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
@@ -40,9 +41,14 @@ class ProbeNode(GraphNode[LineSettings]):
         self._received_before = self._faults_before = 0
         self._clips_before: dict[str, int] = {}
         self._bad_before = 0, 0
+        self._trouble_before: dict[str, int] = {}
 
     def configure(self) -> None:
-        """Create publishers, service and timer."""
+        """Create publishers, service and timer; check the frame of a polled line."""
+        try:
+            polled_frame(self.settings)
+        except (ValueError, OSError) as error:
+            raise RuntimeError(f"frame_file: {error}") from error
         self._topics = {topic: self.add_publisher(kind, topic, qos.STREAM) for topic, kind in _TYPES.items()}
         self.add_service(SetBool, "stream", self._stream)
         self.add_timer(_PERIOD, self._on_timer)
@@ -51,7 +57,7 @@ class ProbeNode(GraphNode[LineSettings]):
         """Create the connection object; the timer opens the serial line."""
         self._probe = SerialProbe(self.settings)
         self._received_before = self._faults_before = 0
-        self._clips_before, self._bad_before = {}, (0, 0)
+        self._clips_before, self._bad_before, self._trouble_before = {}, (0, 0), {}
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def deactivate(self) -> None:
@@ -107,6 +113,8 @@ class ProbeNode(GraphNode[LineSettings]):
         if not probe.connected:
             remedy = "check plug, power and the parameter port"
             return Diagnostic("line", ERROR, probe.failure or "not open yet", remedy, values)
+        if isinstance(probe.reader, Master):
+            return self._polled_diagnostic(probe.reader, new, values)
         if not new:
             remedy = f"check power, the parameters baud ({settings.baud}) and protocol ({settings.protocol})"
             message = "broken frames only" if counters.broken and not counters.frames else "no samples"
@@ -119,9 +127,22 @@ class ProbeNode(GraphNode[LineSettings]):
             return Diagnostic("line", WARN, message, "check cable, ground and speed", values)
         return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
 
+    def _polled_diagnostic(self, master: Master, new: int, values: tuple[tuple[str, str], ...]) -> Diagnostic:
+        """Return the state of a polled line: each kind of error with its number in the last second."""
+        before, self._trouble_before = self._trouble_before, dict(master.trouble)
+        fresh = {words: count - before.get(words, 0) for words, count in master.trouble.items()}
+        said = "; ".join(f"{count} times {words}" for words, count in fresh.items() if count > 0)
+        if not new:
+            return Diagnostic("line", ERROR, said or "no samples", "check address and frame_file", values)
+        if said:
+            return Diagnostic("line", WARN, said, "check cable, termination and frame_file", values)
+        return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
+
     def _clock_diagnostic(self, probe: SerialProbe) -> Diagnostic:
         if self.settings.clock == "unit":
             return Diagnostic("clock", OK, "stamps are those of the unit")
+        if probe.clock_known and probe.clock.jumps < 0:
+            return Diagnostic("clock", OK, "stamps are those of request and reply")
         if probe.clock.jumps < 0:
             return Diagnostic("clock", WARN, "not known yet: samples wait for it", "check that the unit answers `time`")
         values = (("offset", f"{probe.clock.offset_ns * 1e-9:.6f}"), ("jumps", str(probe.clock.jumps)))

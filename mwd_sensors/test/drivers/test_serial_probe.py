@@ -3,18 +3,20 @@
 
 import os
 import select
+import tempfile
 import threading
 import time
 import tty
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mwd_sensors.core import burst, input_covariance, wire
-from mwd_sensors.drivers import probe_protocol, serial_probe
+from mwd_sensors.drivers import polled_line, probe_protocol, serial_probe
 from mwd_sensors.drivers.emulator import NAME, XSENS_FIELD_T, Emulator
 from mwd_sensors.drivers.readings import LAYOUTS, Reading, readings_of, samples_of
-from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, UnitClock
+from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, UnitClock, polled_frame
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 
@@ -297,3 +299,74 @@ def test_a_sample_of_a_time_that_no_message_can_have_is_broken_and_the_next_is_r
     probe.close()
     os.close(master)
     os.close(slave)
+
+
+def polled_to_the_end(settings, sent, rate):
+    """What a polled probe gave until the emulator had no more samples."""
+    with Emulator("polled", wait_for_start=True, frame=polled_frame(settings(""))) as emulator:
+        probe = SerialProbe(settings(emulator.device))
+        player = threading.Thread(target=emulator.play, args=([sent], rate))
+        player.start()
+        got = received_to_the_end(probe, player)
+        probe.close()
+    return probe, got
+
+
+def test_a_polled_unit_gives_each_sample_as_it_is_asked():
+    exact = "{quantity: %s, form: float64}"
+    names = [name for topic in polled_line.NAMES.values() for name in topic]
+
+    def settings(port):
+        return LineSettings(port=port, protocol="polled", clock="unit", frame_file=str(frame))
+
+    with tempfile.TemporaryDirectory() as folder:
+        frame = Path(folder) / "frame.yaml"
+        items = ["{quantity: time, form: int64, step: 1.0e-9}", *(exact % name for name in names)]
+        frame.write_text(f"{{start: 7e, address: 9, period_s: 0.001, polls: [{{items: [{', '.join(items)}]}}]}}")
+        sent = measured(1.0)
+        probe, got = polled_to_the_end(settings, sent, 0.0)
+    assert probe.reader.trouble == {}
+    for topic in ("imu/data_raw", "imu/mag", "gyro/data_raw"):
+        mine = samples_of(topic, [one for one in got if one.topic == topic])
+        assert mine.tobytes() == sent[topic].tobytes()[-mine.nbytes :]
+        assert len(mine) >= len(sent[topic]) - 1
+
+
+def test_a_host_slower_than_the_unit_gets_the_newest_sample_and_none_twice():
+    def settings(port):
+        return LineSettings(port=port, protocol="polled", clock="unit", frame_file=str(frame))
+
+    with tempfile.TemporaryDirectory() as folder:
+        frame = Path(folder) / "frame.yaml"
+        numbers = ", ".join(f"{{quantity: {name}}}" for name in ("temperature", *polled_line.NAMES["imu/data_raw"]))
+        poll = f"{{items: [{{quantity: time, form: int64, step: 1.0e-9}}, {numbers}]}}"
+        frame.write_text(f"{{period_s: 0.1, polls: [{poll}]}}")
+        _, got = polled_to_the_end(settings, measured(2.0), 1.0)
+    stamps = [one.stamp_ns for one in got if one.topic == "imu/data_raw"]
+    assert 10 <= len(stamps) <= 25
+    assert (np.diff(stamps) > 50_000_000).all()
+
+
+def test_a_unit_without_a_clock_is_stamped_between_request_and_reply():
+    unit, line = os.openpty()
+    tty.setraw(line)
+    with tempfile.TemporaryDirectory() as folder:
+        frame = Path(folder) / "frame.yaml"
+        frame.write_text("polls: [{items: [{quantity: temperature, form: int16, step: 0.1}]}]")
+        probe = SerialProbe(LineSettings(port=os.ttyname(line), protocol="polled", frame_file=str(frame)))
+        with pytest.raises(ValueError, match="set clock to host"):
+            polled_frame(LineSettings(protocol="polled", frame_file=str(frame), clock="unit"))
+    probe.poll(START)
+    probe.poll(START)
+    end = polled_line.Unit(probe.reader.frame)
+    asked = end.take(os.read(unit, 100))
+    os.write(unit, polled_line.reply(end.frame, asked, {"temperature": 41.5}))
+    got, stop = [], time.monotonic() + 10.0
+    while not got and time.monotonic() < stop:
+        got = probe.poll(START + 1_000_000_000)
+    assert got[0].values == (41.5,)
+    assert START <= got[0].stamp_ns <= START + 1_000_000_000
+    assert probe.offset_ns == 0
+    probe.close()
+    os.close(line)
+    os.close(unit)

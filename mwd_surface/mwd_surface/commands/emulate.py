@@ -18,10 +18,13 @@ if TYPE_CHECKING:
 @reads_recording
 def emulate(
     source: Annotated[str, typer.Argument(metavar="RECORDING|SCENARIO", help="Source of the measurements.")],
-    protocol: Annotated[str, typer.Option(help="Protocol of the line: binary, ascii or xsens.")] = "binary",
+    protocol: Annotated[str, typer.Option(help="Protocol of the line: binary, ascii, xsens or polled.")] = "binary",
     link: Annotated[Path | None, typer.Option(help="Link to create for the line, such as /tmp/probe.")] = None,
     rate: Annotated[float, typer.Option(help="Speed relative to real time; 0: as fast as the line allows.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end (recordings only).")] = False,
+    frame: Annotated[
+        Path | None, typer.Option("--frame", help="Frame of the protocol polled, YAML; by default Modbus RTU.")
+    ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="Send nothing until a driver sends the start command.")] = False,
     *,
     reading: Reading,
@@ -38,6 +41,7 @@ def emulate(
       mwd emulate bags/run_7 --protocol ascii --wait
       mwd node probe --ros-args -p port:=/tmp/probe -p clock:=unit
     """
+    from mwd_sensors.drivers import polled_line
     from mwd_sensors.drivers.emulator import PROTOCOLS, Emulator
     from mwd_surface.commands import terminal
 
@@ -45,8 +49,11 @@ def emulate(
         raise ValueError(f"--protocol {protocol}: unknown; use one of {', '.join(PROTOCOLS)}")
     if rate < 0.0:
         raise ValueError(f"--rate {rate:g}: must be 0 or more")
+    if frame is not None and protocol != "polled":
+        raise ValueError(f"--frame: the protocol {protocol} has no frame; omit it, or use --protocol polled")
     samples = _samples(source, reading)
-    with Emulator(protocol, link, wait) as emulator:
+    asked = None if frame is None else polled_line.read(frame, polled_line.PROBE_QUANTITIES)
+    with Emulator(protocol, link, wait, asked) as emulator:
         terminal.output().print(str(link or emulator.device), markup=False)
         emulator.play(samples, rate)
         while loop and Path(source).exists():

@@ -34,6 +34,7 @@ from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 from mwd_surface.rig.opcua.server import OpcuaServer
 from mwd_surface.rig.opcua.settings import OpcuaSettings
+from mwd_surface.rig.polled.unit import PolledSettings, PolledUnit
 from mwd_surface.rig.values import RigValues, silenced
 from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
 from mwd_surface.rig.wits.link import Wits0Settings
@@ -54,6 +55,7 @@ class RigSettings:
     opcua: OpcuaSettings = setting(OpcuaSettings, "OPC UA")
     modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
     modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
+    polled: PolledSettings = setting(PolledSettings, "Polled serial line of another maker's surface unit")
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
     blackboard: BlackboardSettings = setting(BlackboardSettings, "D-WIS blackboard")
     strict: bool = setting(
@@ -132,6 +134,8 @@ class RigPort:
             self._interfaces.append(ModbusServer(settings.modbus, named(MODBUS), authority))
         if settings.modbus_serial.enabled:
             self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority))
+        if settings.polled.enabled:
+            self._interfaces.append(PolledUnit(settings.polled))
         if settings.blackboard.enabled:
             self._interfaces.append(Blackboard(settings.blackboard, named(OPCUA)))
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Unit on a polled serial line (RS-485): a surface unit of another maker asks it for inclination, azimuth and toolface.
+
+The frame is that of `mwd_sensors.drivers.polled_line`, so that one file describes a line for both of its ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mwd_sensors.core.settings import setting
+from mwd_sensors.drivers import polled_line
+from mwd_sensors.drivers.polled_line import Item, Poll, PolledFrame
+from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, InterfaceStatus, LoopInterface, optional
+from mwd_surface.rig.values import RigValues
+from mwd_surface.signals.table import TO_RIG
+
+_STEP_S = 0.005  # time between two looks at the line; a host waits some tenths of a second for a reply
+QUANTITIES = tuple(signal.name for signal in TO_RIG)
+HOST_FRAME = PolledFrame(
+    polls=(
+        Poll(
+            4,
+            "00000003",
+            (
+                Item("inclination", "uint16", 0.01, unit="deg"),
+                Item("azimuth", "uint16", 0.01, unit="deg"),
+                Item("gravity_toolface", "uint16", 0.01, unit="deg"),
+            ),
+        ),
+    )
+)
+"""Frame without a file: Modbus RTU, function 4, registers 0 to 2, in hundredths of a degree; 65535 for unknown."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PolledSettings:
+    """Settings of the polled serial line of another maker's surface unit."""
+
+    enabled: bool = setting(False, "answer a surface unit of another maker that polls a serial line", fixed=True)
+    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
+    baud: int = setting(9600, "bits per second", low=300, high=921600, fixed=True)
+    frame_file: str = setting(
+        "",
+        "YAML file with address, requests and replies. Empty: Modbus RTU, unit 1, function 4, inclination, azimuth and "
+        "toolface in registers 0 to 2, 0.01 deg",
+        fixed=True,
+    )
+
+
+class PolledUnit(LoopInterface):
+    """Interface that answers requests on a serial line with the newest values."""
+
+    def __init__(self, settings: PolledSettings) -> None:
+        super().__init__("polled")
+        self.settings = settings
+        self._unit = polled_line.Unit(HOST_FRAME)
+        self._serial: Any = None
+
+    def start(self) -> None:
+        """
+        Start answering.
+
+        Raises
+        ------
+        InterfaceError
+            The frame cannot be used, pyserial is missing, or the device cannot be opened.
+        """
+        self._serial = optional("serial", "pyserial", "A polled serial line")
+        if self.settings.frame_file:
+            try:
+                frame = polled_line.read(Path(self.settings.frame_file).expanduser(), QUANTITIES)
+            except (ValueError, OSError) as error:
+                raise InterfaceError(f"frame_file: {error}") from error
+            self._unit = polled_line.Unit(frame)
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Answer requests until `stop` is set or the device is gone."""
+        device = self.settings.device
+        try:
+            line = self._serial.Serial(device, self.settings.baud, timeout=0, write_timeout=0, exclusive=True)
+        except OSError as error:
+            raise InterfaceError(f"{device}: {error.strerror or error}") from error
+        with line:
+            ready(device)
+            while not stop.is_set():
+                try:
+                    answer = self._answer(line.read(max(line.in_waiting, 1)))
+                    if answer:
+                        line.write(answer)
+                except OSError as error:
+                    raise InterfaceError(f"{device} is gone: {error.strerror or error}") from error
+                await asyncio.sleep(_STEP_S)
+
+    def _answer(self, data: bytes) -> bytes:
+        """Return the bytes to send after some have arrived; none for silence."""
+        asked = self._unit.take(data) if data else None
+        if asked is None or isinstance(asked, bytes):
+            return asked or b""
+        return polled_line.reply(self._unit.frame, asked, usable(self.values))
+
+    def status(self) -> InterfaceStatus:
+        """Return the state of the interface, with each kind of error."""
+        if not self.running:
+            return InterfaceStatus(self.name, STOPPED, self.settings.device, self.failure)
+        unit = self._unit
+        reason = "; ".join(f"{count} times {words}" for words, count in unit.trouble.items())
+        return InterfaceStatus(self.name, LISTENING, self.settings.device, reason, sent=unit.answered)
+
+
+def usable(values: RigValues | None) -> dict[str, float]:
+    """Return the values that may be used now, SI by name; the others are sent as unknown."""
+    if values is None:
+        return {}
+    return {name: one.value for name, one in values.values.items() if one.condition.usable}
