@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Chinese documents say what the English ones say: the same commands, names and numbers, in the catalogue's terms."""
+"""The Chinese documents say what the English ones say: the same commands, names and numbers, in the same terms."""
 
 import re
 from collections import Counter
@@ -100,7 +100,7 @@ def test_a_term_of_the_glossary_is_the_one_that_the_program_uses(chinese, englis
     where = [entry for entry in ENTRIES if stem.search(entry)]
     written = " ".join(" ".join(text(path).split()) for path in (DOCS / "glossary.md", ROOT / "README.md"))
     assert where or stem.search(written), "no text has the English term"
-    said = [ENTRIES[entry] for entry in where]
+    said = [ENTRIES[entry] for entry in where] or ENTRIES.values()
     documents = " ".join(text(path) for path in CHINESE.glob("*.md") if path.name != "glossary.md")
     assert any(chinese in one for one in said) or chinese in documents
     for entry in where:
