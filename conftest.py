@@ -19,6 +19,9 @@ from mwd_sensors.core.linear_algebra import use_one_thread
 # and these threads wait for each other longer than they compute.
 use_one_thread()
 
+# Commands speak the language of the environment; tests read English unless they choose another one.
+os.environ["LANGUAGE"] = "en"
+
 # A shell without job control starts background programs with SIGINT ignored, and their child processes inherit this.
 # Restore the usual handler.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -21,6 +21,7 @@ setup(
             "ros/security_policy.yaml",
             "signals/table.csv",
             "language/*.po",
+            "language/commands/*.po",
         ]
     },
     data_files=[

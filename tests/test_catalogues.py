@@ -19,7 +19,7 @@ from mwd_surface.surveys.leg import Origin
 from mwd_surface.trajectory.advice import AdviceMode
 
 ROOT = Path(__file__).resolve().parents[1]
-CATALOGUES = sorted((ROOT / "mwd_surface/mwd_surface/language").glob("*.po"))
+CATALOGUES = sorted((ROOT / "mwd_surface/mwd_surface/language").glob("**/*.po"))
 PLACES = re.compile(r"\{\w*\}")
 
 
@@ -32,11 +32,12 @@ def words():
     return module
 
 
-@pytest.mark.parametrize("path", CATALOGUES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CATALOGUES, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_every_text_has_a_translation_with_the_same_values(words, path):
+    """Texts of the page, alarms, reasons and report; and those of the help and messages of the commands."""
     with path.open("rb") as file:
         catalogue = {m.id: m.string for m in read_po(file, locale=path.stem) if m.id}
-    texts = set(words.every_text())
+    texts = set(words.command_texts() if path.parent.name == "commands" else words.every_text())
     assert not texts - {text for text, said in catalogue.items() if said}, "no translation: run `make words`, translate"
     assert not set(catalogue) - texts, "no source has these texts any more: run `make words`"
     for text, said in catalogue.items():
@@ -95,8 +96,8 @@ def test_the_enumerations_of_every_field_of_a_record_are_found(words):
     assert not any("_" in one for one in words.state_words(WellState))
 
 
-def test_of_a_reader_of_lists_only_the_remarks_are_texts(words, tmp_path):
-    """Remarks are printed in the report; errors end the command, which speaks English."""
+def test_of_a_reader_of_lists_only_the_remarks_are_texts_of_the_report(words, tmp_path):
+    """Remarks are printed in the report; errors end the command, and are among the texts of the commands."""
     path = tmp_path / "reader.py"
     path.write_text(
         '_HOW = "taken once"\n'
@@ -110,3 +111,13 @@ def test_of_a_reader_of_lists_only_the_remarks_are_texts(words, tmp_path):
         encoding="utf-8",
     )
     assert words.texts_of(path, remarks=True) == ["{name}: the station at {md} m is taken once"]
+    assert words.errors_of(path) == ["{name}: no station in it"]
+
+
+def test_the_help_of_every_command_is_among_the_texts(words):
+    """Paragraphs of a command, the meaning of its options, and the headings of panels."""
+    texts = words.help_texts()
+    assert "Latitude, deg, north positive." in texts
+    assert "Recordings" in texts
+    assert "Compute the path of a survey list by minimum curvature, with its position uncertainty." in texts
+    assert not any(text.startswith("mwd ") for text in texts), "an example of a command is not translated"

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 from typing import Annotated, Any
@@ -30,6 +31,7 @@ from mwd_surface.commands.export import export, report
 from mwd_surface.commands.finalize import finalize
 from mwd_surface.commands.forecast import forecast
 from mwd_surface.commands.graph import call, param, topic
+from mwd_surface.commands.help_text import with_spoken_help
 from mwd_surface.commands.inspect import inspect
 from mwd_surface.commands.listen import listen
 from mwd_surface.commands.log import log
@@ -42,6 +44,7 @@ from mwd_surface.commands.rig import rig
 from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
 from mwd_surface.commands.security import security
+from mwd_surface.commands.speech import choose, say
 from mwd_surface.commands.survey import survey
 from mwd_surface.commands.terminal import PrintableStream
 from mwd_surface.commands.tool import tool
@@ -83,11 +86,26 @@ def _versions(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _language(code: str | None) -> None:
+    if code is not None:
+        choose(code)
+
+
 @app.callback()
 def _top(
     _version_option: Annotated[
         bool, typer.Option("--version", help="Print the versions and end.", is_eager=True, callback=_versions)
     ] = False,
+    _language_option: Annotated[
+        str | None,
+        typer.Option(
+            "--language",
+            metavar="CODE",
+            help="Language of help and messages, e.g. zh_CN; by default LANGUAGE, LC_ALL, LC_MESSAGES or LANG.",
+            is_eager=True,
+            callback=_language,
+        ),
+    ] = None,
 ) -> None:
     """Options of `mwd` itself."""
 
@@ -134,6 +152,8 @@ app.command(rich_help_panel=_MACHINE)(security)
 app.command(rich_help_panel=_MACHINE)(version)
 app.command(rich_help_panel=_MACHINE)(bundle)
 
+# Class of all errors of the library that reads the arguments; newer versions of typer carry a click of their own.
+_ClickError: Any = typer.BadParameter.__mro__[2]
 _FULL = ": free the disk, or write to another one"
 _REMEDIES = {
     errno.ENOSPC: _FULL,
@@ -159,7 +179,7 @@ def main() -> None:
     sys.stdout = PrintableStream(sys.stdout)
     sys.stderr = PrintableStream(sys.stderr)
     try:
-        app(prog_name="mwd")
+        _run()
     except BrokenPipeError:
         # Whoever read our output has enough; keep Python from complaining on exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -176,12 +196,34 @@ def main() -> None:
         _end(error)
 
 
+def _run() -> None:
+    """
+    Run the command of the arguments, and end the process with its status.
+
+    The library that reads the arguments writes its messages in English; they are translated as all other texts are.
+    """
+    # The language is needed before the tree of the commands is made, because it has their help.
+    given = next((pair[1] for pair in zip(sys.argv[1:], sys.argv[2:], strict=False) if pair[0] == "--language"), None)
+    given = next((one.partition("=")[2] for one in sys.argv[1:] if one.startswith("--language=")), given)
+    if given is not None:
+        choose(given)
+    command = with_spoken_help(typer.main.get_command(app))
+    try:
+        status = command(prog_name="mwd", standalone_mode=False)
+    except _ClickError as error:
+        page = io.StringIO()
+        error.show(file=page)
+        sys.stderr.write(say(page.getvalue()))
+        sys.exit(error.exit_code)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
 def _end(error: BaseException) -> None:
     sentence = str(error)
     if isinstance(error, OSError) and error.strerror:
         sentence = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
         sentence += _REMEDIES.get(error.errno or 0, "")
-    sys.stderr.write(f"mwd: {printable(sentence)}\n")
+    print("mwd:", printable(say(sentence)), file=sys.stderr)
     sys.exit(2)
 
 

@@ -104,19 +104,18 @@ def _data(
 
 def _show(source: str, unit: str, found: Calibration) -> None:
     """Print residuals and errors."""
-    from rich.table import Table
-
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.spoken_table import SpokenTable
     from mwd_surface.runs import calibration_run
 
     console = terminal.output()
-    table = Table(title=f"{source}, {unit}: residuals, root mean square")
+    table = SpokenTable(title=f"{source}, {unit}: residuals, root mean square")
     for name in ("triad", "rests or turns", "before", "after", "unit"):
         table.add_column(name, justify="left" if name in ("triad", "unit") else "right")
     for name, count, before, after, words in calibration_run.residuals(found):
         table.add_row(name, str(count), f"{before:.4g}", f"{after:.4g}", words)
     console.print(table, soft_wrap=False)
-    axes = Table(title=f"errors at {found.accelerometer.reference_c:.1f} °C, ± 1 sigma")
+    axes = SpokenTable(title=f"errors at {found.accelerometer.reference_c:.1f} °C, ± 1 sigma")
     for name in ("triad", "figure", "x", "y", "z"):
         axes.add_column(name, justify="left" if name in ("triad", "figure") else "right")
     for name, words, values in calibration_run.errors(found):

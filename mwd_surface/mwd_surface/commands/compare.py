@@ -104,7 +104,7 @@ def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
     console = terminal.output()
     console.print(f"differences: {names[0]} minus {names[1]}", markup=False)
     if found.stations:
-        headings = ("no", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
+        headings = ("nr", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
         table = terminal.table(headings, title="stations")
         for one in found.stations:
             angles = (f"{one.differences[name]:+.4f}" for name in ("inclination_deg", "azimuth_deg", "toolface_deg"))

@@ -66,13 +66,13 @@ def doctor(
 
 def _show(results: list[CheckResult]) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.spoken_table import SpokenTable
     from mwd_surface.runs.doctor import Level
 
     marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
-    table = Table(box=None, padding=(0, 2, 0, 0))
+    table = SpokenTable(box=None, padding=(0, 2, 0, 0))
     for name in ("", "check", "state"):
         table.add_column(name, overflow="fold")
     for result in results:

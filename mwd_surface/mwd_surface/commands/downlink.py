@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mwd_surface.commands.graph import Domain, visit
+from mwd_surface.commands.speech import say
 
 if TYPE_CHECKING:
     from mwd_surface.ros.graph_client import GraphClient
@@ -72,9 +73,9 @@ def state(domain: Domain = None) -> None:
     """Show the present command: its state, the reason, and the conditions it waits for."""
     with visit(domain) as client:
         last = _newest(client, _LISTEN_S)
-        typer.echo(_line(last))
+        typer.echo(say(_line(last)))
         for text in last["blocked_by"]:
-            typer.echo(f"  waits: {text}")
+            typer.echo(say(f"  waits: {text}"))
 
 
 @app.command("watch")
@@ -98,7 +99,7 @@ def _shown(message: dict[str, Any], before: str) -> str:
     """Print the line of a state if it has changed, and return it; exit if the command has ended."""
     line, word = _line(message), _STATES[message["state"]]
     if line != before:
-        typer.echo(line)
+        typer.echo(say(line))
     if word in _ENDED:
         raise typer.Exit(0 if word == "confirmed" else 1)
     return line
@@ -127,6 +128,6 @@ def _line(message: dict[str, Any]) -> str:
 
 def _call(client: GraphClient, service: str, fields: dict[str, Any]) -> None:
     answer = client.call(service, fields)
-    typer.echo(answer["message"])
+    typer.echo(say(answer["message"]))
     if not answer["success"]:
         raise typer.Exit(1)

@@ -1,12 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Console that escapes hidden characters in everything that it prints, see `terminal.PrintableStream`."""
+"""
+Console of the command line: it prints in the chosen language, and escapes hidden characters in all that it prints.
+
+See `speech` and `terminal.PrintableStream`.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook, RenderResult
 from rich.segment import Segment
 
 from mwd_sensors.core.foreign_text import printable
+from mwd_surface.commands.speech import say, spoken
+from mwd_surface.commands.spoken_table import spoken_text
 
 
 class _Escaped:
@@ -28,8 +36,20 @@ class _EscapeAll(RenderHook):
         return [_Escaped(one) for one in renderables]
 
 
+class _Spoken(Console):
+    """Console that prints texts in the chosen language."""
+
+    def print(self, *objects: Any, markup: bool | None = None, **options: Any) -> None:
+        """Print texts; a table speaks the language itself (`SpokenTable`)."""
+        if spoken().entries:
+            objects = tuple(
+                say(one) if markup is False and isinstance(one, str) else spoken_text(one) for one in objects
+            )
+        super().print(*objects, markup=markup, **options)
+
+
 def escaping_console(*, stderr: bool) -> Console:
-    """Return a console on standard output or error whose text is escaped."""
-    console = Console(stderr=stderr, soft_wrap=True, highlight=False)
+    """Return a console on standard output or error whose text is translated and escaped."""
+    console = _Spoken(stderr=stderr, soft_wrap=True, highlight=False)
     console.push_render_hook(_EscapeAll())
     return console

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_surface.commands.speech import say
+
 if TYPE_CHECKING:
     from mwd_surface.ros.graph_client import GraphClient
 
@@ -95,7 +97,7 @@ def param_set(node: str, name: str, value: str, domain: Domain = None) -> None:
 
     with visit(domain) as client:
         client.set_parameter(node, name, assignments([f"{name}={value}"])[name])
-    typer.echo(f"{name} is set")
+    typer.echo(say(f"{name} is set"))
 
 
 @topic.command("list")
@@ -137,11 +139,11 @@ def topic_hz(
     with visit(domain) as client:
         times = [at for at, _ in client.listen(name, seconds)]
     if len(times) < 2:
-        typer.echo(f"{len(times)} messages in {seconds:g} s")
+        typer.echo(say(f"{len(times)} messages in {seconds:g} s"))
         raise typer.Exit(1)
     gaps = [after - before for before, after in itertools.pairwise(times)]
     rate = (len(times) - 1) / max(times[-1] - times[0], 1e-9)
-    typer.echo(f"{rate:.2f} Hz, {len(times)} messages, longest gap {max(gaps):.3f} s")
+    typer.echo(say(f"{rate:.2f} Hz, {len(times)} messages, longest gap {max(gaps):.3f} s"))
 
 
 @contextlib.contextmanager

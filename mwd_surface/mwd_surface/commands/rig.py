@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.speech import say
+
 if TYPE_CHECKING:
     from mwd_surface.rig.status import RigStatus
 
@@ -167,5 +169,5 @@ def conformance(
         typer.echo(json.dumps([dataclasses.asdict(result) for result in results]))
     else:
         done = sum(result.passed is not None for result in results)
-        typer.echo(f"{done - len(failed)} of {done} cases pass; {len(results) - done} cannot be tested")
+        typer.echo(say(f"{done - len(failed)} of {done} cases pass; {len(results) - done} cannot be tested"))
     raise typer.Exit(1 if failed else 0)

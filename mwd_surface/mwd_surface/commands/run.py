@@ -254,15 +254,15 @@ def _conclude(console: Console, bag: Path, truth: Path | None, convention: Angle
 def _show_scores(console: Console, scored: list[Scored], convention: AngleConvention) -> None:
     import math
 
-    from rich.table import Table
     from rich.text import Text
 
+    from mwd_surface.commands.spoken_table import SpokenTable
     from mwd_surface.commands.survey_table import COLOURS, show_actions
 
     if not scored:
         console.print("no survey was taken", markup=False)
         return
-    table = Table(
+    table = SpokenTable(
         title="surveys against the truth (deg, azimuth from true north)",
         title_justify="left",
         box=None,
@@ -270,7 +270,7 @@ def _show_scores(console: Console, scored: list[Scored], convention: AngleConven
         header_style="dim",
     )
     angle = convention.heading if convention.points else "incl"
-    columns = ("no", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr")
+    columns = ("nr", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr")
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)

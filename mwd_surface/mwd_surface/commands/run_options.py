@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
+from mwd_surface.commands.speech import say
+
 _SETTINGS = "Settings"
 _LEAST_SECRET = 8  # characters, as required by the page
 
@@ -226,7 +228,7 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
         return {}
     if token == "new":  # noqa: S105  (a word, not a secret)
         token = secrets.token_urlsafe(9)
-        typer.echo(f"token of the page: {token}")
+        typer.echo(say(f"token of the page: {token}"))
     if len(token) < _LEAST_SECRET:
         raise ValueError(f"--token: write {_LEAST_SECRET} characters or more, or `new`")
     file = folder / "page_token"

@@ -20,13 +20,12 @@ def list_() -> None:
     Example:
       mwd scenario list
     """
-    from rich.table import Table
-
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.spoken_table import SpokenTable
 
-    table = Table()
+    table = SpokenTable()
     table.add_column("name", no_wrap=True)
     table.add_column("description")
     for name, path in scenario_files.names().items():

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from mwd_surface.commands.speech import say
+
 
 def security(
     well: Annotated[str, typer.Argument(help="Namespace of the well.")] = "well_1",
@@ -30,4 +32,4 @@ def security(
         typer.echo(text, nl=False)
     else:
         output.write_text(text, encoding="utf-8")
-        typer.echo(f"written {output}")
+        typer.echo(say(f"written: {output}"))

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from mwd_estimation.core.north import North
@@ -16,6 +15,7 @@ from mwd_estimation.core.reference_field import best_north, north_correction
 from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.frames import wrap_pi
+from mwd_surface.commands.spoken_table import SpokenTable
 from mwd_surface.surveys.station_checks import NO_DEPTH
 from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
 
@@ -38,9 +38,9 @@ def show_surveys(
     first = max(len(records) - _MOST, 0)
     title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
     # With the widest numbers it just fits the 80 columns of a plain terminal.
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
+    table = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
     angle = convention.heading if convention.points else "inclination"
-    for name in ("no", "depth m", angle, "azimuth", "", "toolface", "nT", "dip"):
+    for name in ("nr", "depth m", angle, "azimuth", "", "toolface", "nT", "dip"):
         table.add_column(name, justify="left" if not name else "right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for record in records[first:]:

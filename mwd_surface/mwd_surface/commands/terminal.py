@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mwd_sensors.core.foreign_text import printable
+from mwd_surface.commands.speech import say
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -70,16 +71,20 @@ def remarks() -> Console:
 
 def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
     """Print names, right-aligned to a width, with their values, one per line."""
+    from rich.cells import cell_len
+
     console = output()
     for name, value in lines:
-        console.print(f"{name:>{width}}  {value}", markup=False)
+        said = say(name)
+        # Both are translated already: a name and its value are no sentence.
+        console.print((f"{' ' * (width - cell_len(said))}{said}  {say(value)}"), markup=False)
 
 
 def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
     """Return a table without a frame: columns aligned right, those in `left` aligned left."""
-    from rich.table import Table
+    from mwd_surface.commands.spoken_table import SpokenTable
 
-    made = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
+    made = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in names:
         made.add_column(name, justify="left" if name in left else "right")
     return made
@@ -106,7 +111,7 @@ def warn(sentence: str) -> None:
     """Print a warning."""
     from rich.text import Text
 
-    remarks().print(Text.assemble(("warning: ", "yellow"), sentence))
+    remarks().print(Text.assemble(("warning", "yellow"), ": ", sentence))
 
 
 def remark(sentence: str) -> None:
@@ -129,6 +134,7 @@ def progress(words: str) -> Iterator[Callable[[float], None]]:
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+    words = say(words)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=_moving(), transient=True) as bar:
         task = bar.add_task(printable(words), total=1.0)
@@ -142,7 +148,7 @@ def waiting(words: str) -> Iterator[None]:
         remarks().print(words, markup=False)
         yield
         return
-    with _moving().status(printable(words)):
+    with _moving().status(printable(say(words))):
         yield
 
 
@@ -156,4 +162,4 @@ def live_line() -> Iterator[Callable[[str], None]]:
     from rich.text import Text
 
     with Live(Text(""), console=_moving(), transient=True, auto_refresh=False) as live:
-        yield lambda words: live.update(Text(printable(words), no_wrap=True, overflow="ellipsis"), refresh=True)
+        yield lambda words: live.update(Text(printable(say(words)), no_wrap=True, overflow="ellipsis"), refresh=True)

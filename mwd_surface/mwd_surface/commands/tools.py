@@ -40,11 +40,10 @@ def tools(
       mwd tools s1_lab s1_field --angles dip_down
       mwd tools s1_field -o tools.csv
     """
-    from rich.table import Table
-
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.spoken_table import SpokenTable
     from mwd_surface.runs.tool_comparison import compared
     from mwd_surface.signals.cells import table as csv_table
 
@@ -55,7 +54,7 @@ def tools(
         with terminal.progress(f"surveying {story.name}"):
             stations = compared(story)
         heading = convention.heading if convention.points else "inclination"
-        shown = Table(title=f"{story.name} (deg, azimuth from true north)", title_justify="left", box=None)
+        shown = SpokenTable(title=f"{story.name} (deg, azimuth from true north)", title_justify="left", box=None)
         titles = ("depth m", f"{heading} conv.", "gyro", "true", "azimuth conv.", "gyro", "true", "error conv.", "gyro")
         for title in titles:
             shown.add_column(title, justify="right")

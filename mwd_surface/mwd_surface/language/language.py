@@ -6,13 +6,15 @@ Sentences are written in English where their condition is known, and travel so i
 report and command line translate them for people. A catalogue (`zh_CN.po`) has every text of the sources; a text with
 values is a template: ``no data from the sonde for more than {limit} s``. `Language.say` finds the template of a
 sentence, translates its values in the same way, and puts them into the translation. Values that people have typed
-(`TYPED`) stay as they are. To add a language, add its file.
+(`TYPED`) stay as they are. To add a language, add its file. The texts that only the command line prints have a
+catalogue of their own (`commands/zh_CN.po`), which the page need not load; `language_of_commands` has both.
 
 The page does the same with the same table (`page/static/words.js`); a test compares the two.
 """
 
 from __future__ import annotations
 
+import ast
 import functools
 import re
 from collections.abc import Iterator, Mapping
@@ -21,6 +23,10 @@ from typing import Any, NamedTuple
 
 ENGLISH = "en"
 _FOLDER = Path(__file__).parent
+_OF_COMMANDS = _FOLDER / "commands"
+# Variables that choose the language of the command line, in the order in which gettext reads them.
+VARIABLES = ("LANGUAGE", "LC_ALL", "LC_MESSAGES", "LANG")
+_MESSAGE = re.compile(r'((?:^#.*\n)*)^msgid ((?:".*"\n)+)msgstr ((?:".*"\n?)+)', re.MULTILINE)
 _PLACE = re.compile(r"\{(\w+)\}")
 _NAMED = re.compile(r"\{[a-z]\w*\}")
 # A number with its unit, which needs no translation.
@@ -116,17 +122,38 @@ class Language:
         As in the name of its catalogue, for example ``zh_CN``.
     entries : mapping
         From English to the language; empty for English.
-    decimal : str
-        Decimal mark.
-    name : str
-        Name of the language in itself.
+    decimal, name : str
+        Decimal mark, and name of the language in itself; by default those that Babel knows for the code.
     """
 
-    def __init__(self, code: str, entries: Mapping[str, str], decimal: str = ".", name: str = "English") -> None:
-        self.code, self.entries, self.decimal, self.name = code, dict(entries), decimal, name
-        found = (_template(*entry) for entry in self.entries.items() if _NAMED.search(entry[0]))
-        self.templates = sorted(found, key=lambda template: -template.known)  #: those that explain most letters first
+    def __init__(self, code: str, entries: Mapping[str, str], decimal: str = "", name: str = "") -> None:
+        self.code, self.entries, self._decimal, self._own_name = code, dict(entries), decimal, name
         self.say = functools.lru_cache(maxsize=4000)(self._say)
+
+    @functools.cached_property
+    def templates(self) -> list[_Template]:
+        """Texts with values, those that explain most letters first."""
+        found = (_template(*entry) for entry in self.entries.items() if _NAMED.search(entry[0]))
+        return sorted(found, key=lambda template: -template.known)
+
+    @functools.cached_property
+    def decimal(self) -> str:
+        """Decimal mark."""
+        if self._decimal or self.code == ENGLISH:
+            return self._decimal or "."
+        # Babel is imported only where its facts are needed: it takes longer than the help of a command.
+        from babel.numbers import get_decimal_symbol
+
+        return get_decimal_symbol(self.code)
+
+    @functools.cached_property
+    def name(self) -> str:
+        """Name of the language in itself."""
+        if self._own_name or self.code == ENGLISH:
+            return self._own_name or "English"
+        from babel import Locale
+
+        return str(Locale.parse(self.code).get_language_name())
 
     def _say(self, text: str) -> str:
         """Return a sentence in this language; parts of it that the catalogue does not have stay English."""
@@ -231,13 +258,15 @@ def _template(english: str, translated: str) -> _Template:
     )
 
 
+def codes() -> tuple[str, ...]:
+    """Return the code of every language that there is a catalogue for, English first."""
+    return (ENGLISH, *sorted(path.stem for path in _FOLDER.glob("*.po")))
+
+
 @functools.cache
 def languages() -> dict[str, str]:
-    """Return the code and the own name of every language that there is a catalogue for, English first."""
-    from babel import Locale
-
-    codes = sorted(path.stem for path in _FOLDER.glob("*.po"))
-    return {ENGLISH: "English", **{code: str(Locale.parse(code).get_language_name()) for code in codes}}
+    """Return the code and the own name of every language, English first."""
+    return {code: _catalogue(code).name for code in codes()}
 
 
 def language(code: str) -> Language:
@@ -252,12 +281,28 @@ def language(code: str) -> Language:
     return _catalogue(_name(code))
 
 
+def language_of_commands(environment: Mapping[str, str]) -> Language:
+    """
+    Return the language of the command line: the first of `LANGUAGE` that has a catalogue, else that of the locale.
+
+    As gettext does: the first variable of `VARIABLES` that is set counts, `LANGUAGE` may list several languages, and
+    without a catalogue for any of them the language is English.
+    """
+    for code in next((environment[one] for one in VARIABLES if environment.get(one)), "").split(":"):
+        try:
+            name = _name(code)
+        except ValueError:
+            continue
+        return _with_commands(name)
+    return _catalogue(ENGLISH)
+
+
 def _name(code: str) -> str:
-    """Return the name of the catalogue for a code, one of `languages`."""
+    """Return the name of the catalogue for a code, one of `codes`."""
     wanted = code.partition(".")[0].replace("-", "_")
     if wanted in ("", "C", "POSIX"):
         return ENGLISH
-    known = languages()
+    known = codes()
     short = wanted.partition("_")[0].lower()
     found = wanted if wanted in known else next((one for one in known if one.partition("_")[0].lower() == short), None)
     if found is None:
@@ -268,13 +313,32 @@ def _name(code: str) -> str:
 @functools.cache
 def _catalogue(name: str) -> Language:
     """Return the language of a catalogue; only names of catalogues are kept, never a code that somebody has sent."""
-    if name == ENGLISH:
-        return Language(ENGLISH, {})
-    from babel import Locale
-    from babel.messages.pofile import read_po
-    from babel.numbers import get_decimal_symbol
+    return Language(name, {} if name == ENGLISH else read_catalogue(_FOLDER / f"{name}.po"))
 
-    with (_FOLDER / f"{name}.po").open("rb") as file:
-        messages = read_po(file, locale=name)
-    entries = {str(message.id): str(message.string) for message in messages if message.id and message.string}
-    return Language(name, entries, get_decimal_symbol(Locale.parse(name)), languages()[name])
+
+@functools.cache
+def _with_commands(name: str) -> Language:
+    """Return a language with the texts of the command line."""
+    path = _OF_COMMANDS / f"{name}.po"
+    more = read_catalogue(path) if path.exists() else {}
+    return Language(name, {**more, **_catalogue(name).entries}) if more else _catalogue(name)
+
+
+def read_catalogue(path: Path) -> dict[str, str]:
+    """
+    Return the translations of a catalogue, without those that are empty or marked as fuzzy.
+
+    An own reader, because Babel takes .4 s to load and read, more than the help of a command may take; a test compares
+    the two.
+    """
+    found = {}
+    for comment, english, translated in _MESSAGE.findall(path.read_text(encoding="utf-8")):
+        key, said = _unquoted(english), _unquoted(translated)
+        if key and said and not ("fuzzy" in comment and re.search(r"^#,.*\bfuzzy\b", comment, re.MULTILINE)):
+            found[key] = said
+    return found
+
+
+def _unquoted(lines: str) -> str:
+    text = lines.strip()[1:-1].replace('"\n"', "")
+    return str(ast.literal_eval(f'"{text}"')) if "\\" in text else text

@@ -3,7 +3,7 @@
 import { byId, el, mark, pill, setText } from "./dom.js";
 import { STREAM_NAMES, stateOfStream } from "./streams.js";
 import * as units from "./units.js";
-import { say, t } from "./words.js";
+import { needFont, say, t } from "./words.js";
 
 export function showBanner(connection, silent) {
   const banner = byId("banner");
@@ -38,6 +38,7 @@ function timeIn(zone, at) {
 
 export function showWell(well) {
   setText(byId("well-name"), well.wellbore_name || well.name);
+  needFont(well.wellbore_name || well.name);
   const angle = (v) => (v === null ? t("not given") : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
   const { declination, convergence, source } = well.field;
   const total = {
@@ -143,7 +144,7 @@ export function showPills(sections, now, silent, select, replayed) {
 // Names of the alarms that are not evaluated; empty if all are evaluated.
 export function notEvaluated(alarms) {
   if (alarms.since === null) return t("alarms are not evaluated yet");
-  return alarms.not_evaluated.length ? t`not evaluated: ${alarms.not_evaluated.map(say).join(", ")}` : "";
+  return alarms.not_evaluated.length ? t`not evaluated: ${alarms.not_evaluated.map(say).join(t(", "))}` : "";
 }
 
 // Alarms by urgency: active before ended, unacknowledged before acknowledged, then by severity, then newest first.
@@ -167,8 +168,8 @@ export function showAlarmStrip({ alarms }, now) {
   if (!strip.firstChild) strip.append(...["what", "remedy", "age"].map((name) => el("span", { class: `alarm-${name}` })));
   const [what, remedy, age] = strip.children;
   const none = unknown ? t`No alarm is known; ${unknown}` : first ? t("✓ No alarm is active") : t("✓ No alarms");
-  setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${say(first.severity_word).toUpperCase()}: ${say(first.text)}` : none);
-  setText(remedy, first?.active ? say(first.remedy) : first ? t`gone, not yet acknowledged: ${rows.map((a) => say(a.text)).join("; ")}` : "");
+  setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${say(first.severity_word).toUpperCase()}${t(": ")}${say(first.text)}` : none);
+  setText(remedy, first?.active ? say(first.remedy) : first ? t`gone, not yet acknowledged: ${rows.map((a) => say(a.text)).join(t("; "))}` : "");
   setText(age, first?.active ? [
     alarms.epoch === null ? t`since ${units.clock(first.raised_ns)} UTC` : t`for ${units.age(Math.max(0, now + alarms.epoch - first.raised_ns / 1e9))}`,
     first.acknowledged ? t("acknowledged") : "", rows.length > 1 ? t`+ ${rows.length - 1} more` : "",

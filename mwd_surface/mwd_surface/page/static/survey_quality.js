@@ -89,7 +89,7 @@ export function showOffset(o, plan, path) {
   }
   const length = (v) => `${units.number("length", Math.abs(v))} ${units.unit("length")}`;
   const facts = [
-    [t("Off plan"), `${o.up < 0 ? t`${length(o.up)} below` : t`${length(o.up)} above`}, ${o.right < 0 ? t`${length(o.right)} left` : t`${length(o.right)} right`}`],
+    [t("Off plan"), `${o.up < 0 ? t`${length(o.up)} below` : t`${length(o.up)} above`}${t(", ")}${o.right < 0 ? t`${length(o.right)} left` : t`${length(o.right)} right`}`],
     [t("Steer back at"), `${units.bearing(o.toolface, 0)}° ${t("GTF")}`],
   ];
   if (o.dogleg_to_target !== null) facts.push([t("To hit target"), `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);

@@ -13,7 +13,7 @@ const QUANTITIES = ["inclination", "azimuth", "toolface"].map((name) => [say(nam
 const MARKS = { accept: "✓", doubtful: "?", reject: "✕", "not determined": "–" };
 
 const each = (row) => row.verdicts.every((word) => word === "accept") ? null : el("span",
-  { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${say(name)}: ${say(row.verdicts[k])}`).join(", ") },
+  { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${say(name)}: ${say(row.verdicts[k])}`).join(t(", ")) },
   QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
 
 // Another value of the survey than the definitive one: azimuth with sigma and verdict.
@@ -181,7 +181,7 @@ export class SurveyTable {
       [t("Automatic verdict"), say(row.automatic)],
       ...(row.first ? [[t("Azimuth as first decided"), otherValue(row.first)]] : []),
       ...(row.revised ? [[t("Azimuth revised, not applied"), otherValue(row.revised)]] : []),
-      [t("Inclination, azimuth, toolface"), row.verdicts.map(say).join(", ")],
+      [t("Inclination, azimuth, toolface"), row.verdicts.map(say).join(t(", "))],
       ...(row.headline ? [[t("What to do"), say(row.headline)]] : []),
       ...(row.alternatives.length ? [[t("Other azimuths that fit"), row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
       ...(row.disturbances.length ? [[t("May be disturbed by"), row.disturbances.map(([words, odds]) => `${say(words)} ${percent(odds)}`).join(", ")]] : []),

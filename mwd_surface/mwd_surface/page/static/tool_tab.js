@@ -39,7 +39,7 @@ export function showTool({ tool_health: health }) {
 
 function selfTests({ failed_tests: failed, unreported_tests: unreported }) {
   if (failed === null) return t("not reported");
-  const names = (tests) => tests.map((name) => say(name)).join(", ");
+  const names = (tests) => tests.map((name) => say(name)).join(t(", "));
   const found = [];
   if (failed.length) found.push(pill("reject", t`failed: ${names(failed)}`));
   if (unreported.length) found.push(pill("doubtful", t`not reported: ${names(unreported)}`));

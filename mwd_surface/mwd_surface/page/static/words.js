@@ -152,6 +152,18 @@ export function say(text) {
   return kept.get(english);
 }
 
+// Add the font of Chinese characters to those of the page, once it has come; it is loaded for a text that needs it. Before
+// that it is not named in the style: Chromium would keep the boxes that it drew while the font was under way.
+let fontAsked = false;
+export function needFont(text) {
+  if (fontAsked || !/[\u2e80-\uffef]/.test(text || "")) return;
+  fontAsked = true;
+  document.fonts.load('1em "Noto Sans SC Subset"', "中").then(
+    () => document.documentElement.style.setProperty("--wide-font", '"Noto Sans SC Subset"'),
+    () => { fontAsked = false; },
+  );
+}
+
 // Let people choose among the languages that the surface unit has.
 export function chooseLanguage(select) {
   for (const [code, name] of table.languages) {
@@ -160,6 +172,7 @@ export function chooseLanguage(select) {
     select.append(option);
   }
   select.value = table.code;
+  for (const event of ["focus", "pointerdown"]) select.addEventListener(event, () => needFont(select.textContent));
   select.addEventListener("change", () => {
     remembered.set(select.value);
     const address = new URL(location.href);
@@ -170,6 +183,7 @@ export function chooseLanguage(select) {
 
 // Translate the texts that stand in the HTML file.
 document.documentElement.lang = table.code.replace("_", "-");
+if (entries.size) needFont([...entries.values()].join(""));
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 while (walker.nextNode()) {
   const text = walker.currentNode.nodeValue.trim();

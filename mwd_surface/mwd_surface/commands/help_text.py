@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Help of the commands in the chosen language: headings, paragraphs, options and their defaults.
+
+The texts are those of the sources (docstrings and options); a paragraph is one text of the catalogue.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import unicodedata
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import typer
+
+from mwd_surface.commands.speech import say, spoken
+
+# A run of spaces, a wide character, or a word of others.
+_PIECES = re.compile(r"\s+|[\u2e80-\uffef…—]|[^\s\u2e80-\uffef…—]+")
+_CLOSING = "。，、；：）！？」…"
+_EXTRA = re.compile(r"(.*?)\s*\[((?:default: |required|env var: |x[<>]|[^\[\]]*<=?x)[^\[\]]*)\]", re.DOTALL)
+_SHORTEST = 20
+
+
+def width_of(text: str) -> int:
+    """Return the width of a text on a terminal; a Chinese character is as wide as two others."""
+    return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Return the lines of a paragraph; Chinese is broken between any two characters, but not before a closing mark."""
+    lines, line = [], ""
+    for piece in _PIECES.findall(text):
+        if line and piece[0] not in _CLOSING and width_of(line + piece.rstrip()) > width:
+            lines.append(line.rstrip())
+            line = ""
+        line += piece if line else piece.lstrip()
+    return [*lines, line.rstrip()] if line.strip() else lines
+
+
+def paragraphs(text: str) -> Iterator[tuple[str, bool]]:
+    """Return the paragraphs of a help text, each on one line, and whether its lines stay as they are."""
+    for block in re.split(r"\n\s*\n", inspect.cleandoc(text).partition("\f")[0]):
+        fixed = block.lstrip().startswith("\b")
+        yield (block.partition("\b")[2].strip("\n") if fixed else " ".join(block.split())), fixed
+
+
+def cut(text: str, width: int) -> str:
+    """Return the beginning of a text with an ellipsis if it is wider."""
+    if width_of(text) <= width:
+        return text
+    while width_of(text) > width - 2:
+        text = text[:-1]
+    return text.rstrip("，、；：。 ") + "…"
+
+
+class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-type]
+    """Help page in the chosen language; of English the same as without it."""
+
+    def write_usage(self, prog: str, args: str = "", prefix: str | None = None) -> None:
+        """Write how the command is called."""
+        super().write_usage(prog, args, say(prefix or "Usage: "))
+
+    def write_heading(self, heading: str) -> None:
+        """Write the heading of a section."""
+        said = spoken().entries
+        self.write(f"{'':>{self.current_indent}}{said.get(heading, heading)}{said.get(': ', ':')}\n")
+
+    def write_text(self, text: str) -> None:
+        """Write paragraphs."""
+        if not spoken().entries:
+            super().write_text(text)
+            return
+        indent = " " * self.current_indent
+        made = []
+        for words, fixed in paragraphs(text):
+            lines = [say(line) for line in words.splitlines()] if fixed else wrapped(say(words), self._room())
+            made.append("\n".join(f"{indent}{line}" for line in lines))
+        self.write("\n\n".join(made) + "\n")
+
+    def write_dl(self, rows: Sequence[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
+        """Write names with their meaning."""
+        if not spoken().entries:
+            super().write_dl(rows, col_max, col_spacing)
+            return
+        first = min(max(width_of(name) for name, _ in rows), col_max) + col_spacing
+        room, indent = max(self._room() - first, _SHORTEST), " " * self.current_indent
+        for name, meaning in rows:
+            lines = wrapped(_meaning(meaning), room)
+            if width_of(name) > first - col_spacing or not lines:
+                lines = ["", *lines]
+            head = f"{name}{' ' * (first - width_of(name))}" if lines[0] else name
+            self.write(f"{indent}{head}{lines[0]}\n")
+            self.write("".join(f"{indent}{' ' * first}{line}\n" for line in lines[1:]))
+
+    def _room(self) -> int:
+        # A closing mark may stand in the last column.
+        return int(self.width) - int(self.current_indent) - 1
+
+
+def _meaning(text: str) -> str:
+    """Return the meaning of an option with its default in the chosen language."""
+    words = " ".join(text.split())
+    if not (match := _EXTRA.fullmatch(words)):
+        return say(words)
+    template = spoken().entries.get("default: {default}", "default: {default}")
+    extra = [
+        template.replace("{default}", part.removeprefix("default: ")) if part.startswith("default: ") else say(part)
+        for part in match[2].split("; ")
+    ]
+    return f"{say(match[1])}  [{'；'.join(extra)}]".strip()
+
+
+def with_spoken_help(command: Any, most: int = 64) -> Any:
+    """Return a command, with those below it, whose help is in the chosen language; `most`: width of one in a list."""
+
+    class Context(command.context_class):  # type: ignore[misc]
+        """Context with the help page in the chosen language."""
+
+        formatter_class = SpokenHelp
+
+    command.context_class = Context
+    if spoken().entries and command.help:
+        command.short_help = cut(say(next(paragraphs(command.help))[0]), most)
+    for below in getattr(command, "commands", {}).values():
+        with_spoken_help(below, most)
+    return command

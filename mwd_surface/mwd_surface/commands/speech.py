@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The language of the command line: texts are translated where they are printed, as on the page.
+
+`mwd --language CODE` or the variables of gettext (`LANGUAGE`, `LC_ALL`, `LC_MESSAGES`, `LANG`) choose the language.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+
+from mwd_surface.language.language import Language, language, language_of_commands
+
+# Marks and spaces around the words of a piece of a line.
+_AROUND = re.compile(r"([\s:;,.(→•-]*)(.*?)([\s:;,.)]*)", re.DOTALL)
+
+# The name of a file, and the sentence about it.
+_NAMED = re.compile(r"(\s*[^\s:]+): (.+)")
+
+
+def choose(code: str) -> None:
+    """
+    Choose the language of this process and of those that it starts.
+
+    Raises
+    ------
+    ValueError
+        There is no catalogue for the language.
+    """
+    os.environ["LANGUAGE"] = language(code).code
+
+
+def spoken() -> Language:
+    """Return the language that is chosen."""
+    return language_of_commands(os.environ)
+
+
+def say(text: str) -> str:
+    """Return a text in the language, line by line; spaces and marks around its words stay."""
+    said = spoken()
+    if not said.entries:
+        return text
+    return "\n".join(_line(said, line) for line in text.split("\n"))
+
+
+def _line(said: Language, line: str) -> str:
+    whole = line.strip()
+    found = said.say(whole)
+    if found != whole or not whole:
+        return line.replace(whole, found, 1) if whole else line
+    if named := _NAMED.fullmatch(line):
+        return f"{named[1]}{said.entries.get(': ', ': ')}{_line(said, named[2])}"
+    match = _AROUND.fullmatch(line)
+    before, words, after = match.groups() if match else ("", line, "")
+    marks = [said.entries.get(mark, mark) for mark in (before, after)]
+    return f"{marks[0]}{said.say(words)}{marks[1]}"
