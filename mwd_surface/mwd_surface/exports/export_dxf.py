@@ -65,8 +65,8 @@ def dxf(table: SurveyTable) -> bytes:
     if point is not None:
         for place in (_plan(table, point)[0], _section(table, point)[0] + corner):
             for arm in ((height / 2.0, height / 2.0), (height / 2.0, -height / 2.0)):
-                ends = [tuple(map(float, place + sign * np.array(arm))) for sign in (-1.0, 1.0)]
-                space.add_line(*ends, dxfattribs={"layer": POINT})
+                start, end = (tuple(map(float, place + sign * np.array(arm))) for sign in (-1.0, 1.0))
+                space.add_line(start, end, dxfattribs={"layer": POINT})
     for points in (views[HOLE][0], views[HOLE][1] + corner):
         labelled = -math.inf
         for k, point in zip(measured, points, strict=True):
