@@ -9,6 +9,8 @@ import pytest
 from browser_page import ALL_SIZES, EVIL, By, click, rig_on, survey, tab, text, wait
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import SurveyProgress
+from mwd_surface.surveys.branches import Branch
+from mwd_surface.surveys.closure import CONSISTENT, Closure
 
 pytestmark = pytest.mark.slow(0.1)
 
@@ -141,3 +143,26 @@ def test_the_instruction_of_a_doubtful_survey_is_read_to_its_end(browser, size):
           return [words.scrollWidth - words.clientWidth, words.scrollHeight - words.clientHeight, bottom];
         """
         assert max(browser.execute_script(cut)) <= 1
+
+
+def test_the_steering_tab_shows_the_branches_of_a_mine_hole_and_its_closure_with_the_verdict(browser):
+    branch = Branch("B1", "main", True, 45.0, 1.5, 1.3, (10.0, 40.0, -2.0), 63.0)
+    closed = Closure("B1", 63.0, -0.31, 0.12, 0.05, 0.2, 0.1, 0.02, 0.05, 0.34, 0.5, CONSISTENT)
+    with rig_on(browser) as rig:
+        tab(browser, "steering")
+        assert not browser.find_element(By.ID, "closure").is_displayed()
+        rig.state.show(time.monotonic(), branches=(branch,), closure=closed)
+        rig.push()
+        wait(browser, lambda: "consistent" in text(browser, "#closure"))
+        shown = text(browser, "#closure")
+        assert "B1 63.00 m" in shown
+        assert "0.31 ± 0.20 left" in shown
+        assert "0.12 ± 0.10 up" in shown
+        assert "0.05 ± 0.02 beyond" in shown
+        assert "45.00" in text(browser, "#branches")
+        # Why a closure is not known is said instead of numbers.
+        rig.state.show(time.monotonic(), closure=Closure("B1", note="the opening is missing"))
+        rig.push()
+        wait(browser, lambda: "the opening is missing" in text(browser, "#closure"))
+        assert "not known" in text(browser, "#closure")
+        assert browser.find_elements(By.CSS_SELECTOR, "#closure tbody tr") == []

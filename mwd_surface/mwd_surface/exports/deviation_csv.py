@@ -36,6 +36,7 @@ def deviation_csv(table: SurveyTable) -> str:
     names = (
         "survey",
         "station",
+        "leg",
         "ahead",
         "md_m",
         angles.column,
@@ -48,6 +49,7 @@ def deviation_csv(table: SurveyTable) -> str:
         {
             "survey": row.station,
             "station": PROJECTED if is_ahead(row) else row.kind,
+            "leg": row.leg,
             "ahead": "yes" if is_ahead(row) else "no",
             "md_m": cells.fixed(row.measured_depth, 3),
             angles.column: cells.fixed(angles.shown(row.inclination) * _DEG, 4),

@@ -4,7 +4,8 @@ Plan and section of a hole as a DXF drawing, one drawing unit a metre, both at t
 
 The plan has mine coordinates: east to the right, north up. The section lies below it, along the azimuth of the vertical
 section: distance from the opening to the right, height up. A view whose mine coordinates of the opening are not given
-is drawn relative to the opening, and its title says so. Design, hole, stations and texts have layers of their own.
+is drawn relative to the opening, and its title says so. Design, hole, stations and texts have layers of their own. The
+other legs of a hole with branches are drawn from where they separate from this one, and the surveyed point as a cross.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import fixed
+from mwd_surface.surveys.branches import others
 from mwd_surface.trajectory.plan import interpolated
 from mwd_surface.trajectory.well_path import ASSUMED
 
-DESIGN, HOLE, STATIONS, TEXT = "DESIGN", "HOLE", "STATIONS", "TEXT"
-_COLOURS = {DESIGN: 3, HOLE: 5, STATIONS: 1, TEXT: 7}  # AutoCAD colour index: green, blue, red, black or white
+DESIGN, HOLE, BRANCHES, STATIONS, TEXT = "DESIGN", "HOLE", "BRANCHES", "STATIONS", "TEXT"
+POINT = "SURVEYED_POINT"
+# AutoCAD colour index: green, blue, cyan, red, black or white, magenta.
+_COLOURS = {DESIGN: 3, HOLE: 5, BRANCHES: 4, STATIONS: 1, TEXT: 7, POINT: 6}
 _METRES = 6  # $INSUNITS
 _STEP = 10.0  # m between two points of a drawn line
 
@@ -40,7 +44,12 @@ def dxf(table: SurveyTable) -> bytes:
     if table.plan is not None:
         lines[DESIGN] = interpolated(table.plan, _STEP).positions
     views = {layer: (_plan(table, points), _section(table, points)) for layer, points in lines.items()}
-    everything = np.vstack([plan for plan, _ in views.values()]), np.vstack([side for _, side in views.values()])
+    parts = [(name, (_plan(table, points), _section(table, points))) for name, points in others(table.surveys, path)]
+    drawn = [*views.values(), *(view for _, view in parts)]
+    point = _surveyed_point(table)
+    if point is not None:
+        drawn.append((_plan(table, point), _section(table, point)))
+    everything = np.vstack([plan for plan, _ in drawn]), np.vstack([side for _, side in drawn])
     size = max(float(np.ptp(everything[0], axis=0).max()), float(np.ptp(everything[1], axis=0).max()), 1.0)
     height = size / 60.0
     # The section begins at the left edge of the plan, below it.
@@ -48,6 +57,16 @@ def dxf(table: SurveyTable) -> bytes:
     for layer, (plan, side) in views.items():
         for points in (plan, side + corner):
             space.add_lwpolyline([tuple(map(float, point)) for point in points], dxfattribs={"layer": layer})
+    for name, (plan, side) in parts:
+        for points in (plan, side + corner):
+            space.add_lwpolyline([tuple(map(float, one)) for one in points], dxfattribs={"layer": BRANCHES})
+            label = space.add_text(name, height=height / 2.0, dxfattribs={"layer": TEXT})
+            label.set_placement((float(points[-1, 0]) + height / 2.0, float(points[-1, 1]) - height))
+    if point is not None:
+        for place in (_plan(table, point)[0], _section(table, point)[0] + corner):
+            for arm in ((height / 2.0, height / 2.0), (height / 2.0, -height / 2.0)):
+                start, end = (tuple(map(float, place + sign * np.array(arm))) for sign in (-1.0, 1.0))
+                space.add_line(start, end, dxfattribs={"layer": POINT})
     for points in (views[HOLE][0], views[HOLE][1] + corner):
         labelled = -math.inf
         for k, point in zip(measured, points, strict=True):
@@ -78,6 +97,14 @@ def dxf(table: SurveyTable) -> bytes:
     out = io.StringIO()
     drawing.write(out)
     return out.getvalue().encode()
+
+
+def _surveyed_point(table: SurveyTable) -> Array | None:
+    """Return the surveyed point of the well north, east and down from the opening, shape (1, 3), m; None if unknown."""
+    mine = table.surveys.well.mine
+    x, y, z = (value - start for value, start in zip(mine.closure_point, mine.opening, strict=True))
+    point = np.array([[x, y, -z]])
+    return point if np.isfinite(point).all() else None
 
 
 def _plan(table: SurveyTable, points: Array) -> Array:

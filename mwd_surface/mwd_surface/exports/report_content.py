@@ -14,7 +14,7 @@ from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import earth
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
-from mwd_surface.exports.report_hole import deviation
+from mwd_surface.exports.report_hole import branched, closed, deviation
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
@@ -282,6 +282,8 @@ def drawn(table: SurveyTable) -> Section:
 # In printed order; a function returns None if its section would be empty.
 SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
     deviation,
+    branched,
+    closed,
     definitive,
     positions,
     drawn,

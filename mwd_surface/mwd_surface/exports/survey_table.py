@@ -26,6 +26,7 @@ from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
 from mwd_surface.signals.signal import AS_STORED, SURVEY, Display, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.signals.units import METRIC, UNITS
+from mwd_surface.surveys.closure import Closure, closure
 from mwd_surface.surveys.deviation import Deviation, deviations
 from mwd_surface.surveys.imported_list import TOOL_CODES
 from mwd_surface.surveys.leg import MAIN
@@ -105,6 +106,11 @@ class SurveyTable:
     def deviations(self) -> tuple[Deviation, ...]:
         """Deviation from the plan at every station, at the bit and ahead of it; empty without a plan."""
         return deviations(self.surveys, self.path, self.records)
+
+    @property
+    def closure(self) -> Closure | None:
+        """Closure of the path on the surveyed point of the well; None if no point is given."""
+        return closure(self.surveys, self.path, self.records)
 
     @property
     def rows(self) -> range:

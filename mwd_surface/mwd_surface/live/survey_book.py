@@ -19,8 +19,8 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.logs.depth_log import STEP_M, DepthLog
 from mwd_surface.logs.log_journal import LogJournal
 from mwd_surface.logs.tool_health import HealthLedger
+from mwd_surface.surveys.branches import branches
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
-from mwd_surface.surveys.deviation import Deviation
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
@@ -278,9 +278,9 @@ class SurveyBook:
         self._plan.show_offset(path)
 
     def _show_uncertain(self, surveys: SurveyList, job: concurrent.futures.Future[Any]) -> None:
-        covariance, deviation = job.result()
+        covariance, of_hole = job.result()
         if surveys is self.surveys:
-            self._live.show(self._clock.now, deviation=deviation)
+            self._live.show(self._clock.now, **of_hole)
         # Meanwhile the bit may have moved, and another list may have come into force, which computes its own.
         if covariance is not None and surveys is self.surveys:
             measured = np.isfinite(covariance).all(axis=(1, 2))
@@ -296,10 +296,19 @@ class SurveyBook:
         self._show_path(self.definitive())
 
 
-def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Array | None, tuple[Deviation, ...]]:
-    """Return the covariance of a path's stations and, of a mine hole, its deviation from the plan, deepest first."""
+def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Array | None, dict[str, Any]]:
+    """
+    Return the covariance of a path's stations, and parts of the state of a mine hole by their names.
+
+    The parts are its deviation from the plan, deepest first, its branches, and its closure on a surveyed point.
+    """
     table = table_of(surveys, path, made_ns)
-    return table.covariance, tuple(reversed(table.deviations)) if surveys.well.angles.points else ()
+    of_mine = surveys.well.angles.points
+    return table.covariance, {
+        "deviation": tuple(reversed(table.deviations)) if of_mine else (),
+        "branches": branches(surveys) if of_mine else (),
+        "closure": table.closure,
+    }
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:

@@ -31,6 +31,8 @@ from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.logs.tool_health import ToolHealth
+from mwd_surface.surveys.branches import Branch
+from mwd_surface.surveys.closure import Closure
 from mwd_surface.surveys.deviation import Deviation
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
@@ -307,6 +309,10 @@ class WellState:
         Offset of the end of the path from the plan.
     deviation : tuple of Deviation
         Deviation of a mine hole from its plan, ahead of the bit first; as of the last change of the list.
+    branches : tuple of Branch
+        Branches of a mine hole, in the order in which they were begun.
+    closure : Closure or None
+        Closure of a mine hole on its surveyed point; None without such a point.
     clearance, clearance_remarks
         Clearance to offset wells from the last survey on, the closest by the rule first, and remarks on what was left
         out or assumed.
@@ -362,6 +368,8 @@ class WellState:
     plan: Plan | None = None
     offset: Offset | None = None
     deviation: tuple[Deviation, ...] = ()
+    branches: tuple[Branch, ...] = ()
+    closure: Closure | None = None
     clearance: tuple[Clearance, ...] = ()
     clearance_remarks: tuple[Remark, ...] = ()
     stretches: tuple[Stretch, ...] = ()

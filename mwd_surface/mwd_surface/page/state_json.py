@@ -33,8 +33,8 @@ STRIPS = ("history", "trend", "depth_log")
 _MEASURED = ("attitude", "toolface", "drilling", "rig")
 # Parts of the state that are sections with the same fields; a part that is a sequence has its first rows.
 _PARTS = (
-    *("offset", "rods", "deviation", "quill", "link", "control", "advice", "downlink", "inputs", "survey_progress"),
-    "tool_health",
+    *("offset", "rods", "deviation", "branches", "closure", "quill", "link", "control", "advice", "downlink", "inputs"),
+    *("survey_progress", "tool_health"),
     *("diagnostics", "alarms", "events"),
 )
 _MAX_NEAR = 3  # number of offset wells shown

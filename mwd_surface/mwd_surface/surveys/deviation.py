@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mwd_surface.surveys.branches import legs_of
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_position import AHEAD, continued, uncertain
@@ -31,13 +32,14 @@ class Deviation:
     """
     Deviation at one station; unknown numbers are NaN.
 
-    station: number of the survey, or kind of the station. kind: as in a path, or "planned" ahead of the bit.
-    measured_depth: m. inclination, azimuth: rad. right, up: from the design to the hole, across the design, m, negative
-    to the left and below. sigma_right, sigma_up: 1 sigma, m. distance: from the design, m. x, y, z: mine coordinates,
-    m, north, east and up; NaN for an axis on which the opening is not given.
+    station: number of the survey, or kind of the station. leg: leg to which the station belongs. kind: as in a path, or
+    "planned" ahead of the bit. measured_depth: m. inclination, azimuth: rad. right, up: from the design to the hole,
+    across the design, m, negative to the left and below. sigma_right, sigma_up: 1 sigma, m. distance: from the design,
+    m. x, y, z: mine coordinates, m, north, east and up; NaN for an axis on which the opening is not given.
     """
 
     station: str
+    leg: str
     kind: str
     measured_depth: float
     inclination: float
@@ -65,6 +67,7 @@ def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRe
     known = [*records, *[None] * (longer.md.size - path.md.size)]
     covariance = uncertain(surveys, longer, known).covariance
     opening = surveys.well.mine.opening
+    legs = legs_of(surveys, longer)
     rows = []
     for k, (position, inclination, azimuth) in enumerate(
         zip(longer.positions, longer.inclination, longer.azimuth, strict=True)
@@ -78,6 +81,7 @@ def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRe
         rows.append(
             Deviation(
                 station=str(record.survey.sequence) if record is not None else "",
+                leg=legs[k],
                 kind=longer.kind[k],
                 measured_depth=float(longer.md[k]),
                 inclination=float(inclination),

@@ -30,6 +30,27 @@ class Mine:
     opening_z: float | None = setting(
         None, "mine coordinate z (height, up positive) of the opening; nan if not given", unit="m"
     )
+    closure_x: float | None = setting(
+        None,
+        "mine coordinate x (north) of a surveyed point of the hole, such as its breakthrough, against which the path "
+        "is checked; nan if there is none",
+        unit="m",
+    )
+    closure_y: float | None = setting(None, "mine coordinate y (east) of the surveyed point", unit="m")
+    closure_z: float | None = setting(None, "mine coordinate z (height) of the surveyed point", unit="m")
+    closure_depth: float | None = setting(
+        None, "measured depth of the hole at the surveyed point; nan: the end of the hole", unit="m", low=0.0
+    )
+    closure_sigma: float = setting(
+        0.05, "accuracy of each coordinate of the surveyed point, 1 sigma", unit="m", low=0.0, high=100.0
+    )
+    closure_leg: str = setting("", "leg of the hole that reaches the surveyed point; if empty, the present leg")
+
+    @property
+    def closure_point(self) -> tuple[float, float, float]:
+        """Mine coordinates of the surveyed point, m, as `opening`; NaN for an axis that is not given."""
+        x, y, z = (math.nan if one is None else one for one in (self.closure_x, self.closure_y, self.closure_z))
+        return x, y, z
 
     @property
     def opening(self) -> tuple[float, float, float]:

@@ -13,7 +13,7 @@ import { act, mayCommand, operatorName, showControls, showRods } from "./operato
 import { showLink, showLinkStrip } from "./link_tab.js";
 import { showLogs } from "./logs_tab.js";
 import { showTool } from "./tool_tab.js";
-import { showDeviation, showPath } from "./path_tab.js";
+import { showBranches, showClosure, showDeviation, showPath } from "./path_tab.js";
 import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
 import { showOffset, showProgress, showQuality } from "./survey_quality.js";
@@ -78,6 +78,8 @@ const SHOW = {
   offset: showOffPlan,
   rods: ({ rods }) => showRods(rods),
   deviation: ({ deviation }) => showDeviation(deviation),
+  branches: ({ branches }) => showBranches(branches),
+  closure: ({ closure }) => showClosure(closure),
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },

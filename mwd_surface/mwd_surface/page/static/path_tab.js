@@ -7,6 +7,7 @@ import * as units from "./units.js";
 import { say, t } from "./words.js";
 
 const LEVELS = { clear: "good", warning: "doubtful", stop: "reject" };
+const CLOSURES = { consistent: "good", doubtful: "doubtful", "not consistent": "reject" };
 const view = { on: false, turn: 0.6, tilt: 0.35 };
 
 export function showPath(sections) {
@@ -30,23 +31,72 @@ export function showPath(sections) {
   }
 }
 
+// A distance and its sigma with the word for its side.
+function way(value, sigma, more, less) {
+  const spread = sigma === null ? "" : ` ± ${units.spread("length", sigma)}`;
+  return `${units.size("length", Math.abs(value))}${spread} ${value < 0 ? less : more}`;
+}
+
+// The main leg has a word of the program for a name; the others have names that people typed.
+const legName = (leg) => (leg === "main" ? say(leg) : leg);
+
+// Branches of a mine hole: where each leaves its parent, and how far it reaches.
+export function showBranches(branches) {
+  const place = byId("branches");
+  const rows = branches?.rows || [];
+  place.hidden = !rows.length;
+  if (!rows.length) return;
+  const head = [[t("Branch"), ""], [t("Leaves"), ""], [t("At depth"), "length"], [t("Reaches"), "length"]];
+  place.replaceChildren(el("table", { class: "deviation" },
+    el("caption", {}, t("Branches")),
+    el("thead", {}, el("tr", {}, head.map(([title, kind]) => el("th", { scope: "col" }, title, el("small", {}, kind && units.unit(kind)))))),
+    el("tbody", {}, rows.map((row) => el("tr", {},
+      el("th", { scope: "row" }, legName(row.name)),
+      el("td", {}, legName(row.parent)),
+      el("td", {}, units.number("length", row.measured_depth)),
+      el("td", {}, units.number("length", row.end)),
+    ))),
+  ));
+}
+
+// Closure of a mine hole on its surveyed point, with the sigma of the path and the verdict.
+export function showClosure(closure) {
+  const place = byId("closure");
+  place.hidden = !closure;
+  if (!closure) return;
+  const known = closure.distance !== null;
+  const rows = known ? [
+    [t("Left/right"), way(closure.right, closure.sigma_right, t("right"), t("left"))],
+    [t("Up/down"), way(closure.up, closure.sigma_up, t("up"), t("down"))],
+    [t("Along"), way(closure.along, closure.sigma_along, t("beyond"), t("short"))],
+    [t("Distance"), `${units.size("length", closure.distance)} ${units.unit("length")}`],
+  ] : [];
+  const depth = closure.measured_depth === null ? "" : `${units.number("length", closure.measured_depth)} ${units.unit("length")}`;
+  place.replaceChildren(
+    el("table", { class: "deviation" },
+      el("caption", {}, t`Closure on the surveyed point, ${legName(closure.leg)} ${depth}`, " ", pill(CLOSURES[closure.verdict] || "idle", say(closure.verdict))),
+      el("tbody", {}, rows.map(([title, text]) => el("tr", {}, el("th", { scope: "row" }, title), el("td", {}, text)))),
+    ),
+    ...(closure.note ? [el("p", { class: "empty" }, say(closure.note))] : []),
+  );
+}
+
 // Panel of a mine hole: left or right and up or down of the design at every station, at the bit and ahead of it.
 export function showDeviation(deviation) {
   const place = byId("deviation");
   const rows = deviation?.rows || [];
   place.hidden = !rows.length;
   if (!rows.length) return;
-  const way = (value, sigma, more, less) => {
-    const spread = sigma === null ? "" : ` ± ${units.spread("length", sigma)}`;
-    return `${units.size("length", Math.abs(value))}${spread} ${value < 0 ? less : more}`;
-  };
+  // Of a hole with branches, each survey names its leg.
+  const several = new Set(rows.map((row) => row.leg)).size > 1;
   const name = (row) => row.station || (row.kind === "planned" ? t("ahead") : row.kind === "projected" ? t("bit") : say(row.kind));
-  const head = [[t("Survey"), ""], [t("Depth"), "length"], [units.titled("inclination", t("Inclination")), "inclination"], [t("Azi"), "bearing"], [t("Left/right"), "length"], [t("Up/down"), "length"]];
+  const head = [[t("Survey"), ""], ...(several ? [[t("Leg"), ""]] : []), [t("Depth"), "length"], [units.titled("inclination", t("Inclination")), "inclination"], [t("Azi"), "bearing"], [t("Left/right"), "length"], [t("Up/down"), "length"]];
   place.replaceChildren(el("table", { class: "deviation" },
     el("caption", {}, t("Deviation from the design, 1σ")),
     el("thead", {}, el("tr", {}, head.map(([title, kind]) => el("th", { scope: "col" }, title, el("small", {}, kind && units.unit(kind)))))),
     el("tbody", {}, rows.map((row) => el("tr", { class: row.kind === "survey" ? "" : "projected-row" },
       el("th", { scope: "row" }, name(row)),
+      ...(several ? [el("td", {}, legName(row.leg))] : []),
       el("td", {}, units.number("length", row.measured_depth)),
       el("td", {}, units.number("inclination", row.inclination)),
       el("td", {}, units.bearing(row.azimuth, 2)),

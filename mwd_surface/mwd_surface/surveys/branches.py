@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Branches of a hole: the sidetracks of its list, where each leaves its parent and how far it reaches."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.well_path import Definitive
+
+
+@dataclasses.dataclass(frozen=True)
+class Branch:
+    """
+    A branch of the hole: name, the leg that it leaves, and whether the next surveys belong to it.
+
+    measured_depth: of the point where it leaves its parent, m. inclination, azimuth: there, rad. position: there, shape
+    (3,), north, east, down from the opening, m. end: measured depth of its last station, m.
+    """
+
+    name: str
+    parent: str
+    current: bool
+    measured_depth: float
+    inclination: float
+    azimuth: float
+    position: tuple[float, float, float]
+    end: float
+
+
+def branches(surveys: SurveyList) -> tuple[Branch, ...]:
+    """Return the branches of a list in the order in which they were begun; empty for a hole without branches."""
+    found = []
+    for leg in surveys.legs:
+        if leg.parent:
+            at = leg.tie_on
+            end = float(surveys.definitive(leg.name).md[-1])
+            place = (at.north, at.east, at.vertical_depth)
+            found.append(
+                Branch(
+                    leg.name,
+                    leg.parent,
+                    leg.name == surveys.leg,
+                    at.measured_depth,
+                    at.inclination,
+                    at.azimuth,
+                    place,
+                    end,
+                )
+            )
+    return tuple(found)
+
+
+def legs_of(surveys: SurveyList, path: Definitive) -> tuple[str, ...]:
+    """Return the name of the leg to which each station of a path of the list belongs."""
+    lineage = _lineage(surveys, path.leg)
+    return tuple(next((name for name, start in reversed(lineage) if depth > start), lineage[0][0]) for depth in path.md)
+
+
+def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ...]:
+    """
+    Return the parts of the hole that a path of the list does not run through: name of the leg and its positions.
+
+    positions: shape (n, 3), north, east, down from the opening, m, from the point where the part leaves the path or its
+    own parent; parts without a station of their own are left out.
+    """
+    lineage = _lineage(surveys, path.leg)
+    left = {above: start for (above, _), (_, start) in itertools.pairwise(lineage)}
+    parts = []
+    for leg in surveys.legs:
+        if leg.name == path.leg:
+            continue
+        whole = surveys.definitive(leg.name)
+        start = left.get(leg.name, leg.tie_on.measured_depth)
+        below = whole.md > start
+        if np.any(below) and whole.md[0] <= start:
+            parts.append((leg.name, np.vstack([whole.at(start)[2], whole.positions[below]])))
+    return tuple(parts)
+
+
+def _lineage(surveys: SurveyList, name: str) -> list[tuple[str, float]]:
+    """Return the legs from the main one down to a leg: name, and the measured depth at which each begins, m."""
+    legs = [surveys.find_leg(name)]
+    while legs[-1].parent:
+        legs.append(surveys.find_leg(legs[-1].parent))
+    return [(leg.name, leg.tie_on.measured_depth) for leg in reversed(legs)]

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Closure of a hole on a surveyed point: how far the computed path misses a point of known coordinates.
+
+Such a point is, for example, the place where the hole breaks through into a roadway. The closure error is the position
+of the path minus that of the point, seen looking along the hole: right or left, up or down, and along. A chi-square of
+the error against the covariances of path and point says whether the survey explains it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import mat_nt
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.surveys.well_position import uncertain
+from mwd_surface.trajectory.plan import azimuth_at
+from mwd_surface.trajectory.well_path import Definitive, path_of
+
+CONSISTENT, DOUBTFUL, INCONSISTENT, UNKNOWN = "consistent", "doubtful", "not consistent", "not known"
+# Probabilities by chance below which the closure is doubtful, and not consistent: those of a survey's verdict.
+_DOUBTFUL, _INCONSISTENT = 0.01, 0.001
+_SAME = 1e-3  # m; a station nearer to the depth of the point than this is the station at the point
+
+
+@dataclasses.dataclass(frozen=True)
+class Closure:
+    """
+    Closure error at a surveyed point; unknown numbers are NaN.
+
+    leg: leg of the hole that reaches the point. measured_depth: of the point along the hole, m. right, up, along: from
+    the point to the computed path, looking along the hole, m; negative to the left, below, and short of the point.
+    sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m. sigma_point: 1 sigma of the point in
+    each direction, m. distance: m. probability: of an error at least as large by chance. verdict: `CONSISTENT`,
+    `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: why something is not known, and the remedy; else empty.
+    """
+
+    leg: str
+    measured_depth: float = math.nan
+    right: float = math.nan
+    up: float = math.nan
+    along: float = math.nan
+    sigma_right: float = math.nan
+    sigma_up: float = math.nan
+    sigma_along: float = math.nan
+    sigma_point: float = math.nan
+    distance: float = math.nan
+    probability: float = math.nan
+    verdict: str = UNKNOWN
+    note: str = ""
+
+
+def closure(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> Closure | None:
+    """
+    Return the closure of a path of the list on the surveyed point of the well; None if no point is given.
+
+    records: record of each station of the path; None for tie-ons and the projection to the bit. If the point belongs to
+    another leg, the path of that leg is used.
+    """
+    mine = surveys.well.mine
+    point, opening = mine.closure_point, mine.opening
+    leg = mine.closure_leg or path.leg
+    if np.isnan(point).all():
+        return None
+    if np.isnan(point).any() or np.isnan(opening).any():
+        return Closure(
+            leg, note="x, y and z of the surveyed point and of the opening are needed; give the missing ones"
+        )
+    if leg != path.leg:
+        try:
+            path = surveys.definitive(leg)
+        except ValueError:
+            return Closure(leg, note="the hole has no leg of this name; correct closure_leg")
+        by_number = {record.survey.sequence: record for record in surveys.records}
+        records = [by_number.get(number) if number else None for number in path.sequence]
+    depth = float(path.md[-1]) if mine.closure_depth is None else mine.closure_depth
+    if path.md.size < 2 or not path.md[0] <= depth <= path.md[-1]:
+        text = "the path does not reach the depth of the surveyed point; survey further or correct closure_depth"
+        return Closure(leg, depth, sigma_point=mine.closure_sigma, note=text)
+    there, known, k = _with_station(path, list(records), depth)
+    error = there.positions[k] - [point[0] - opening[0], point[1] - opening[1], opening[2] - point[2]]
+    axes = _looking_along(float(there.inclination[k]), float(there.azimuth[k]))
+    right, up, along = (float(value) for value in axes @ error)
+    found = uncertain(surveys, there, known)
+    sigmas, probability = np.full(3, math.nan), math.nan
+    if found.covariance is not None and np.isfinite(found.covariance[k]).all():
+        own = axes @ found.covariance[k] @ axes.T
+        sigmas = np.sqrt(np.maximum(np.diagonal(own), 0.0))
+        both = own + mine.closure_sigma**2 * np.eye(3)
+        probability = float(chi2.sf(float(axes @ error @ np.linalg.solve(both, axes @ error)), 3))
+    return Closure(
+        leg,
+        depth,
+        right,
+        up,
+        along,
+        sigma_right=float(sigmas[0]),
+        sigma_up=float(sigmas[1]),
+        sigma_along=float(sigmas[2]),
+        sigma_point=mine.closure_sigma,
+        distance=float(np.linalg.norm(error)),
+        probability=probability,
+        verdict=_verdict(probability),
+        note=found.note if math.isnan(probability) else "",
+    )
+
+
+def _verdict(probability: float) -> str:
+    if math.isnan(probability):
+        return UNKNOWN
+    return INCONSISTENT if probability < _INCONSISTENT else DOUBTFUL if probability < _DOUBTFUL else CONSISTENT
+
+
+def _looking_along(inclination: float, azimuth: float) -> Array:
+    """Return the directions to the right, up and along the hole as rows, shape (3, 3), north, east, down."""
+    mat = mat_nt(inclination, azimuth_at(inclination, azimuth), 0.0)
+    # At toolface 0 the scribe line is the high side, and the right side is minus the second axis.
+    return np.stack([-mat[:, 1], mat[:, 2], mat[:, 0]])
+
+
+def _with_station(
+    path: Definitive, records: list[SurveyRecord | None], depth: float
+) -> tuple[Definitive, list[SurveyRecord | None], int]:
+    """Return the path with a station at a measured depth, its records, and the number of that station."""
+    k = int(np.argmin(np.abs(path.md - depth)))
+    if abs(float(path.md[k]) - depth) <= _SAME:
+        return path, records, k
+    k = int(np.searchsorted(path.md, depth))
+    inclination, azimuth, position = path.at(depth)
+    md, inc, azi = (
+        np.insert(values, k, value)
+        for values, value in ((path.md, depth), (path.inclination, inclination), (path.azimuth, azimuth))
+    )
+    longer = path_of(
+        path.leg,
+        path.north,
+        path.section_azimuth,
+        (md, *mc.checked_stations(md, inc, azi)[1:]),
+        np.insert(path.positions, k, position, axis=0),
+        (*path.kind[:k], path.kind[k], *path.kind[k:]),
+        (*path.sequence[:k], 0, *path.sequence[k:]),
+    )
+    longer = dataclasses.replace(longer, assumptions=path.assumptions)
+    return longer, [*records[:k], None, *records[k:]], k
