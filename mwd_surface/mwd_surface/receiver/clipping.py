@@ -147,12 +147,18 @@ def _most_probable(out: Array, value: Array, sides: Array, at: Array, lags: Arra
         rest[unknown] = value[unknown]
         padded = np.pad(rest, reach, mode="edge")
         pull = np.convolve(padded, kernel, "valid")[unknown]
-        band = np.zeros((min(reach, unknown.size - 1) + 1, unknown.size))
+        # Only samples within reach of each other have a common prediction error.
+        width = int((np.searchsorted(unknown, unknown + reach, side="right") - np.arange(unknown.size)).max())
+        band = np.zeros((width, unknown.size))
         for k in range(len(band)):
             apart = unknown[k:] - unknown[: unknown.size - k]
             band[k, : apart.size] = np.where(apart <= reach, lags[np.minimum(apart, reach)], 0.0)
         band[0] *= 1.0 + 1e-9
-        step = linalg.solveh_banded(band, -pull, lower=True, check_finite=False)
+        try:
+            step = linalg.solveh_banded(band, -pull, lower=True, check_finite=False)
+        except linalg.LinAlgError:
+            # A signal without noise is predicted to the last digit, and the equations are singular.
+            break
         best[free] = value[unknown] + step
         crossed = free & (sides[at] * (best - value[at]) < 0.0)
         best[crossed] = value[at[crossed]]

@@ -70,6 +70,24 @@ def test_a_gauge_that_stays_at_a_limit_stays_as_it_is(value):
     np.testing.assert_array_equal(through(np.minimum(held, 2.0e7 + 1e6))[1], held)
 
 
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.minimum(np.sin(8.0 * TIME), 0.5),
+        np.clip(1e3 * np.sin(8.0 * TIME) + 1e7, 1e7 - 1.0, 1e7 + 1.0),
+        np.round(np.minimum(np.sin(8.0 * TIME) + 1e-12 * np.sin(1e3 * TIME), 0.5), 12),
+        np.where(np.arange(len(TIME)) % 2, 1.0, 3.0),
+        np.minimum(np.arange(len(TIME)) % 100, 50.0),
+        np.full(len(TIME), 2.0e7),
+    ],
+)
+def test_a_signal_without_noise_has_finite_values_beyond_its_limits(value):
+    got = through(value)[1]
+    assert np.isfinite(got).all()
+    assert np.all(np.where(value == value.max(), got >= value, np.where(value == value.min(), got <= value, True)))
+    assert np.ptp(got) < 20.0 * np.ptp(value) + 1e-9
+
+
 @pytest.mark.slow(8)
 @pytest.mark.parametrize(("low", "high"), [(0.0, 0.85), (0.2, 1.0)])
 def test_a_clipping_gauge_costs_few_words(low, high):
