@@ -35,6 +35,10 @@ class Pump:
     imbalance: float = setting(0.01, "Difference between the deliveries of the pistons.", low=0.0, high=0.5)
     hunting: float = setting(0.0015, "Variation of the stroke rate, 1 sigma, as a share.", low=0.0, high=0.2)
     hunting_s: float = setting(15.0, "Correlation time of this variation.", unit="s", low=0.5, high=600.0)
+    counter_jitter_s: float = setting(
+        0.0, "Error of the time of a counted stroke, 1 sigma.", unit="s", low=0.0, high=0.2
+    )
+    counter_missed: float = setting(0.0, "Share of strokes that the counter misses.", low=0.0, high=0.5)
 
 
 class PumpStream:
@@ -58,6 +62,8 @@ class PumpStream:
         self._hunt = np.zeros(1)
         self._samples = 0
         self._strokes: list[Array] = []
+        # Numbers of its own, so that the counter does not change the pressure.
+        self._counter = np.random.default_rng(int(1e6 * self._phase))
 
     def block(self, flow: Array) -> Array:
         """
@@ -75,13 +81,18 @@ class PumpStream:
         at = np.flatnonzero(whole[1:] > whole[:-1])
         if len(at):
             share = (whole[at + 1] - turns[at]) / (turns[at + 1] - turns[at])
-            self._strokes.append((self._samples + at + share) / self._rate)
+            self._strokes.append(self._counted((self._samples + at + share) / self._rate))
         self._phase = float(turns[-1] - whole[-1])
         self._samples += n
         return np.asarray(self._delivered(2.0 * math.pi * turns[:-1]) * self._flow * flow)
 
+    def _counted(self, time: Array) -> Array:
+        """Return the strokes that the counter sees, at the times that it gives them, s."""
+        kept = self._counter.uniform(size=len(time)) >= self._pump.counter_missed
+        return np.sort(time + self._pump.counter_jitter_s * self._counter.normal(size=len(time)))[kept]
+
     def strokes(self) -> Array:
-        """Return the times at which the stroke switch closed, s."""
+        """Return the times at which the stroke counter saw a stroke, s."""
         return np.concatenate(self._strokes) if self._strokes else np.zeros(0)
 
     def _delivered(self, angle: Array) -> Array:

@@ -58,6 +58,19 @@ def test_strokes_are_counted_when_the_pump_makes_them():
     assert np.diff(strokes) == pytest.approx(1.0 / 1.5, rel=0.02)
 
 
+def test_a_counter_that_jitters_and_misses_strokes_changes_no_pressure():
+    exact, counted = (
+        Pressure(dataclasses.replace(QUIET, pumps=(pump,)), np.zeros((0, 2)), 3)
+        for pump in (Pump(1.5), Pump(1.5, counter_jitter_s=0.01, counter_missed=0.05))
+    )
+    for _ in range(60):
+        np.testing.assert_array_equal(exact.block(), counted.block())
+    (true,), (seen,) = exact.strokes(), counted.strokes()
+    assert 1.0 - len(seen) / len(true) == pytest.approx(0.05, abs=0.02)
+    late = seen - true[np.abs(seen[:, None] - true).argmin(axis=1)]
+    assert np.std(late) == pytest.approx(0.01, rel=0.1)
+
+
 def test_no_flow_no_pressure_and_no_pulse():
     channel = dataclasses.replace(QUIET, flow_off_s=((-100.0, 20.0),))
     off = pressure(channel, [(10.0, 10.8)])[:1000]

@@ -2,10 +2,10 @@
 """
 Resampling onto an even grid from samples of any rate, jitter and gaps; the bits do not depend on how samples are cut.
 
-A single sample far from its neighbours (an electrical spike) is first replaced by a value interpolated from them,
-because the filter would spread it. Each value of the grid is the mean of the samples around it, weighted by a low-pass
-kernel and by the time each sample stands for. Samples much denser than the grid are averaged in bins first. The grid
-starts at the first stamp.
+Clipped samples are first replaced (`clipping`). A single sample far from its neighbours (an electrical spike) is
+replaced by a value interpolated from them, because the filter would spread it. Each value of the grid is the mean of
+the samples around it, weighted by a low-pass kernel and by the time each sample stands for. Samples much denser than
+the grid are averaged in bins first. The grid starts at the first stamp.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
+from mwd_surface.receiver.clipping import Declipper
 
 # Half width of the kernel and its cut-off, in steps of the grid. With 8 steps per TU, 0.2 / step is 1.6 / TU; a pulse
 # of 2 TU has 2 % of its energy above that.
@@ -88,7 +89,9 @@ class Resampler:
         self._early = np.zeros((2, 0))
         self._bin_sum = np.zeros(4)
         self._raw = np.zeros((2, 0))
+        self._last = -math.inf
         self._scale = np.zeros(1)
+        self._declipper = Declipper()
         self.origin: float | None = None
 
     @property
@@ -120,6 +123,7 @@ class Resampler:
 
     def finish(self) -> tuple[Array, Array]:
         """Return the rest of the grid, up to the last sample; as `push`."""
+        self._spaced(*self._declipper.finish())
         if self._spacing == 0.0 and self._early.shape[1] > 2:
             self._begin()
         self._add(*self._raw[:, self._ready :])
@@ -144,25 +148,29 @@ class Resampler:
     def _take(self, time: Array, value: Array) -> None:
         # Drop values beyond any gauge: their squares would cost the neighbours' digits.
         good = (np.abs(value) < LARGEST) & np.isfinite(time)
+        highest = np.maximum.accumulate(np.append(self._last, np.where(good, time, -math.inf)))
+        good &= time > highest[:-1]
+        self._last = float(highest[-1])
+        self._spaced(*self._declipper.push(time[good], value[good]))
+
+    def _spaced(self, time: Array, value: Array) -> None:
+        """Add samples whose clipped ones are replaced; the first of them give the spacing."""
         if self._spacing == 0.0:
-            self._early = np.concatenate([self._early, np.stack([time[good], value[good]])], axis=1)
+            self._early = np.concatenate([self._early, np.stack([time, value])], axis=1)
             if self._early.shape[1] >= 64:
                 self._begin()
             return
-        self._binned(time[good], value[good])
+        self._binned(time, value)
 
     def _begin(self) -> None:
         (time, value), self._early = self._early, np.zeros((2, 0))
-        steps = np.diff(time[:64])
-        self._spacing = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else self._step
+        self._spacing = float(np.median(np.diff(time[:64])))
         self._bin = self._step / 4.0 if self._spacing * _MOST_OVERSAMPLED < self._step else 0.0
         self.origin = float(time[0])
         self._binned(time, value)
 
     def _binned(self, time: Array, value: Array) -> None:
-        last = self._raw[0, -1] if self._raw.shape[1] else -math.inf
-        before = np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
-        self._raw = np.concatenate([self._raw, np.stack([time, value])[:, time > before]], axis=1)
+        self._raw = np.concatenate([self._raw, np.stack([time, value])], axis=1)
         if self._raw.shape[1] > 2 * _AROUND:
             despiked = self._raw[1].copy()
             _despike(self._raw[1], self._scale, despiked)

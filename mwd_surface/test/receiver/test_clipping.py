@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clipped samples are bounds: the pressure that replaces them is beyond the limit, and the same for any cut."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from link_runs import TOOLS, pairs, simulated
+
+from mwd_surface.receiver.clipping import Declipper
+from mwd_surface.receiver.pulse.pulse_receiver import decode
+from mwd_surface.receiver.words import BELIEVED
+
+RATE = 50.0
+TIME = np.arange(6000) / RATE
+
+
+def pressure(seed):
+    """Pressure of a pump whose rate hunts, with drilling noise, Pa."""
+    random = np.random.default_rng(seed)
+    turns = np.cumsum(1.45 * (1.0 + 0.002 * np.sin(0.3 * TIME))) / RATE
+    pump = sum(size * np.cos(2.0 * np.pi * k * turns + k) for k, size in ((1, 0.5), (3, 1.0), (6, 0.6), (9, 0.3)))
+    slow = np.convolve(random.normal(size=len(TIME) + 99), np.hanning(100), "valid")
+    return 2.0e7 + 3.0e4 * pump + 2.0e4 * slow / slow.std() + random.normal(0.0, 400.0, len(TIME))
+
+
+def clipped(value, low, high):
+    return np.clip(value, np.quantile(value, low), np.quantile(value, high))
+
+
+def through(value, cuts=()):
+    stage = Declipper()
+    parts = [stage.push(t, v) for t, v in zip(np.split(TIME, cuts), np.split(value, cuts), strict=True)]
+    return np.concatenate([*parts, stage.finish()], axis=1)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.85), (0.2, 1.0), (0.1, 0.9)])
+def test_a_clipped_sample_lies_beyond_the_limit_and_nearer_to_the_pressure(low, high):
+    true = pressure(1)
+    seen = clipped(true, low, high)
+    time, got = through(seen)
+    np.testing.assert_array_equal(time, TIME)
+    at = (seen == seen.max()) & (high < 1.0) | (seen == seen.min()) & (low > 0.0)
+    np.testing.assert_array_equal(got[~at], seen[~at])
+    assert np.all(np.where(seen[at] > np.median(seen), got[at] - seen[at], seen[at] - got[at]) >= 0.0)
+    rms = [float(np.sqrt(np.mean((one - true)[at] ** 2))) for one in (seen, got)]
+    assert rms[1] < 0.5 * rms[0]
+
+
+@given(st.lists(st.integers(0, len(TIME)), max_size=20), st.sampled_from([0.0, 0.1]))
+def test_any_cut_of_a_clipped_stream_gives_the_same_bits(cuts, low):
+    seen = clipped(pressure(2), low, 0.85)
+    np.testing.assert_array_equal(through(seen, sorted(cuts)), through(seen))
+
+
+def test_samples_that_do_not_clip_are_passed_on_at_once_and_unchanged():
+    stage, true = Declipper(), pressure(3)
+    for begin in range(0, len(TIME), 37):
+        time, value = stage.push(TIME[begin : begin + 37], true[begin : begin + 37])
+        np.testing.assert_array_equal(time, TIME[begin : begin + 37])
+        np.testing.assert_array_equal(value, true[begin : begin + 37])
+
+
+@pytest.mark.parametrize("value", [0.0, 2.0e7])
+def test_a_gauge_that_stays_at_a_limit_stays_as_it_is(value):
+    held = pressure(4)
+    held[2000:4000] = value
+    np.testing.assert_array_equal(through(np.minimum(held, 2.0e7 + 1e6))[1], held)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.minimum(np.sin(8.0 * TIME), 0.5),
+        np.clip(1e3 * np.sin(8.0 * TIME) + 1e7, 1e7 - 1.0, 1e7 + 1.0),
+        np.round(np.minimum(np.sin(8.0 * TIME) + 1e-12 * np.sin(1e3 * TIME), 0.5), 12),
+        np.where(np.arange(len(TIME)) % 2, 1.0, 3.0),
+        np.minimum(np.arange(len(TIME)) % 100, 50.0),
+        np.full(len(TIME), 2.0e7),
+    ],
+)
+def test_a_signal_without_noise_has_finite_values_beyond_its_limits(value):
+    got = through(value)[1]
+    assert np.isfinite(got).all()
+    assert np.all(np.where(value == value.max(), got >= value, np.where(value == value.min(), got <= value, True)))
+    assert np.ptp(got) < 20.0 * np.ptp(value) + 1e-9
+
+
+@pytest.mark.slow(8)
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.85), (0.2, 1.0)])
+def test_a_clipping_gauge_costs_few_words(low, high):
+    tool, depth = TOOLS["0.5"], 4000.0
+    run = simulated("0.5", depth)
+    flows = run.time_s > run.sent.words[0].start_s - 10.0
+    limits = np.quantile(run.pressure_pa[flows], (low, high))
+    limits = np.where([low > 0.0, high < 1.0], limits, [-np.inf, np.inf])
+    believed = []
+    for seen in (run.pressure_pa, np.clip(run.pressure_pa, *limits)):
+        both = pairs(dataclasses.replace(run, pressure_pa=seen), decode(tool, run.time_s, seen).words, tool, depth)
+        believed.append(np.mean([word.status == BELIEVED for _, word in both]))
+        assert all(sent.raw == word.raw for sent, word in both if word.status == BELIEVED)
+    assert believed[1] > 0.8 * believed[0]
