@@ -8,6 +8,7 @@
 # make fuzz   generated input against every parser, for long (the suite does it for short); INPUTS=500: of so many each
 # make sweep  every scenario with requests of people, live and afterwards: equal lists; SECONDS=100: of so many each
 # make soak   an hour of the graph at ten times its pace with kills, LOSS=0.3: over a network that loses and reorders
+# make mutate ROOM=health  which constants of a room no test of it notices, each scaled by 0.7 and 1.4; takes long
 # make font   the font of Chinese texts, a subset of Noto Sans SC
 # make words  the texts of the sources, into the catalogues of the languages
 # make sbom   the locked packages as CycloneDX
@@ -25,7 +26,7 @@ CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD
 # check, ROS sends an integer in a field of floats as another number.
 PYTEST = $(CLEAN) ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak sweep sbom deb clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak sweep mutate sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -91,6 +92,9 @@ fuzz: setup
 
 sweep: setup
 	@SWEEP_SECONDS=$(or $(SECONDS),240) $(PYTEST) --numprocesses 2 --dist load -k scenario mwd_surface/test/processing/test_live_and_afterwards.py
+
+mutate: setup
+	@$(CLEAN) $(BIN)/python .ci/mutate $(ROOM) $(ONLY)
 
 soak: setup
 	@$(CLEAN) $(BIN)/python tests/soak.py $(if $(MINUTES),--minutes $(MINUTES)) $(if $(LOSS),--loss $(LOSS))

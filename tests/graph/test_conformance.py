@@ -2,6 +2,7 @@
 """`mwd rig conformance` against the surface node, over ROS, OPC UA and Modbus: every misuse is refused."""
 
 import asyncio
+import concurrent.futures
 import json
 import re
 import shutil
@@ -13,8 +14,9 @@ import pytest
 import running_graph
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(200)]
-INTERFACES = ("ROS", "OPC UA", "Modbus")
+pytestmark = [pytest.mark.ros, pytest.mark.slow(60)]
+INTERFACES = {"operator": ("ROS", "OPC UA", "Modbus"), "automatic": ("Modbus",)}
+HEARTBEAT_S = 2.0
 
 
 async def certified(folder):
@@ -29,16 +31,14 @@ async def certified(folder):
     return certificate, key
 
 
-@pytest.fixture(scope="module", params=["operator", "automatic"])
-def table(request, tmp_path_factory):
-    """Table of the command for our own surface node: with a person over every interface, without one over Modbus."""
-    folder = tmp_path_factory.mktemp("conformance")
+def conformance(grant, folder):
+    """Output of the command for our own surface node: with a person over every interface, without one over Modbus."""
     opcua = folder / "data" / "w1" / "opcua"
     (opcua / "trusted").mkdir(parents=True)
     certificate, key = asyncio.run(certified(folder))
     shutil.copy(certificate, opcua / "trusted")
     settings = {"folder": folder / "data", "page__port": 0, "well__name": "well", "control__enabled": True}
-    settings |= {"control__grant": request.param, "control__mwd_lost_sliding": "keep", "control__heartbeat_s": 3.0}
+    settings |= {"control__grant": grant, "control__mwd_lost_sliding": "keep", "control__heartbeat_s": HEARTBEAT_S}
     for name in ("opcua", "modbus"):
         settings |= {f"rig__{name}__{key}": value for key, value in (("enabled", True), ("port", 0))}
         settings[f"rig__{name}__allow_control"] = True
@@ -52,8 +52,8 @@ def table(request, tmp_path_factory):
             return re.search(r"opc\.tcp://[^\"]+", found), re.search(r"127\.0\.0\.1:\d+(?=\")", found)
 
         where = until(lambda: all(addresses()) and addresses(), 60, "the interfaces listen")
-        words = ["--modbus", where[1].group(), "--heartbeat", "3.0", "--json"]
-        if request.param == "operator":
+        words = ["--modbus", where[1].group(), "--heartbeat", HEARTBEAT_S, "--json"]
+        if grant == "operator":
             words += ["--ros", "/w1", "--opcua", where[0].group(), "--certificate", certificate, "--key", key]
             words += ["--server-certificate", opcua / "own.der"]
         done = subprocess.run(
@@ -66,8 +66,22 @@ def table(request, tmp_path_factory):
         )
         assert graph.end(surface)[0] == 0
     assert done.stdout, done.stderr
-    interfaces = INTERFACES if request.param == "operator" else ("Modbus",)
-    return interfaces, done.returncode, json.loads(done.stdout.splitlines()[-1])
+    return done
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Outputs for both settings. The two graphs run at the same time: they wait for heartbeats that do not come."""
+    folders = [tmp_path_factory.mktemp(grant) for grant in INTERFACES]
+    with concurrent.futures.ThreadPoolExecutor() as pool:
+        return dict(zip(INTERFACES, pool.map(conformance, INTERFACES, folders), strict=True))
+
+
+@pytest.fixture(params=INTERFACES)
+def table(request, runs):
+    """Interfaces of a run, exit status of the command, and its results."""
+    done = runs[request.param]
+    return INTERFACES[request.param], done.returncode, json.loads(done.stdout.splitlines()[-1])
 
 
 def test_our_own_authority_keeps_the_contract_over_every_interface(table):

@@ -147,7 +147,8 @@ def test_the_receiver_reads_on_by_the_new_pulse_width(run):
     # The tool's table is proven before the command: the first words by the new width are believed at once.
     last = run["LinkWord"][run["LinkWord"].index(told[0]) :]
     last = sorted((word for word in last if word.revision and begin(word) >= begin(told[0])), key=begin)
-    assert [(word.name, word.status) for word in last][:3] == [("DLnk", 0), ("Inc", 0), ("Azm", 0)]
+    # The graph may end when the tool's answer is confirmed, before the azimuth is received.
+    assert [(word.name, word.status) for word in last][:2] == [("DLnk", 0), ("Inc", 0)]
     before = next(word for word in run["LinkWord"] if word.name == "Inc")
     # Some metres of hole were drilled between the surveys.
     assert last[1].value == pytest.approx(before.value, abs=math.radians(1.0))

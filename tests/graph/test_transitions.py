@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every lifecycle transition of every node, five times each, while the others send: no node crashes or falls silent."""
+"""Every lifecycle transition of every node, twice each, while the others send: no node crashes or falls silent."""
 
 import subprocess
 import sys
@@ -13,8 +13,8 @@ from mwd_surface.runs import launch_plan
 from project import ROOT
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(120)]
-TIMES = 5
+pytestmark = [pytest.mark.ros, pytest.mark.slow(25)]
+TIMES = 2
 PLACE = {name.replace(".", "__"): value for name, value in running_graph.PLACE.items()}
 LINK = ROOT / "tests" / "graph" / "scenarios" / "two_links.yaml"
 
@@ -31,7 +31,7 @@ STATES = {1: "unconfigured", 2: "inactive", 3: "active"}
 def change(name, number, label):
     done = call(node, ChangeState, f"{name}/change_state", transition=T(id=number))
     assert done.success, (name, number)
-    time.sleep(0.4)  # of traffic in the new state
+    time.sleep(0.2)  # of traffic in the new state
     state = call(node, GetState, f"{name}/get_state").current_state.label
     assert state == label, (name, state, label)
 for name in names:

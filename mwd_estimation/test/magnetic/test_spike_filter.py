@@ -47,6 +47,27 @@ def test_after_a_silence_and_before_it_knows_enough_nothing_is_called_a_spike():
     assert spike_filter.run(spike_filter.initial(), stamps, b_t).all()
 
 
+@pytest.mark.parametrize(
+    ("jump", "gap_s", "sound"), [(2.8e-6, 0.0, True), (3.2e-6, 0.0, False), (3.2e-6, 9.0, False), (3.2e-6, 11.0, True)]
+)
+def test_in_a_steady_field_a_jump_of_three_microtesla_is_a_spike_unless_ten_seconds_are_missing(jump, gap_s, sound):
+    stamps, b_t = np.arange(20) * 50_000_000, np.tile([5e-5, 0.0, 0.0], (20, 1))
+    b_t[-1, 0] += jump
+    stamps[-1] += round(gap_s * 1e9)
+    assert spike_filter.run(spike_filter.initial(), stamps, b_t)[-1] == sound
+
+
+@pytest.mark.parametrize(("spreads", "sound"), [(7.5, True), (8.5, False)])
+def test_where_the_strength_varies_a_spike_is_eight_times_the_usual_distance_away(spreads, sound):
+    distance = 1e-6
+    strength = 5e-5 + distance * (-1.0) ** np.arange(20)
+    # The median of nine values that alternate is one of them; half of the distances from it are zero.
+    strength[10:19] = 5e-5 + distance * np.array([-1.0, 1.0, -1.0, 1.0, 0.0, -1.0, 1.0, -1.0, 1.0])
+    strength[-1] = 5e-5 + spreads * distance
+    b_t = np.column_stack([strength, np.zeros(20), np.zeros(20)])
+    assert spike_filter.run(spike_filter.initial(), np.arange(20) * 50_000_000, b_t)[-1] == sound
+
+
 def test_one_by_one_or_in_blocks_gives_the_same_and_what_is_not_finite_is_left_to_others():
     stamps, b_t = field(turns_per_s=0.7)
     b_t[::37] *= 2.0
