@@ -239,14 +239,20 @@ class DepthLog:
         """
         Add a depth of the bit, m, in order of time.
 
-        One depth a second is kept. A depth that is unknown, or older than the last, is left out. A depth that no bit
-        can have is left out and counted.
+        One depth a second is kept. A depth that is unknown is left out. A depth that no bit can have is left out and
+        counted. A depth that is older than the last one by a second or more removes the later depths: a person has
+        corrected the depth, or the rig's clock was set back (`DepthTrack` confirms it).
         """
         if math.isnan(bit_depth):
             return
         if not -_FARTHEST_M <= bit_depth <= DEEPEST_M:
             self._refuse(f"bit depth outside {-_FARTHEST_M:.0f} to {DEEPEST_M:.0f} m")
             return
+        if self._stamps and self._stamps[-1] - stamp_ns >= _DEPTHS_NS:
+            at = bisect.bisect_left(self._stamps, stamp_ns)
+            for column in (self._stamps, self._bits, self._bottoms):
+                del column[at:]
+            self._bottom = self._bottoms[-1] if at else -math.inf
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
             self._stamps.append(stamp_ns)

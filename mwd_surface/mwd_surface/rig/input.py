@@ -30,6 +30,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "rate_of_penetration": (0.0, 0.5),
 }
 _DEPTHS = ("bit_depth", "hole_depth")
+_SET_BACK_NS = 60 * NANOSECONDS  # a stamp that is earlier by more belongs to a clock that was set back
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,9 +91,10 @@ class RigInput:
         """
         Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if none of them is accepted.
 
-        A sample with a stamp not after the last one, or too soon after it, is counted and dropped.
+        A sample with a stamp too soon after the last one, or shortly before it, is counted and dropped. A stamp that
+        is earlier by more than a minute shows a clock that was set back.
         """
-        if self._last_ns is not None and stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate:
+        if self._last_ns is not None and -_SET_BACK_NS < stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate:
             self.counts.hurried += 1
             return None
         good = {name: value for name, value in readings.items() if self._is_accepted(name, value, stamp_ns)}

@@ -3,7 +3,7 @@
 Measured depth of a survey: the bit depth reported by the rig at the survey's time, minus the distance sensor to bit.
 
 Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
-than a string can move is accepted only when later readings confirm it. A survey is paired only with readings near its
+than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey is paired only with readings near its
 own time, and the age of the reading is kept. If two depth sources alternate, or the clock of the rig differs from that
 of the sonde, no depth is paired and the reason says so. Stamps are in ns, depths in m.
 """
@@ -84,7 +84,7 @@ class DepthTrack:
     ----------
     refused_null, refused_jump, refused_order : int
         Readings dropped because they are not a depth, are faster than a string moves, or are older than one already
-        used.
+        used and not confirmed as the new time of a rig's clock that was set back.
     """
 
     def __init__(self, rules: DepthRules | None = None) -> None:
@@ -98,6 +98,8 @@ class DepthTrack:
         self._by_hand = array.array("b")
         # Readings of a jump that is not confirmed yet.
         self._waiting: list[tuple[int, float]] = []
+        # Readings that are much older than the latest one and not confirmed yet.
+        self._earlier: list[tuple[int, float]] = []
         # Readings dropped as jumps, and confirmed jumps: stamp and depth.
         self._left_out: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._jumps: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
@@ -125,7 +127,9 @@ class DepthTrack:
         Process one reading of the rig; return whether it is accepted now.
 
         A placeholder (not marked valid, not finite, negative as -999.25, or too deep) is counted and not used. A jump
-        waits until `rules.confirm` consecutive readings agree; then all of them are accepted.
+        waits until `rules.confirm` consecutive readings agree; then all of them are accepted. Readings that are older
+        than the latest one by more than `rules.bridge` wait in the same way: if they agree, either the later stamps
+        were wrong or the clock of the rig was set back, and the later readings are removed.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
@@ -138,7 +142,8 @@ class DepthTrack:
             if stamp_ns == self._stamps[-1] and not reachable:
                 # Two sources reported different depths for the same time.
                 self._left_out.append((stamp_ns, bit_depth))
-            return False
+            return self._go_back(stamp_ns, bit_depth)
+        self._earlier = []
         if reachable:
             self._leave_out()
             self._append(stamp_ns, bit_depth, False)
@@ -156,6 +161,32 @@ class DepthTrack:
         self._waiting = []
         return True
 
+    def _go_back(self, stamp_ns: int, bit_depth: float) -> bool:
+        """Process a reading that is older than the latest one; return whether it confirms an earlier time."""
+        if (self._stamps[-1] - stamp_ns) * NS <= self.rules.bridge:
+            return False
+        if self._earlier and not (
+            stamp_ns > self._earlier[-1][0] and self._reachable(*self._earlier[-1], stamp_ns, bit_depth)
+        ):
+            self._earlier = []
+        self._earlier.append((stamp_ns, bit_depth))
+        if len(self._earlier) < self.rules.confirm:
+            return False
+        self.refused_order -= len(self._earlier)
+        self._remove_from(self._earlier[0][0])
+        for stamp, depth in self._earlier:
+            self._append(stamp, depth, False)
+        self._earlier = []
+        return True
+
+    def _remove_from(self, stamp_ns: int) -> None:
+        """Remove the readings at and after a time, because their depths or stamps were wrong."""
+        at = bisect.bisect_left(self._stamps, stamp_ns)
+        del self._stamps[at:], self._depths[at:], self._by_hand[at:]
+        self._waiting = []
+        self._left_out.clear()
+        self._jumps.clear()
+
     def set_by_hand(self, stamp_ns: int, bit_depth: float) -> None:
         """
         Set a bit depth given by a person, without a jump test. Later readings must agree with it.
@@ -167,12 +198,7 @@ class DepthTrack:
         """
         if not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             raise ValueError(f"bit_depth: must be within 0 and {self.rules.deepest:g} m, got {bit_depth}")
-        at = bisect.bisect_left(self._stamps, stamp_ns)
-        # The readings accepted after this time were wrong.
-        del self._stamps[at:], self._depths[at:], self._by_hand[at:]
-        self._waiting = []
-        self._left_out.clear()
-        self._jumps.clear()
+        self._remove_from(stamp_ns)
         self._append(stamp_ns, bit_depth, True)
 
     def sensor_depth(self, stamp_ns: int, sensor_to_bit: float) -> DepthReading:

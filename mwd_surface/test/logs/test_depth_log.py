@@ -516,3 +516,18 @@ def test_the_deepest_part_alone_is_the_end_of_the_whole():
     whole, part = log.curve("gamma"), log.curve("gamma", most=20)
     np.testing.assert_array_equal(part.value, whole.value[-20:])
     np.testing.assert_array_equal(part.depth, whole.depth[-20:])
+
+
+@pytest.mark.parametrize("ahead_s", [2, 3600, 10**8])
+def test_a_depth_that_is_older_than_the_last_one_replaces_the_later_ones(ahead_s):
+    whole, disturbed = DepthLog(), DepthLog()
+    for at in range(60):
+        whole.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+        disturbed.add_depth(T0 + at * S, 1000.0 + 0.1 * at)
+        if at == 30:
+            disturbed.add_depth(T0 + (at + ahead_s) * S, 2000.0)
+    for log in (whole, disturbed):
+        log.add([sample(40.0)])
+    assert not disturbed.unplaced
+    assert disturbed.newest()["gamma"] == whole.newest()["gamma"]
+    assert disturbed.curve("gamma").depth.tolist() == whole.curve("gamma").depth.tolist()

@@ -75,3 +75,13 @@ def test_slips_follow_from_the_hookload_where_its_limit_is_known():
 
 def test_a_name_that_is_not_known_is_not_given_on():
     assert RigInput().take({"mood": 1.0}, S) is None
+
+
+@pytest.mark.parametrize("ahead_s", [100, 10**6])
+def test_a_clock_that_was_ahead_for_a_moment_stops_no_reading_for_long(ahead_s):
+    got = RigInput()
+    stamps = [*range(10), 10 + ahead_s, *range(10, 20)]
+    taken = [got.take({"bit_depth": 1000.0 + 0.1 * at, "hookload": 1e6}, at * S) for at in stamps]
+    depths = [sample is not None and bool(sample["valid"][0] & wire.RIG_VALID["bit_depth"]) for sample in taken]
+    assert all(sample is not None for sample in taken)
+    assert depths[-8:] == 8 * [True]

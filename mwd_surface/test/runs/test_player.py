@@ -132,6 +132,17 @@ def test_a_way_to_a_moment_that_takes_long_stops_and_goes_on(recorded):
         assert player.clipped(1e9) == player.length_s
 
 
+def test_a_recording_of_a_single_message_is_played(recorded, tmp_path):
+    with Bag(recorded[0]) as bag, BagWriter(tmp_path / "one") as writer:
+        log_ns, topic, _, data = next(bag.messages(["/w1/rig/state"]))
+        writer.write(writer.topic(topic, bag.topics[topic].type_name), data, log_ns)
+    with Bag(tmp_path / "one") as bag:
+        player = Player(bag, "/w1/")
+        assert player.length_s == 0.0
+        assert not player.seek(0.0)
+        assert shown(player)[1] is not None
+
+
 def ask(address, given):
     body = json.dumps(given).encode()
     request = urllib.request.Request(f"{address}replay", body, {"Content-Type": "application/json"}, method="POST")  # noqa: S310

@@ -195,3 +195,28 @@ def test_a_real_rigs_day_pairs_every_reading_with_itself():
     assert got.refused_jump < 10
     for stamp, depth in list(accepted.items())[::97]:
         assert got.sensor_depth(stamp, 0.0).measured_depth == depth
+
+
+@pytest.mark.parametrize("ahead_s", [70, 3600, 10**8])
+@pytest.mark.parametrize("wrong", [1, 2, 50])
+def test_stamps_of_the_future_stop_no_depth_for_longer_than_readings_take_to_confirm_the_time(ahead_s, wrong):
+    got = track(*((k, 1000.0 + 0.1 * k) for k in range(100)))
+    for k in range(wrong):
+        got.update((100 + ahead_s + k) * S, 1010.0)
+    accepted = [got.update((101 + k) * S, 1010.1 + 0.1 * k) for k in range(10)]
+    assert accepted == [False, False] + 8 * [True]
+    assert got.latest == (110 * S, pytest.approx(1011.0))
+    assert got.sensor_depth(101 * S, 0.0).measured_depth == pytest.approx(1010.1)
+
+
+@given(back_s=st.integers(61, 10**8), seed=st.randoms(use_true_random=False))
+def test_single_readings_of_the_past_change_nothing(back_s, seed):
+    plain, disturbed = track(), track()
+    for k in range(60):
+        plain.update(k * S, 1000.0 + 0.1 * k)
+        disturbed.update(k * S, 1000.0 + 0.1 * k)
+        if seed.random() < 0.3:
+            for late in range(seed.choice([1, 2])):
+                assert not disturbed.update((k - back_s + late) * S, 1000.0)
+    assert disturbed.latest == plain.latest
+    assert disturbed.sensor_depth(30 * S, 0.0) == plain.sensor_depth(30 * S, 0.0)
