@@ -188,7 +188,7 @@ WORDS: dict[Code, str] = {
     Code.TWO_AZIMUTHS_FIT_GYRO: "two azimuths fit equally, {values[0]:.1f (deg)} and {values[1]:.1f deg}: turned "
     "about its axis, a tool this near the horizontal does not tell north from south of east-west; "
     "seek longer, or choose by the magnetometer",
-    Code.LATITUDE_MISFIT: "the horizontal Earth rate found does not fit latitude {values[0]:.1f deg} "
+    Code.LATITUDE_MISFIT: "the Earth rate found does not fit latitude {values[0]:.1f deg} "
     "({value:.1f sigma}): the tool moved, or a gyro error is larger than stated",
     Code.GYRO_BIAS_UNKNOWN: _BIAS_UNKNOWN + "turn the tool half a turn about its axis and wait again",
     Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "S1's filter does not take a second position",

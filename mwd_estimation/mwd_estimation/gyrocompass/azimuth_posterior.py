@@ -35,6 +35,7 @@ class Part:
     cross: Array
     own: float
     shift: float  #: mean of the added angle, rad
+    misfit: float = 0.0  #: squared distance of the vertical Earth rate from the latitude's, in sigmas
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,17 +44,19 @@ class OnCircle:
 
     mean: float
     sigma: float
-    misfit: float  #: squared distance of the most likely part from the circle, in sigmas
+    misfit: float  #: squared distance of the Earth rate of the most likely part from the latitude's, in sigmas
     several: tuple[float, ...]  #: the angles that fit equally well, if there are several
 
 
-def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0) -> Part:
+def part(
+    log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0, misfit: float = 0.0
+) -> Part:
     """
     Return the part that follows from a Gaussian of states.
 
     Parameters
     ----------
-    log_weight, shift : float
+    log_weight, shift, misfit : float
         See `Part`.
     earth : ndarray, shape (2,)
         Mean of the horizontal Earth rate, rad/s.
@@ -65,7 +68,7 @@ def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shi
     S = np.asarray(P[at, at])
     cross: Array = np.asarray(np.linalg.solve(S, P[at] @ right), dtype=float)
     own = max(float(right @ P @ right) - float(cross @ S @ cross), 0.0)
-    return Part(log_weight, np.asarray(earth), S, cross, own, shift)
+    return Part(log_weight, np.asarray(earth), S, cross, own, shift, misfit)
 
 
 class _Cost:
@@ -160,7 +163,7 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     modes = _modes(cost.total)
     best = min(modes, key=lambda mode: mode[1])[0]
     likeliest = int(np.argmin(cost.each(np.array([best]))))
-    misfit = float(cost.distances(np.array([best]))[likeliest, 0])
+    misfit = float(cost.distances(np.array([best]))[likeliest, 0]) + parts[likeliest].misfit
     if len(modes) > 1 and expected is not None:
         modes = [min(modes, key=lambda mode: abs(float(wrap_pi(mode[0] - expected))))]
     angles = [mode for mode, _ in modes]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,12 +75,40 @@ class GyroErrors:
 
 @dataclasses.dataclass(frozen=True)
 class Sought:
-    """Result of a seek: horizontal Earth rate (2), biases (3) and ramps (3), rad/s and rad/s^2, and heading, rad."""
+    """
+    Result of a seek.
 
-    #: `mean`, `covariance`: shapes (9,) and (9, 9), or with a leading axis of length k.
-    mean: Array
-    covariance: Array
+    The order is horizontal Earth rate (2) and biases (3), rad/s, ramps (3), rad/s^2, heading, rad, and vertical Earth
+    rate, rad/s.
+    """
+
+    mean: Array  #: shape (10,)
+    covariance: Array  #: shape (10, 10)
     prior: Array  #: shape (6, 6); covariance of biases and ramps at the end that the seek assumed, about zero
+
+
+class Joined(NamedTuple):
+    """Result of a seek for each of k Gaussians of gyro errors, in the order of `Sought`."""
+
+    log_evidence: Array  #: shape (k,)
+    mean: Array  #: shape (k, 10); shape (k, 9) where the vertical Earth rate is given
+    covariance: Array  #: shape (k, 10, 10), or (k, 9, 9)
+    #: shape (k,); squared distance of the given vertical Earth rate from the estimate, in sigmas
+    misfit: Array
+
+    def at(self, down: float) -> Joined:
+        """Return the Gaussians given the vertical Earth rate, rad/s."""
+        mean, S = self.mean, self.covariance
+        variance = S[:, -1, -1]
+        gain, off = S[:, :-1, -1] / variance[:, None], down - mean[:, -1]
+        misfit = off**2 / variance
+        left = S[:, :-1, :-1] - gain[:, :, None] * S[:, None, -1, :-1]
+        return Joined(
+            self.log_evidence - 0.5 * (misfit + np.log(variance)),
+            mean[:, :-1] + gain * off[:, None],
+            0.5 * (left + np.transpose(left, (0, 2, 1))),
+            misfit,
+        )
 
 
 def stated(params: SeekParams) -> GyroErrors:
@@ -147,12 +176,11 @@ def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
     )
 
 
-def joined(errors: GyroErrors, sought: Sought) -> tuple[Array, Sought]:
+def joined(errors: GyroErrors, sought: Sought) -> Joined:
     """
     Combine the result of a seek with each Gaussian of `errors` at the end of the seek.
 
-    Returns log evidence, shape (k,), and the combined Gaussians. The seek's own prior of biases and ramps is divided
-    out, so that the prior counts only once in a run.
+    The seek's own prior of biases and ramps is divided out, so that the prior counts only once in a run.
     """
     unit = np.sqrt(np.diagonal(sought.covariance))
     unit = np.where(unit > 0.0, unit, 1.0)
@@ -170,28 +198,30 @@ def joined(errors: GyroErrors, sought: Sought) -> tuple[Array, Sought]:
     mean = np.einsum("kij,kj->ki", S, towards)
     log: Array = np.einsum("ki,ki->k", towards, mean) - np.einsum("ki,ki->k", known, errors.mean / unit[_DRIFTING])
     log += np.linalg.slogdet(inverse)[1] - np.linalg.slogdet(total)[1]
-    return 0.5 * log, Sought(mean * unit, S * np.outer(unit, unit), sought.prior)
+    return Joined(0.5 * log, mean * unit, S * np.outer(unit, unit), np.zeros(len(log)))
 
 
-def parts(errors: GyroErrors, log_evidence: Array, found: Sought) -> list[Part]:
-    """Return Gaussians of the horizontal Earth rate, weighted by evidence; the last two arguments are from `joined`."""
+def parts(errors: GyroErrors, found: Joined) -> list[Part]:
+    """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
     heading = np.eye(9)[_HEADING]
     return [
-        part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]))
-        for log, mean, S in zip(errors.log_weight + log_evidence, found.mean, found.covariance, strict=True)
+        part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]), float(misfit))
+        for log, mean, S, misfit in zip(
+            errors.log_weight + found.log_evidence, found.mean, found.covariance, found.misfit, strict=True
+        )
     ]
 
 
-def learnt(errors: GyroErrors, log_evidence: Array, found: Sought, horizontal: float) -> GyroErrors:
+def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:
     """
-    Return the gyro errors after a station, given the length of the horizontal Earth rate, rad/s; see `parts`.
+    Return the gyro errors after a station, given the length of the horizontal Earth rate, rad/s; found as in `parts`.
 
     For a known azimuth the biases are nearly known. For each kind of unit, the Gaussians of all azimuths of an arc are
     therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian for the
     whole circle would cover the disc inside it, and the next station's circle would cut it as if the azimuth had been
     learnt.
     """
-    angle, share, log_weight = along(parts(errors, log_evidence, found), horizontal)
+    angle, share, log_weight = along(parts(errors, found), horizontal)
     circle = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     # Arcs overlap as a partition of unity, so that the sum of their Gaussians has no ripples.
     arcs = np.maximum(1.0 - np.abs(wrap_pi(angle - _ARCS[:, None])) / (_ARCS[1] - _ARCS[0]), 0.0)

@@ -2,12 +2,13 @@
 """
 North from the Earth's rotation, with a tool that is still, is turned to other positions, or rotates all the time.
 
-One filter serves all three. The attitude is integrated in a level frame of unknown heading, and the horizontal Earth
-rate in that frame is a *linear* unknown, so that any first azimuth will do. The measurements are what the tool cannot
-do: it gains no velocity (S1), and the hole axis that it lies in does not turn. Cross-axis bias, x leakage,
-g-sensitivity, x scale, gyro lag and once-per-turn wobble are states: those that the motion shows are estimated, the
-others stay in the sigma. The azimuth is taken from the posterior on the circle |horizontal Earth rate| = We
-cos(latitude). Derivation, observability and limits: ``docs/methods/gyrocompass.md``.
+One filter serves all three. The attitude is integrated in a level frame of unknown heading, and the Earth rate in that
+frame is a *linear* unknown, so that any first azimuth will do. The measurements are what the tool cannot do: it gains
+no velocity (S1), and the hole axis that it lies in does not turn. Cross-axis bias, x leakage, g-sensitivity, x scale,
+gyro lag and once-per-turn wobble are states: those that the motion shows are estimated, the others stay in the sigma.
+The azimuth is taken from the posterior on the circle of the latitude, whose points have its horizontal and its vertical
+Earth rate; an estimate far from that circle contradicts the latitude. Derivation, observability and limits:
+``docs/methods/gyrocompass.md``.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-_EARTH, _RAMPS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), range(Error.BIAS_RAMP, Error.SIZE)
+_RAMPS = range(Error.BIAS_RAMP, Error.SIZE)
 # A bias this many sigmas from zero counts as found; for an x gyro in steady rotation it may really be a scale error.
 _FOUND = 3.0
 # Least change of toolface or inclination, rad, with which a seek gives new information: half an arc of `gyro_errors`.
@@ -129,8 +130,8 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     method = _method(state)
     inclination, heading, right = _hole_axis(state, method)
     now = errors_now(params, state, errors)
-    joined = gyro_errors.joined(now, _sought(p, state, right))
-    parts = gyro_errors.parts(now, *joined)
+    joined = gyro_errors.joined(now, _sought(p, state, right)).at(p.down)
+    parts = gyro_errors.parts(now, joined)
     circle = azimuth_posterior.posterior(parts, p.horizontal)
     # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
     larger = max(math.sqrt(circle.misfit) - 1.0, 1.0)
@@ -139,7 +140,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
-    found = gyro_errors.learnt(now, *joined, p.horizontal)
+    found = gyro_errors.learnt(now, joined, p.horizontal)
     known = np.where(np.abs(found.bias) > _FOUND * found.bias_sigma, found.bias, 0.0)
     fit = Fit(method, azimuth, sigma, inclination, seen, circle.misfit, fitting, known)
     reason = refusal(params, state, fit)
@@ -166,7 +167,7 @@ def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
     """
     Return inclination and heading of the hole axis in the level frame, rad, and the heading's slope by the errors.
 
-    The slope has shape (36,). For a rotating tool this is its mean axis, for a resting tool its present axis.
+    The slope has shape (37,). For a rotating tool this is its mean axis, for a resting tool its present axis.
     """
     right = np.zeros(Error.SIZE)
     if method in ("still", "two_position"):
@@ -195,7 +196,7 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
     """
     now, p = errors_now(params, state, errors), kernel_params(params)
     joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, _method(state))[2]))
-    return gyro_errors.learnt(now, *joined, p.horizontal)
+    return gyro_errors.learnt(now, joined.at(p.down), p.horizontal)
 
 
 def teaches(params: SeekParams, state: State, before: State | None) -> bool:
@@ -228,13 +229,15 @@ def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
     """
     Return Earth rate, biases, ramps and heading of a seek, with their covariance and with the prior of the biases.
 
-    right, shape (36,): factors by which the error state adds to the heading. The prior has the start sigma of the
+    right, shape (37,): factors by which the error state adds to the heading. The prior has the start sigma of the
     biases and the stated ramp, both propagated over the duration of the seek.
     """
-    rows = np.vstack([np.eye(Error.SIZE)[[*range(Error.EARTH_RATE, Error.SCALE_X), *_RAMPS]], right])
+    north, east, down = range(Error.EARTH_RATE, Error.GYRO_BIAS)
+    each = np.eye(Error.SIZE)
+    rows = np.vstack([each[[north, east, *range(Error.GYRO_BIAS, Error.SCALE_X), *_RAMPS]], right, each[down]])
     mean = rows @ estimate(state)
     # The heading of the present states is added to the azimuth separately.
-    mean[-1] = 0.0
+    mean[-2] = 0.0
     t = float(state.elapsed)
     drift = np.array([[1.0, t], [0.0, 1.0]])
     prior = np.zeros((6, 6))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Compiled filter of `north_seek`: 36 error states of a tool that lies in its hole, still or rotating.
+Compiled filter of `north_seek`: 37 error states of a tool that lies in its hole, still or rotating.
 
 The attitude is integrated in a level frame of unknown heading. For each sample only attitude, velocity and the
 integrals of the Jacobian are computed. Each block ends with a Kalman step (`seek_measurement`): no velocity gained,
@@ -36,13 +36,13 @@ _VERTICAL = 1e-3
 # Start sigmas: tilt, rad; velocity, m/s; hole axis and roll relative to their references, rad; wobble once and twice
 # per turn, rad. The heading is free by the choice of the level frame; the last number is its variance.
 _TILT, _VELOCITY, _DIRECTION, _WOBBLE_1, _WOBBLE_2, _HEADING_VARIANCE = 0.03, 0.1, 0.05, 0.02, 0.01, 1e-18
-# Start sigma of the horizontal Earth rate in units of itself. It is wide and equal in all directions, so that it
-# favours no azimuth on the circle.
+# Start sigma of the Earth rate in units of its horizontal part. It is wide and equal in all horizontal directions, so
+# that it favours no azimuth, and wide in the vertical, so that the data can contradict the latitude.
 _EARTH_RATES = 3.0
 
 
 @compiled
-def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array) -> None:
+def sample(s: State, half: Array, dt: float, w: Array, f: Array) -> None:
     """
     Propagate attitude and velocity by one sample, and add the integrals that the block's error model needs, in place.
 
@@ -62,7 +62,7 @@ def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array
     ahead = wx * s.lead
     c, q = math.cos(ahead), math.sin(ahead)
     fy, fz = c * gy - q * gz, c * gz + q * gy
-    en, ee, ed = s.earth_rate[0], s.earth_rate[1], p.down
+    en, ee, ed = s.earth_rate[0], s.earth_rate[1], s.earth_rate[2]
     rotate_left(mat, -dt * en, -dt * ee, -dt * ed)
     rotate_right(mat, 0.5 * dt * wx, 0.5 * dt * wy, 0.5 * dt * wz)
     for i in range(3):
@@ -114,18 +114,18 @@ def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) 
 
 
 @compiled
-def transition(p: KernelParams, s: State, phi: Array) -> None:
-    """Fill phi, shape (5, 36): attitude and velocity errors after the block from the error state before it."""
+def transition(s: State, phi: Array) -> None:
+    """Fill phi, shape (5, 37): attitude and velocity errors after the block from the error state before it."""
     sums = s.sums
     t = sums.time
-    en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, p.down * t
+    en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, s.earth_rate[2] * t
     for i in range(5):
         for j in range(Error.SIZE):
             phi[i, j] = 0.0
         phi[i, i] = 1.0
     phi[0, 1], phi[0, 2], phi[1, 0], phi[1, 2], phi[2, 0], phi[2, 1] = ed, -ee, -ed, en, ee, -en
-    phi[0, Error.EARTH_RATE], phi[1, Error.EARTH_RATE + 1] = -t, -t
     for i in range(3):
+        phi[i, Error.EARTH_RATE + i] = -t
         phi[i, Error.GYRO_BIAS] = -sums.mat[i, 0]
         phi[i, Error.SCALE_X] = -sums.scale[i]
         phi[i, Error.LAG] = -sums.lag[i]
@@ -189,6 +189,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
             mat[i, j] = level[i, 0] * u + level[i, 1] * v + level[i, 2] * w
     # The frame's x axis along the hole is only a point of linearisation, with an uncertainty of three Earth rates.
     s.earth_rate[0] = s.earth_rate[1] = 0.0
+    s.earth_rate[2] = p.down
     s.roll = 0.0
     P = s.P
     for i in range(Error.SIZE):
@@ -201,8 +202,9 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
         s.velocity[j] = s.axis[j] = 0.0
         P[Error.ATTITUDE + j, Error.ATTITUDE + j] = _TILT**2
         P[Error.VELOCITY + j, Error.VELOCITY + j] = _VELOCITY**2 + LYING_VELOCITY**2
-        P[Error.EARTH_RATE + j, Error.EARTH_RATE + j] = (_EARTH_RATES * p.horizontal) ** 2
         P[Error.AXIS + j, Error.AXIS + j] = _DIRECTION**2
+    for j in range(3):
+        P[Error.EARTH_RATE + j, Error.EARTH_RATE + j] = (_EARTH_RATES * p.horizontal) ** 2
     P[Error.ATTITUDE + 2, Error.ATTITUDE + 2] = _HEADING_VARIANCE
     P[Error.ROLL, Error.ROLL] = _DIRECTION**2
     _begin_instrument(p, s)
@@ -251,11 +253,11 @@ def reset(s: State) -> None:
     """Restart the seek, except for the clock, because the motion in a data gap is not known."""
     clear(s.sums)
     for i in range(3):
-        s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = 0.0
+        s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = s.earth_rate[i] = 0.0
         for j in range(3):
             s.mat[i, j] = 1.0 if i == j else 0.0
     for i in range(2):
-        s.velocity[i] = s.earth_rate[i] = s.leak[i] = s.axis_difference2[i] = 0.0
+        s.velocity[i] = s.leak[i] = s.axis_difference2[i] = 0.0
     for i in range(4):
         s.g_sensitivity[i] = 0.0
     s.scale_x = s.lag = s.lead = 0.0
@@ -281,7 +283,7 @@ def advance(
             continue
         dt = (stamps[i] - last) * 1e-9
         _lose(p, s, dt, w, f, clipped[i])
-        sample(p, s, work.half, dt, w, f)
+        sample(s, work.half, dt, w, f)
         if s.phase == Phase.LEVELLING:
             s.level_time += dt
             if s.level_time < LEVEL_S - 1e-9:
@@ -289,7 +291,7 @@ def advance(
             _begin(p, s, work)
             s.phase = Phase.SETTLING
         elif s.sums.time >= _BLOCK_S - 1e-9 or abs(s.sums.turn) > _BLOCK_TURN:
-            transition(p, s, work.phi)
+            transition(s, work.phi)
             _predict(p, s, work)
             measure(s, work)
         else:

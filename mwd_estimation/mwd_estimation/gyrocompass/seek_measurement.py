@@ -181,14 +181,14 @@ def _hold_roll(s: State, work: Work, share: float) -> None:
 
 @compiled
 def _correct(s: State, error: Array) -> None:
-    """Apply an estimated error, shape (36,), to the estimate."""
+    """Apply an estimated error, shape (37,), to the estimate."""
     rotate_left(s.mat, error[0], error[1], error[2])
     for j in range(2):
         s.velocity[j] += error[Error.VELOCITY + j]
-        s.earth_rate[j] += error[Error.EARTH_RATE + j]
         s.leak[j] += error[Error.LEAK + j]
         s.axis[j] += error[Error.AXIS + j]
     for j in range(3):
+        s.earth_rate[j] += error[Error.EARTH_RATE + j]
         s.gyro_bias[j] += error[Error.GYRO_BIAS + j]
         s.force_bias[j] += error[Error.FORCE_BIAS + j]
         s.bias_ramp[j] += error[Error.BIAS_RAMP + j]

@@ -24,7 +24,7 @@ _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Rotation about an axis near horizontal east-west shows no north: least share of the Earth rate that is measured.
 _LEAST_SENSITIVITY = 0.17
-# Limits in sigmas: horizontal Earth rate compared with the latitude's, and instrument errors compared with their
+# Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
 # figures.
 _MISFIT, _EXCESSIVE = 3.0, 5.0
 
@@ -39,7 +39,7 @@ class Fit:
     sigma: float
     inclination: float
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
-    misfit: float  #: squared distance of the horizontal Earth rate from the latitude's, in sigmas
+    misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
     azimuths: tuple[float, ...]  #: azimuths that fit equally well, rad, if there are several
     bias: Array  #: shape (3,); gyro biases, rad/s; 0 for a bias that was not found
 
@@ -120,7 +120,7 @@ def _attitude(fit: Fit) -> Reason | None:
 
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
-    """Return the refusal if no plausible bias of the unit explains the horizontal rate at this latitude."""
+    """Return the refusal if no plausible bias of the unit explains the Earth rate at this latitude."""
     if fit.misfit <= _MISFIT**2:
         return None
     return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (math.radians(params.latitude_deg),))

@@ -22,24 +22,25 @@ class ErrorOrder(NamedTuple):
     Order of the error state, truth minus estimate: the first index of each quantity of `State`, and their number.
 
     ATTITUDE is about the axes of the level frame, rad. Each other quantity has as many entries as in `State`, in the
-    same units: VELOCITY and EARTH_RATE along the two horizontal axes of that frame, LEAK for the y and z gyros.
+    same units: VELOCITY along the two horizontal axes of that frame, EARTH_RATE along all three, LEAK for the y and z
+    gyros.
     """
 
     ATTITUDE: int = 0
     VELOCITY: int = 3
     EARTH_RATE: int = 5
-    GYRO_BIAS: int = 7
-    SCALE_X: int = 10
-    LEAK: int = 11
-    G_SENSITIVITY: int = 13
-    LAG: int = 17
-    FORCE_BIAS: int = 18
-    AXIS: int = 21
-    ROLL: int = 23
-    WOBBLE: int = 24
-    LEAD: int = 32
-    BIAS_RAMP: int = 33
-    SIZE: int = 36
+    GYRO_BIAS: int = 8
+    SCALE_X: int = 11
+    LEAK: int = 12
+    G_SENSITIVITY: int = 14
+    LAG: int = 18
+    FORCE_BIAS: int = 19
+    AXIS: int = 22
+    ROLL: int = 24
+    WOBBLE: int = 25
+    LEAD: int = 33
+    BIAS_RAMP: int = 34
+    SIZE: int = 37
 
 
 Error = ErrorOrder()
@@ -105,9 +106,10 @@ class State:
 
     clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
     mat: Annotated[Array, 3, 3]  #: tool to level frame
-    #: `velocity`, `earth_rate`: shape (2,); horizontal components in the level frame, m/s and rad/s.
+    #: `velocity`, `earth_rate`: shapes (2,) and (3,); horizontal velocity, m/s, and Earth rate, rad/s, in the level
+    #: frame, whose third axis points down.
     velocity: Annotated[Array, 2]
-    earth_rate: Annotated[Array, 2]
+    earth_rate: Annotated[Array, 3]
     #: `gyro_bias`, `scale_x`, `leak`, `g_sensitivity`, `lag`, `force_bias`, `lead`, `bias_ramp`: errors of the
     #: instrument, in the units of `KernelParams`.
     gyro_bias: Annotated[Array, 3]
@@ -123,7 +125,7 @@ class State:
     wobble: Annotated[Array, 8]
     lead: float
     bias_ramp: Annotated[Array, 3]
-    P: Annotated[Array, 36, 36]  #: covariance of the error, in the order of `Error`
+    P: Annotated[Array, 37, 37]  #: covariance of the error, in the order of `Error`
     sums: Sums  #: sums of the current block
     #: `phase`, `settled`, `seen`: `Phase`; number of blocks while settling, and while seeking.
     phase: int
@@ -170,20 +172,20 @@ class Work:
     down: Annotated[Array, 3]
     forward: Annotated[Array, 3]
     level: Annotated[Array, 3, 3]
-    #: `phi`, `rows`: shape (5, 36); rows of the transition that are not identity, and of its product with P.
-    phi: Annotated[Array, 5, 36]
-    rows: Annotated[Array, 5, 36]
-    #: `error`, `h`, `ph`: shape (36,); error found so far in a block; row of a measurement, and its product with P.
-    error: Annotated[Array, 36]
-    h: Annotated[Array, 36]
-    ph: Annotated[Array, 36]
+    #: `phi`, `rows`: shape (5, 37); rows of the transition that are not identity, and of its product with P.
+    phi: Annotated[Array, 5, 37]
+    rows: Annotated[Array, 5, 37]
+    #: `error`, `h`, `ph`: shape (37,); error found so far in a block; row of a measurement, and its product with P.
+    error: Annotated[Array, 37]
+    h: Annotated[Array, 37]
+    ph: Annotated[Array, 37]
 
 
 STATE, WORK = dtype_of(State), dtype_of(Work)
 
 
 def estimate(s: State) -> Array:
-    """Return the estimate in the order of `Error`, shape (36,); attitude, which is a matrix, counts as zero."""
+    """Return the estimate in the order of `Error`, shape (37,); attitude, which is a matrix, counts as zero."""
     instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
     return np.hstack(
         [np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead, s.bias_ramp]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -25,14 +26,14 @@ HORIZONTAL, DOWN = EARTH_RATE * math.cos(math.radians(34.0)), -EARTH_RATE * math
 NOISE = 0.3 * DEG_PER_HOUR
 PRIOR = np.diag([*np.square(P_SI.start_bias), *[P_SI.bias_ramp**2] * 3])
 # What a seek supposes: any Earth rate, biases and ramps, and a heading that the gyros do not change.
-START = np.diag([*[(3.0 * HORIZONTAL) ** 2] * 2, *np.diag(PRIOR), 1e-12])
+START = np.diag([*[(3.0 * HORIZONTAL) ** 2] * 2, *np.diag(PRIOR), 1e-12, (3.0 * HORIZONTAL) ** 2])
 
 
 def reading(bias: Array, heading: float, rng: np.random.Generator, mat: Array) -> tuple[Array, Array]:
-    """Rates of a still tool, less the vertical Earth rate, and their slopes by what a seek finds, shape (3, 9)."""
-    earth = np.array([HORIZONTAL * math.cos(heading), -HORIZONTAL * math.sin(heading)])
-    H = np.hstack([mat.T[:, :2], np.eye(3), np.zeros((3, 4))])
-    return mat.T[:, :2] @ earth + bias + NOISE * rng.standard_normal(3), H
+    """Rates of a still tool, and their slopes by what a seek finds, shape (3, 10)."""
+    earth = np.array([HORIZONTAL * math.cos(heading), -HORIZONTAL * math.sin(heading), DOWN])
+    H = np.hstack([mat.T[:, :2], np.eye(3), np.zeros((3, 4)), mat.T[:, 2:]])
+    return mat.T @ earth + bias + NOISE * rng.standard_normal(3), H
 
 
 def sought(value: Array, H: Array) -> Sought:
@@ -42,9 +43,9 @@ def sought(value: Array, H: Array) -> Sought:
 
 def station(known: GyroErrors, found: Sought, heading: float) -> tuple[float, float, GyroErrors]:
     """Error and sigma of the azimuth, rad, and what is known half an hour later."""
-    joined = gyro_errors.joined(known, found)
-    circle = posterior(gyro_errors.parts(known, *joined), HORIZONTAL, heading)
-    later = gyro_errors.between_stations(gyro_errors.learnt(known, *joined, HORIZONTAL), PARAMS)
+    joined = gyro_errors.joined(known, found).at(DOWN)
+    circle = posterior(gyro_errors.parts(known, joined), HORIZONTAL, heading)
+    later = gyro_errors.between_stations(gyro_errors.learnt(known, joined, HORIZONTAL), PARAMS)
     return float(wrap_pi(circle.mean - heading)), circle.sigma, gyro_errors.after(later, PARAMS, 1800.0)
 
 
@@ -66,10 +67,12 @@ def test_each_kind_of_unit_has_its_exact_posterior_and_evidence_whatever_the_see
     rng = np.random.default_rng(1)
     value, H = reading(np.array([3.0, -4.0, 2.0]) * DEG_PER_HOUR, 0.7, rng, any_toolface(rng))
     errors = gyro_errors.stated(PARAMS)
-    log, found = gyro_errors.joined(errors, sought(value, H))
-    evidence = []
+    found = gyro_errors.joined(errors, sought(value, H)).at(DOWN)
+    log, evidence = found.log_evidence, []
+    # Given the vertical Earth rate, it is a known part of the reading.
+    value, H, known = value - H[:, 9] * DOWN, H[:, :9], START[:9, :9]
     for k, covariance in enumerate(errors.covariance):
-        start = START.copy()
+        start = known.copy()
         start[2:8, 2:8] = covariance
         S = H @ start @ H.T + NOISE**2 * np.eye(3)
         gain = np.linalg.solve(S, H @ start).T
@@ -122,7 +125,7 @@ def test_a_kind_of_unit_that_does_not_fit_keeps_its_own_biases():
     value, H = reading(np.full(3, 10.0 * DEG_PER_HOUR), 1.0, rng, mat)
     gain = np.linalg.solve(H @ START @ H.T + (0.01 * NOISE) ** 2 * np.eye(3), H @ START).T
     found = Sought(gain @ value, START - gain @ H @ START, PRIOR)
-    later = gyro_errors.learnt(known, *gyro_errors.joined(known, found), HORIZONTAL)
+    later = gyro_errors.learnt(known, gyro_errors.joined(known, found).at(DOWN), HORIZONTAL)
     assert set(later.bias_kind) == set(known.bias_kind)
     assert np.diagonal(later.covariance, axis1=1, axis2=2).min() > 0.0
 
@@ -143,3 +146,18 @@ def test_biases_that_step_after_they_are_known_are_found_again():
     z = np.array(off) / sigma
     assert np.mean(np.abs(z) > 3.0) < 0.05
     assert np.mean(z**2) < 2.0
+
+
+def test_a_vertical_rate_that_the_latitude_does_not_have_is_a_misfit_in_sigmas():
+    """A unit with known biases: right at its own latitude, far off at any other."""
+    rng = np.random.default_rng(8)
+    value, H = reading(np.zeros(3), 0.7, rng, any_toolface(rng))
+    errors, seek = gyro_errors.stated(PARAMS), sought(value, H)
+    known = dataclasses.replace(errors, covariance=1e-6 * errors.covariance)
+    misfits = {}
+    for told in (34.0, 44.0, -34.0):
+        latitude = math.radians(told)
+        found = gyro_errors.joined(known, seek).at(-EARTH_RATE * math.sin(latitude))
+        misfits[told] = posterior(gyro_errors.parts(known, found), EARTH_RATE * math.cos(latitude)).misfit
+    assert misfits[34.0] < 9.0
+    assert min(misfits[44.0], misfits[-34.0]) > 9.0
