@@ -23,10 +23,12 @@ from mwd_estimation.pipeline.external_field import with_external
 from mwd_estimation.survey.posterior import hypotheses
 from mwd_estimation.survey.station import StationSettings, station
 from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.dipole import dipole_field
 from mwd_sensors.core.frames import mat_nt
 from mwd_sensors.simulator.mud_line import Well, responses
 from mwd_sensors.telemetry.downlink import Downlink, Frame, levels, programme
 from mwd_sensors.telemetry.pulse_position import encode, packets
+from mwd_surface.receiver import sonde_locate, surface_readings
 from mwd_surface.surveys.check_shots import check_shots
 from mwd_surface.surveys.multi_station_analysis import analyse
 from mwd_surface.uncertainty.collar_spacing import azimuth_error
@@ -244,11 +246,36 @@ def continuous_attitude() -> Iterator[str]:
     yield f"{10.0 / math.sin(math.radians(30.0)):.0f} deg/h"
 
 
+def coil_link() -> Iterator[str]:
+    above = float(np.linalg.norm(dipole_field((0.0, 0.0, 4.0), (5.0, 0.0, 0.0)).real))
+    yield f"{1e9 * above:.1f} nT"
+    yield f"{sonde_locate.depth_overhead(above, 5.0, 0.0):.1f} m"
+    yield f"{100.0 * (1.0 - sonde_locate.depth_overhead(1.02 * above, 5.0, 0.0) / 4.0):.1f} %"
+    behind, ahead = sonde_locate.locate_points(4.0, 0.0)
+    yield f"{ahead:.2f} m"
+    yield f"{ahead - behind:.2f} m"
+    behind, ahead = sonde_locate.locate_points(4.0, math.radians(-10.0))
+    yield f"{-behind:.2f} m"
+    yield f"{ahead:.2f} m"
+    azimuth, pitch, noise = math.radians(42.0), math.radians(-1.2), np.random.default_rng(1)
+    ahead_n = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+    right_n = np.array([-ahead_n[1], ahead_n[0], 0.0])
+    axis = math.cos(pitch) * ahead_n - np.array([0.0, 0.0, math.sin(pitch)])
+    middle = np.array([23.5, 21.0, 0.0])
+    points = np.array([middle + a * ahead_n + b * right_n for a in (-4, 0, 4) for b in (-3, 0, 3)]).round(1)
+    field = dipole_field(points - np.array([24.0, 21.5, 3.9]), 5.0 * axis).real
+    field += np.hypot(1e-11, 0.02 * np.linalg.norm(field, axis=1))[:, None] * noise.normal(size=field.shape)
+    read = sonde_locate.SurfaceReadings(points, field, np.full(9, np.nan))
+    known = sonde_locate.Known(surface_readings.calibrated("3,18.5"), pitch=pitch, azimuth=azimuth)
+    yield from surface_readings.lines(sonde_locate.locate(read, known), surface_readings.SentAttitude())[:4]
+
+
 EXAMPLES = {
     "azimuth_posterior": azimuth_posterior,
     "bounded_gravity_filter": bounded_gravity_filter,
     "carrier_and_serial": carrier_and_serial,
     "check_shots": check_shots_page,
+    "coil_link": coil_link,
     "continuous_attitude": continuous_attitude,
     "dense_trajectory": dense_trajectory,
     "downlink": downlink,

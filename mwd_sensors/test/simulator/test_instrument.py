@@ -222,6 +222,16 @@ def test_every_grade_has_a_name_a_source_and_sensible_order():
     assert grades["owsg_mwd"].magnetometer.bias_nt == 70.0
 
 
+def test_the_units_of_s1_have_the_figures_of_its_table_and_of_a_published_north_seeker():
+    # S1 table 1: differences of the conventional tool in inclination and azimuth, deg, at 30, 60 and 90 m.
+    inclination, azimuth = (np.sqrt(np.mean(np.square(one))) for one in ((0.12, 0.31, 0.41), (0.95, 1.44, 1.62)))
+    conventional, precision = (instrument_grade.grade(name) for name in ("s1_ahrs", "s1_precision"))
+    assert conventional.accelerometer.bias_ug == pytest.approx(1e6 * np.radians(inclination), rel=0.02)
+    assert conventional.magnetometer.bias_nt == pytest.approx(31_000.0 * np.radians(azimuth), rel=0.02)
+    assert (precision.gyro.noise_deg_sqrt_h, precision.gyro.instability_deg_h) == (0.005, 0.02)
+    assert precision.gyro.range_deg_s[1:] == (100.0, 100.0)
+
+
 def test_figures_of_a_grade_can_be_changed_and_wrong_ones_are_named():
     assert instrument_grade.grade("mti3", {"gyro": {"bandwidth_hz": 100.0}}).gyro.bandwidth_hz == 100.0
     with pytest.raises(SettingsError, match="did you mean mti3"):
