@@ -17,7 +17,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.signals.cells import fixed
+from mwd_surface.signals.cells import fixed, plain
 from mwd_surface.surveys.branches import others
 from mwd_surface.trajectory.plan import interpolated
 from mwd_surface.trajectory.well_path import ASSUMED
@@ -60,7 +60,7 @@ def dxf(table: SurveyTable) -> bytes:
     for name, (plan, side) in parts:
         for points in (plan, side + corner):
             space.add_lwpolyline([tuple(map(float, one)) for one in points], dxfattribs={"layer": BRANCHES})
-            label = space.add_text(name, height=height / 2.0, dxfattribs={"layer": TEXT})
+            label = space.add_text(plain(name), height=height / 2.0, dxfattribs={"layer": TEXT})
             label.set_placement((float(points[-1, 0]) + height / 2.0, float(points[-1, 1]) - height))
     if point is not None:
         for place in (_plan(table, point)[0], _section(table, point)[0] + corner):

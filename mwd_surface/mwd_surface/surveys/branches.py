@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 
@@ -69,13 +68,17 @@ def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ..
     own parent; parts without a station of their own are left out.
     """
     lineage = _lineage(surveys, path.leg)
-    left = {above: start for (above, _), (_, start) in itertools.pairwise(lineage)}
+    # A leg may leave its parent above the point where the parent itself begins: the path then never runs through it.
+    starts = np.minimum.accumulate([start for _, start in reversed(lineage)])[::-1]
+    left = {name: float(start) for (name, _), start in zip(lineage[:-1], starts[1:], strict=True)}
     parts = []
     for leg in surveys.legs:
         if leg.name == path.leg:
             continue
         whole = surveys.definitive(leg.name)
         start = left.get(leg.name, leg.tie_on.measured_depth)
+        # What lies above the beginning of the leg belongs to its parent.
+        start = max(start, leg.tie_on.measured_depth) if leg.parent else start
         below = whole.md > start
         if np.any(below) and whole.md[0] <= start:
             parts.append((leg.name, np.vstack([whole.at(start)[2], whole.positions[below]])))

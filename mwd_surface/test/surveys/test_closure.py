@@ -203,6 +203,17 @@ def test_the_parts_of_a_branched_hole_join_to_the_whole():
         assert legs_of(surveys, path)[-1] == name
 
 
+def test_a_branch_that_leaves_above_the_beginning_of_its_parent_leaves_the_leg_above():
+    surveys = branched().sidetracked("B2", 20.0, "B1").add(example.survey(30, 80.0, 70.0), 30.0, 0.4)
+    path = surveys.definitive("B2")
+    assert legs_of(surveys, path)[-1] == "B2"
+    assert set(legs_of(surveys, path)[:-2]) == {"main"}
+    parts = dict(others(surveys, path))
+    # The path leaves the main leg at 20 m; the other branch still begins at 40 m.
+    np.testing.assert_allclose(parts["main"][0], surveys.definitive("main").at(20.0)[2], atol=1e-9)
+    np.testing.assert_allclose(parts["B1"][0], surveys.definitive("main").at(40.0)[2], atol=1e-9)
+
+
 def test_the_files_of_a_branched_hole_name_its_legs():
     surveys = with_point(branched(), branched().definitive("main").positions[-1], closure_leg="main")
     table = survey_table(surveys, example.MADE)
