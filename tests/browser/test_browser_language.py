@@ -89,6 +89,19 @@ def test_the_page_says_a_sentence_as_the_report_does(browser, forget):
     assert said == [CHINESE.say(one) for one in sentences]
 
 
+FONT_IS_THERE = """return document.fonts.check('1em "Noto Sans SC Subset"', '中')"""
+
+
+def test_chinese_texts_have_a_font_before_they_are_drawn(browser, forget):
+    """The font comes from the surface unit, for screens that have none."""
+    with rig_on(browser):
+        in_chinese(browser)
+        assert browser.execute_script(FONT_IS_THERE)
+        for part in ("body", "#tabs button"):
+            family = f"return getComputedStyle(document.querySelector('{part}')).fontFamily"
+            assert "Noto Sans SC Subset" in browser.execute_script(family)
+
+
 def test_what_a_person_typed_about_a_survey_is_shown_as_it_is(browser, forget):
     """Comment, reason and name of a person are no texts of the catalogue, even where it has the same words."""
     assert CHINESE.unknown("no data") == 0

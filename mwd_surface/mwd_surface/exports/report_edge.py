@@ -75,7 +75,9 @@ class Edge(NamedTuple):
 
     def drawn(self, text: str) -> str:
         """Return a text of a drawing, which may be a name that the report has as well."""
-        return text if text in self.names else self.language.say(text)
+        if text in self.names:
+            return text
+        return "\n".join(map(self.unit if "\n" in text else self.language.say, text.split("\n")))
 
 
 def for_people(content: Content, language: Language, units: str) -> Content:

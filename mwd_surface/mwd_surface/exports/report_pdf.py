@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FONT, _SPARE = "text", "spare"
+_GAP = 18.0  # mm between two signatures
 _MARK = (255, 243, 224)
 # Heights, mm: title at the top of a page, heading of a section, caption of a drawing. Width of one of two drawings.
 _TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
@@ -216,10 +217,11 @@ def _certificate(pdf: Any, report: Content, say: Callable[[str], str]) -> None:
     pdf.set_font(_FONT, "", 8)
     pdf.multi_cell(0, 5, report.certificate, new_x="LMARGIN", new_y="NEXT")
     pdf.ln(14)
+    step = (pdf.epw + _GAP) / max(len(report.signatures), 3)
     for who in report.signatures:
         x, y = pdf.get_x(), pdf.get_y()
         pdf.set_draw_color(0)
-        pdf.line(x, y, x + 70, y)
+        pdf.line(x, y, x + step - _GAP, y)
         pdf.set_xy(x, y + 1)
-        pdf.cell(70, 5, f"{who}, {say('date')}")
-        pdf.set_xy(x + 88, y)
+        pdf.cell(step - _GAP, 5, f"{who}{say(', ')}{say('date')}")
+        pdf.set_xy(x + step, y)

@@ -321,7 +321,7 @@ def _with_commands(name: str) -> Language:
     """Return a language with the texts of the command line."""
     path = _OF_COMMANDS / f"{name}.po"
     more = read_catalogue(path) if path.exists() else {}
-    return Language(name, {**more, **_catalogue(name).entries}) if more else _catalogue(name)
+    return Language(name, {**_catalogue(name).entries, **more}) if more else _catalogue(name)
 
 
 def read_catalogue(path: Path) -> dict[str, str]:

@@ -159,7 +159,7 @@ class SurveyBook:
             return f"{number} is in the list already"
         words = "in use" if record.in_use else "waits for a decision"
         why = [record.comment, *survey.reasons] if record.comment else survey.reasons
-        self._alarm_log.log_event("survey", f"{number} {words}: {'; '.join(why)}")
+        self._alarm_log.log_event("survey", f"survey {record.survey.sequence} {words}: {'; '.join(why)}")
         if record.in_use:
             self._outlet.on_accepted(record)
         return outcome(survey, record)

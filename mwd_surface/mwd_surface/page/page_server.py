@@ -60,10 +60,12 @@ def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
 
 def sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """Return a handler that sends a file from memory."""
+    # Files of the page change with the program; its font does not, and is large.
+    kept = "max-age=604800" if kind.startswith("font/") else "no-cache"
 
     async def send(_request: web.Request) -> web.StreamResponse:
         charset = "utf-8" if kind.startswith("text/") else None
-        return web.Response(body=body, content_type=kind, charset=charset, headers={"Cache-Control": "no-cache"})
+        return web.Response(body=body, content_type=kind, charset=charset, headers={"Cache-Control": kept})
 
     return send
 

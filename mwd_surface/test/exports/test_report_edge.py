@@ -155,6 +155,20 @@ def test_the_page_is_marked_with_its_language_and_has_the_logo(tmp_path):
     assert "neither PNG nor JPEG" in " ".join(content(of_well(logo=str(logo))).notes)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("convention", ["inclination", "dip_up"])
+def test_every_signature_has_room_on_the_page(convention):
+    """Three people sign the report of a well, four that of a mine's hole."""
+    table = of_well(convention=convention)
+    last = pypdf.PdfReader(io.BytesIO(report_pdf(table))).pages[-1]
+    places = {}
+    last.extract_text(visitor_text=lambda text, _cm, tm, _font, _size: places.setdefault(text.strip(), tm[4]))
+    who = content(table).signatures
+    at = [next(x for text, x in places.items() if text.startswith(f"{one}, ")) for one in who]
+    assert len(at) == len(who) == (4 if convention == "dip_up" else 3)
+    assert max(at) < float(last.mediabox.width) - 120.0
+
+
 @pytest.mark.parametrize("north", ["grid", "true"])
 def test_the_place_of_a_station_on_the_map_is_that_of_its_latitude_and_longitude(north):
     """An inverse pair: the printed latitude and longitude give the printed easting and northing again."""

@@ -16,7 +16,7 @@ export const colour = (name) => getComputedStyle(document.documentElement).getPr
 
 // Axes of a plot with a signal of a kind; `times` writes the labels of the time axis.
 export function axesOf(kind, times, room = 50) {
-  const axis = { stroke: colour("--muted"), grid: { stroke: colour("--line"), width: 1 }, ticks: { show: false }, font: `${12 * scale()}px system-ui` };
+  const axis = { stroke: colour("--muted"), grid: { stroke: colour("--line"), width: 1 }, ticks: { show: false }, font: `${12 * scale()}px ${getComputedStyle(document.body).fontFamily}` };
   const value = (v) => units.decimal(String(Number((kind === "bearing" ? units.turn(v) : v).toFixed(3))));
   return [{ ...axis, size: 24 * scale(), ...times }, { ...axis, size: room * scale(), space: 18 * scale(), values: (_, ticks) => ticks.map(value) }];
 }

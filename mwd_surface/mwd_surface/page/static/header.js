@@ -3,7 +3,7 @@
 import { byId, el, mark, pill, setText } from "./dom.js";
 import { STREAM_NAMES, stateOfStream } from "./streams.js";
 import * as units from "./units.js";
-import { needFont, say, t } from "./words.js";
+import { withFont, say, t } from "./words.js";
 
 export function showBanner(connection, silent) {
   const banner = byId("banner");
@@ -37,8 +37,8 @@ function timeIn(zone, at) {
 }
 
 export function showWell(well) {
-  setText(byId("well-name"), well.wellbore_name || well.name);
-  needFont(well.wellbore_name || well.name);
+  const name = well.wellbore_name || well.name;
+  withFont(name).then(() => { byId("well-name").textContent = ""; setText(byId("well-name"), name); });
   const angle = (v) => (v === null ? t("not given") : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
   const { declination, convergence, source } = well.field;
   const total = {

@@ -121,7 +121,7 @@ function prepared(canvas) {
   canvas.height = Math.max(1, Math.round(box.height * ratio));
   const context = canvas.getContext("2d");
   context.setTransform(ratio * scale(), 0, 0, ratio * scale(), 0, 0);
-  context.font = "12px system-ui, sans-serif";
+  context.font = `12px ${getComputedStyle(document.body).fontFamily}`;
   const css = getComputedStyle(document.documentElement);
   return { context, width: box.width / scale(), height: box.height / scale(), colour: (name) => css.getPropertyValue(name).trim() };
 }

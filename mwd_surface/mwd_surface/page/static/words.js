@@ -20,6 +20,14 @@ try {
 
 const entries = new Map(Object.entries(table.entries));
 
+// Load the font of Chinese characters if a text has some. Chromium keeps the boxes that it draws while a font is under way, so the
+// texts of the page wait for it, and a name is set again.
+const WAIT = 5000; // ms
+export const withFont = (text) => (!/[\u2e80-\uffef]/.test(text || "") ? Promise.resolve() : Promise.race([
+  document.fonts.load('1em "Noto Sans SC Subset"', "中").catch(() => null), new Promise((done) => { setTimeout(done, WAIT); }),
+]));
+await withFont([...entries.values()].join(""));
+
 // A number in the decimal mark of the language; `text` has a point.
 export const decimal = (text) => (table.decimal === "." ? text : text.replace(".", table.decimal));
 
@@ -152,18 +160,6 @@ export function say(text) {
   return kept.get(english);
 }
 
-// Add the font of Chinese characters to those of the page, once it has come; it is loaded for a text that needs it. Before
-// that it is not named in the style: Chromium would keep the boxes that it drew while the font was under way.
-let fontAsked = false;
-export function needFont(text) {
-  if (fontAsked || !/[\u2e80-\uffef]/.test(text || "")) return;
-  fontAsked = true;
-  document.fonts.load('1em "Noto Sans SC Subset"', "中").then(
-    () => document.documentElement.style.setProperty("--wide-font", '"Noto Sans SC Subset"'),
-    () => { fontAsked = false; },
-  );
-}
-
 // Let people choose among the languages that the surface unit has.
 export function chooseLanguage(select) {
   for (const [code, name] of table.languages) {
@@ -172,7 +168,6 @@ export function chooseLanguage(select) {
     select.append(option);
   }
   select.value = table.code;
-  for (const event of ["focus", "pointerdown"]) select.addEventListener(event, () => needFont(select.textContent));
   select.addEventListener("change", () => {
     remembered.set(select.value);
     const address = new URL(location.href);
@@ -183,7 +178,6 @@ export function chooseLanguage(select) {
 
 // Translate the texts that stand in the HTML file.
 document.documentElement.lang = table.code.replace("_", "-");
-if (entries.size) needFont([...entries.values()].join(""));
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 while (walker.nextNode()) {
   const text = walker.currentNode.nodeValue.trim();
