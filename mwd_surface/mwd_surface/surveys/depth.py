@@ -3,9 +3,9 @@
 Measured depth of a survey: the bit depth reported by the rig at the survey's time, minus the distance sensor to bit.
 
 Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
-than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey is paired only with readings near its
-own time, and the age of the reading is kept. If two depth sources alternate, or the clock of the rig differs from that
-of the sonde, no depth is paired and the reason says so. Stamps are in ns, depths in m.
+than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey is paired
+only with readings near its own time, and the age of the reading is kept. If two depth sources alternate, or the clock
+of the rig differs from that of the sonde, no depth is paired and the reason says so. Stamps are in ns, depths in m.
 """
 
 from __future__ import annotations
