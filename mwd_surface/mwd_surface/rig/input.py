@@ -94,8 +94,10 @@ class RigInput:
         A sample with a stamp too soon after the last one, or shortly before it, is counted and dropped. A stamp that
         is earlier by more than a minute shows a clock that was set back.
         """
-        period_ns = NANOSECONDS / self.settings.max_rate
-        if self._last_ns is not None and -_SET_BACK_NS < stamp_ns - self._last_ns < period_ns:
+        if (
+            self._last_ns is not None
+            and -_SET_BACK_NS < stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate
+        ):
             self.counts.hurried += 1
             return None
         good = {name: value for name, value in readings.items() if self._is_accepted(name, value, stamp_ns)}
