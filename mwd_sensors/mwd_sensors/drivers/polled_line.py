@@ -272,7 +272,8 @@ def _unpacked(item: Item, data: bytes, frame: PolledFrame) -> float:
     if not item.form.startswith("float") and number == _limits(item.form)[2] and item.quantity != STATUS:
         return math.nan
     offset, step = (0, _ticks(item)) if item.quantity == TIME else item.line
-    return offset + number * step
+    value: float = offset + number * step
+    return value
 
 
 def _ticks(item: Item) -> int:

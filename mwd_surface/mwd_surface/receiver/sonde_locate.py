@@ -186,7 +186,7 @@ def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
 def depth_overhead(strength: float, moment: float, pitch: float) -> float:
     """Return the depth of a sonde, m, from the strength of its field directly above it, T, and its pitch, rad."""
     unit = float(np.linalg.norm(dipole_field((0.0, 0.0, 1.0), (math.cos(pitch), 0.0, math.sin(pitch))).real))
-    return (moment * unit / strength) ** (1.0 / 3.0)
+    return float((moment * unit / strength) ** (1.0 / 3.0))
 
 
 def moment_of(strength: float, distance_m: float) -> float:

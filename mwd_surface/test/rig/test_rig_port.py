@@ -54,7 +54,7 @@ def test_everything_is_off_until_switched_on():
     port.publish(values())
     port.stop()
     every = {name: value for name, (value, _) in settings.flat(RigSettings()).items() if name.endswith("enabled")}
-    assert len(every) == 8
+    assert len(every) == 9
     assert not any(every.values())
 
 
