@@ -28,6 +28,7 @@ class Status(IntFlag):
     SLIDING = 65536
     SENSOR_SUSPECT = 131072
     TOOLFACE_UNSETTLED = 262144
+    TOOL_ASSUMED = 524288
 
 
 _WORDS = {bit: (bit.name or "").lower() for bit in Status}

@@ -55,7 +55,7 @@ _WEAKEST = 1e-9  # T, less than any magnetometer resolves: a field of zeros is n
 # Number of consecutive samples without a later stamp that prove that time stands still, even for a fast unit: more than
 # the samples in a second, because single stamps may be wrong by a second (`time_jumps.BACK_NS`).
 _STANDS_STILL = 10_000
-_CLIPPED = int(Status.CLIPPED)
+_CLIPPED, _TOOL_ASSUMED = int(Status.CLIPPED), np.uint32(Status.TOOL_ASSUMED)
 
 
 class _Ahead:
@@ -304,6 +304,8 @@ class Estimate:
         given = followed.part(stretch.part) if followed is not None else None
         times = self._clock.times(stamps)
         track = self._gravity.run(unusable, (stamps, times), stretch.gyro, accel, clipped[stretch.part], given)
+        if self.settings.tool.accelerometer.assumed:
+            track.status[:] |= _TOOL_ASSUMED
         toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
         # Keep nothing of samples whose time does not advance: there may be endless many.
         later = advances(stamps, self._newest_ns)

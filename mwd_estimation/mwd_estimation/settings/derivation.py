@@ -28,7 +28,7 @@ from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_state
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import day_of, reference_of
-from mwd_estimation.settings.tool import Accelerometer, Gyro, Tool
+from mwd_estimation.settings.tool import Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_estimation.survey.static_survey import BIN_NS
@@ -40,7 +40,8 @@ from mwd_sensors.core.settings import SettingsError
 
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter must not treat a gyro as perfect.
 _LEAST_GYRO = 0.02
-_CALIBRATED_TILT = 1.5e-4  # rad; a tumble calibration leaves 0.1 mg, 100 ppm and 0.1 mrad
+# Least errors of accelerometers that nobody has described, 1 sigma: those of a MEMS unit as it leaves its factory.
+_FACTORY = {"bias_ug": 3000.0, "scale_ppm": 1500.0, "misalignment_mrad": 1.0}
 # Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
 _WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias while the tool warms up or cools, 1 sigma, as a share of the bias per hour: that of a
@@ -108,16 +109,15 @@ def accelerometer_tilt(tool: Tool) -> float:
     Return the tilt of the gravity direction caused by the errors of the accelerometers, 1 sigma, rad.
 
     A scale error rotates the vector by the difference of the errors of two axes, times sine and cosine of the angle to
-    them; the root mean square over all attitudes is half of the error. The default figures are those of the tool code,
-    with a reserve for a fleet over years. A tool without a stated misalignment is assumed to have been calibrated
-    before the run; only the part of its figures above the tool code is added.
+    them; the root mean square over all attitudes is half of the error. Accelerometers that nobody has described get
+    at least the errors of a unit as it leaves its factory.
     """
-    sensor, usual = tool.accelerometer, Accelerometer()
-    if sensor.misalignment_mrad == 0.0:
-        bias = math.sqrt(max(sensor.bias_ug**2 - usual.bias_ug**2, 0.0)) / 1e6
-        scale = math.sqrt(max(sensor.scale_ppm**2 - usual.scale_ppm**2, 0.0)) / 1e6
-        return math.hypot(_CALIBRATED_TILT, bias, 0.5 * scale)
-    return math.hypot(sensor.bias_ug / 1e6, 0.5 * sensor.scale_ppm / 1e6, sensor.misalignment_mrad / 1e3)
+    sensor = tool.accelerometer
+    bias, scale, misalignment = sensor.bias_ug, sensor.scale_ppm, sensor.misalignment_mrad or 0.0
+    if sensor.assumed:
+        bias, scale = max(bias, _FACTORY["bias_ug"]), max(scale, _FACTORY["scale_ppm"])
+        misalignment = _FACTORY["misalignment_mrad"]
+    return math.hypot(bias / 1e6, 0.5 * scale / 1e6, misalignment / 1e3)
 
 
 def input_ranges(settings: EstimatorSettings) -> Ranges:
@@ -302,7 +302,7 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
         There is no tool code of that name, or it does not belong to a magnetic survey.
     """
     tool, described = settings.tool, assembly(settings.tool)
-    mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * tool.accelerometer.misalignment_mrad))
+    mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * (tool.accelerometer.misalignment_mrad or 0.0)))
     along, across = _string_nt(tool)
     if settings.survey.tool_code:
         errors = dataclasses.replace(tool_code.sensor_errors(settings.survey.tool_code), mount_deg=mount_deg)

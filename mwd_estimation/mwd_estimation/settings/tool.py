@@ -105,19 +105,25 @@ class Accelerometer:
         high=1e5,
         expert=True,
     )
-    misalignment_mrad: float = setting(
-        0.0,
+    misalignment_mrad: float | None = setting(
+        None,
         "Direction error of each axis that calibration leaves, 1 sigma, from the residual of a tumble calibration. "
         "Together with bias and scale error it sets the sigma of inclination and toolface of every sample; raising "
-        "one widens the sigma. 0 means not known: a calibrated tool, 0.15 mrad in all. In surveys it is the angle by "
-        "which the accelerometers may be rotated in their mount: it widens the sigmas of inclination and azimuth, and "
-        "above some 5 mrad the first stations are doubtful until a turning string, or other toolfaces, show the "
-        "mount.",
+        "one widens the sigma. Not stated: nobody has described the accelerometers, every sample gets the sigma of a "
+        "unit as it leaves its factory until the data show a better one, and all outputs say that the tool is "
+        "assumed. In surveys it is the angle by which the accelerometers may be rotated in their mount: it widens "
+        "the sigmas of inclination and azimuth, and above some 5 mrad the first stations are doubtful until a turning "
+        "string, or other toolfaces, show the mount.",
         unit="mrad",
         low=0.0,
         high=500.0,
         expert=True,
     )
+
+    @property
+    def assumed(self) -> bool:
+        """Whether nobody has described the accelerometers (`misalignment_mrad` is not stated)."""
+        return self.misalignment_mrad is None
 
 
 @dataclass(frozen=True)

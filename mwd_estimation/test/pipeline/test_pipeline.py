@@ -486,6 +486,23 @@ def test_clip_flags_reach_gravity_whatever_the_cut_and_a_clipped_field_is_not_us
     assert without.push_imu(imu).attitude.tobytes() == whole.tobytes()
 
 
+def test_rows_and_surveys_of_a_tool_that_nobody_has_described_say_so_and_have_wide_sigmas():
+    imu, mag = _samples(seconds=40.0, rate=3.0, still_after=12.0)
+    described = changed(EstimatorSettings(), {"tool.accelerometer.misalignment_mrad": 0.1})
+    found = {}
+    for assumed, stated in ((True, EstimatorSettings()), (False, described)):
+        outputs = _run(imu, mag, Pipeline(stated, REFERENCE))
+        rows, surveys = _joined(outputs, "attitude"), [one for output in outputs for one in output.surveys]
+        assert surveys
+        for status in (*rows["status"], *_joined(outputs, "gravity")["status"], *(one.status for one in surveys)):
+            assert bool(int(status) & Status.TOOL_ASSUMED) is assumed
+        found[assumed] = rows
+    assert np.array_equal(found[True]["inclination"], found[False]["inclination"], equal_nan=True)
+    wide, narrow = (found[assumed]["sigma_inclination"] for assumed in (True, False))
+    assert (wide >= narrow).all()
+    assert np.median(wide / narrow) > 2.0
+
+
 @pytest.mark.fault_case(8)
 def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cut():
     imu, mag = _samples(seconds=40.0, rate=3.0, still_after=40.0)

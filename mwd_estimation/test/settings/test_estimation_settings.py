@@ -145,7 +145,7 @@ def test_a_gravity_method_has_its_defaults_and_the_range_of_the_tool_and_the_gra
     settings = changed(EstimatorSettings(), {"gravity.method": name, "tool.accelerometer.range_g": [8.0, 16.0, 16.0]})
     params, default = derivation.gravity_params(settings, 9.82), methods.METHODS[name].Params()
     assert (params.gravity, params.accel_range) == (9.82, 8.0 * STANDARD_GRAVITY)
-    derived = {"gravity", "gravity_sigma", "accel_range", "gyro_range", "calibration_sigma"}
+    derived = {"gravity", "gravity_sigma", "accel_range", "gyro_range", "calibration_sigma", "sigma_floor"}
     for field in getattr(default, "_fields", None) or [one.name for one in dataclasses.fields(default)]:
         assert field in derived or getattr(params, field) == getattr(default, field), field
 
@@ -155,6 +155,19 @@ def test_the_gravity_filter_knows_how_well_the_accelerometers_are_calibrated(gra
     tool = tool_file.from_file(next(path for path in GRADES if path.name == f"{grade}.yaml"))
     params = derivation.gravity_params(from_mapping(EstimatorSettings, {"tool": tool}), None)
     assert params.calibration_sigma == pytest.approx(tilt_mrad / 1e3, rel=0.03)
+
+
+@pytest.mark.parametrize("stated", [{}, {"bias_ug": 50.0, "scale_ppm": 50.0}])
+def test_accelerometers_that_nobody_has_described_have_the_errors_of_a_factory_unit(stated):
+    factory = tool_file.from_file(next(path for path in GRADES if path.name == "mti3.yaml"))
+    tilt = derivation.accelerometer_tilt(from_mapping(Tool, {"accelerometer": factory["accelerometer"]}))
+    unknown = from_mapping(Tool, {"accelerometer": stated})
+    assert unknown.accelerometer.assumed
+    assert derivation.accelerometer_tilt(unknown) == pytest.approx(tilt)
+    assert derivation.accelerometer_tilt(from_mapping(Tool, {"accelerometer": {"bias_ug": 9000.0}})) > 2.0 * tilt
+    described = from_mapping(Tool, {"accelerometer": {**stated, "misalignment_mrad": 0.0}})
+    assert not described.accelerometer.assumed
+    assert derivation.accelerometer_tilt(described) < 0.2 * tilt
 
 
 def test_what_remains_without_gyros_is_the_method_raw_whatever_is_selected():

@@ -24,6 +24,11 @@ from mwd_surface.surveys.survey_list import SurveyList
 _MANY_REFUSED = 0.1  # share of refused samples above which a warning is given
 _MANY_DISTURBED = 0.05
 _MANY_GAPS = 0.5
+TOOL_ASSUMED = (
+    "tool assumed: nobody has described its accelerometers, so the sigmas of inclination and toolface are those of a "
+    "unit as it leaves its factory; give a tool file (--tool), or set tool.accelerometer.misalignment_mrad, bias_ug "
+    "and scale_ppm from the calibration"
+)
 
 
 @dataclasses.dataclass
@@ -154,6 +159,8 @@ def pipeline_warnings(
     samples_are : meaning of a sample that a smoother has found (`State.samples_are`).
     """
     warnings = []
+    if estimator.tool.accelerometer.assumed:
+        warnings.append(TOOL_ASSUMED)
     if summary.rejected > _MANY_REFUSED * summary.rows:
         warnings.append(
             f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
