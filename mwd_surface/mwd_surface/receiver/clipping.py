@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.whitening import prediction_error_filter
 
@@ -130,14 +130,14 @@ def _short(sides: Array) -> Array:
     return out
 
 
-def _most_probable(out: Array, value: Array, sides: Array, at: Array, lags: Array) -> Array:
+def _most_probable(out: Array, value: Array, sides: Array, at: Indices, lags: Array) -> Array:
     """
     Return the samples at some places that make the prediction errors smallest within their bounds.
 
     out: all samples; value: the limits at those places; lags: autocorrelation of the prediction error filter.
     """
     free = np.ones(at.size, dtype=bool)
-    best = value[at].copy()
+    best: Array = value[at].copy()
     kernel = np.concatenate([lags[:0:-1], lags])
     reach = len(lags) - 1
     for _ in range(_BOUNDS):
