@@ -26,7 +26,6 @@ from mwd_sensors.core.settings import setting
 Complex = NDArray[np.complex128]
 _STEEL, _PERMEABILITY = 4.9e6, 100.0  # conductivity of steel, S/m, and its relative permeability
 _TURNS = 30  # iterations of the mode equation
-DB_PER_NEPER = 20.0 / math.log(10.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,12 +8,13 @@ import pytest
 
 from mwd_sensors.simulator.carrier_tool import transmit
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthNoise, EarthVoltage, earth_run
-from mwd_sensors.simulator.earth_line import DB_PER_NEPER, Ground, propagation, response
+from mwd_sensors.simulator.earth_line import Ground, propagation, response
 from mwd_sensors.telemetry.tool_configuration import from_mapping
 
 # dB/km at 2, 5, 10 Hz by resistivity, ohm m: an independent computation of the leaky line.
 TABLE = {1: (58, 69, 87), 3: (33, 39, 49), 10: (17, 21, 26), 30: (10, 12, 15), 100: (5, 6, 8)}
 FREQUENCY = np.array([2.0, 5.0, 10.0])
+DB_PER_NEPER = 20.0 / np.log(10.0)
 
 
 def loss_db_per_km(resistivity):

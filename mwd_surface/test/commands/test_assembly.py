@@ -6,7 +6,7 @@ import math
 
 import pytest
 import typer
-from typer.testing import CliRunner
+from invoked_command import invoke
 
 from mwd_estimation.assembly.assembly import read_assembly
 from mwd_estimation.assembly.sag import sag as sag_of
@@ -34,11 +34,7 @@ def bha(tmp_path):
 
 
 def run(*words):
-    done = CliRunner(env={"COLUMNS": "140"}).invoke(APP, [str(word) for word in words])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == 0, done.output
-    return done.stdout
+    return invoke(APP, *words).stdout
 
 
 def test_the_table_of_sag_has_every_inclination_and_build_rate(bha, tmp_path):

@@ -4,7 +4,7 @@
 import pytest
 import typer
 import yaml
-from typer.testing import CliRunner
+from invoked_command import invoke
 
 from mwd_sensors.simulator import scenario
 from mwd_surface.commands.calibrate import calibrate
@@ -29,11 +29,7 @@ def bag(tmp_path_factory):
 
 
 def run(*words):
-    done = CliRunner(env={"COLUMNS": "140"}).invoke(APP, [str(word) for word in words])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == 0, done.output
-    return done
+    return invoke(APP, *words)
 
 
 @pytest.fixture

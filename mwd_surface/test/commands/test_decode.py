@@ -7,7 +7,7 @@ import shlex
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from invoked_command import invoke
 
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.dipole import dipole_field
@@ -16,10 +16,7 @@ from mwd_surface.cli import app
 
 
 def run(*words):
-    done = CliRunner(env={"COLUMNS": "140"}).invoke(app, [str(word) for word in words])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return done.output
+    return invoke(app, *words).output
 
 
 def rows(path):

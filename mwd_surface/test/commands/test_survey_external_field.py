@@ -7,8 +7,8 @@ import datetime
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
 
+from invoked_command import invoke
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.commands.survey import survey
 
@@ -55,10 +55,7 @@ def table(tmp_path):
 
 
 def _rows(table, out, *words):
-    done = CliRunner(env={"COLUMNS": "140"}).invoke(APP, [str(word) for word in (table, "-o", out, *words)])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == 0, done.output
+    done = invoke(APP, table, "-o", out, *words)
     return list(csv.DictReader(out.read_text().splitlines())), done.stdout
 
 

@@ -7,7 +7,7 @@ import example_surveys as example
 import lasio
 import pytest
 import typer
-from typer.testing import CliRunner
+from invoked_command import invoke
 
 from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.exports.report_content import content
@@ -19,11 +19,7 @@ APP.command()(trajectory)
 
 
 def run(*words):
-    done = CliRunner(env={"COLUMNS": "140"}).invoke(APP, [str(word) for word in words])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == 0, done.output
-    return done.stdout
+    return invoke(APP, *words).stdout
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 """What `mwd run` starts: arguments ROS understands, and nothing two runs could share by accident."""
 
 import dataclasses
-import math
 import os
 import socket
 import sys
@@ -28,7 +27,6 @@ from mwd_surface.surveys.leg_settings import arranged
 from mwd_surface.surveys.survey_list import SurveyList
 from project import SCENARIOS
 
-RAD = math.pi / 180.0
 SURE = (1e-8, 0.0, 0.0, 0.0, 1e-8, 0.0, 0.0, 0.0, 1e-8)
 
 

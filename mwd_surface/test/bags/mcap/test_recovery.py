@@ -53,19 +53,6 @@ def messages(path: Path) -> list[tuple[str, int, bytes]]:
         return [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file, validate_crcs=True).iter_messages()]
 
 
-def chunk_ends(path: Path) -> list[tuple[int, int]]:
-    """(end of the chunk in the file, messages up to there)."""
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    counts = []
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        for index in summary.chunk_indexes:
-            inside = reader.iter_messages(starting_at=index.message_start_time, ending_at=index.message_end_time)
-            counts.append((index.chunk_start_offset + index.chunk_length, sum(1 for _ in inside)))
-    return counts
-
-
 @pytest.mark.slow
 @pytest.mark.fault_case(61)
 def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_nothing_else(whole, tmp_path):
