@@ -6,8 +6,8 @@ import math
 
 import pytest
 import typer
-from invoked_command import invoke
 
+from invoked_command import invoke
 from mwd_estimation.assembly.assembly import read_assembly
 from mwd_estimation.assembly.sag import sag as sag_of
 from mwd_surface.commands.assembly import sag, spacing

@@ -4,8 +4,8 @@
 import pytest
 import typer
 import yaml
-from invoked_command import invoke
 
+from invoked_command import invoke
 from mwd_sensors.simulator import scenario
 from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.runs import calibration_run, simulate

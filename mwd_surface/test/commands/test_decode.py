@@ -7,8 +7,8 @@ import shlex
 
 import numpy as np
 import pytest
-from invoked_command import invoke
 
+from invoked_command import invoke
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.dipole import dipole_field
 from mwd_surface.bags.bag_writer import BagWriter

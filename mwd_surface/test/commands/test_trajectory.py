@@ -7,8 +7,8 @@ import example_surveys as example
 import lasio
 import pytest
 import typer
-from invoked_command import invoke
 
+from invoked_command import invoke
 from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.exports.report_content import content
 from mwd_surface.surveys.survey_store import encoded
