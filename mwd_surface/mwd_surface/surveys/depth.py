@@ -129,7 +129,9 @@ class DepthTrack:
         A placeholder (not marked valid, not finite, negative as -999.25, or too deep) is counted and not used. A jump
         waits until `rules.confirm` consecutive readings agree; then all of them are accepted. Readings that are older
         than the latest one by more than `rules.bridge` wait in the same way: if they agree, either the later stamps
-        were wrong or the clock of the rig was set back, and the later readings are removed.
+        were wrong or the clock of the rig was set back, and the later readings are removed. If the time of the sonde is
+        known, this needs stamps nearer to it than the latest one: a second source with a clock of its own, or a clock
+        that starts at 1970 for a moment, does not remove good readings.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
@@ -164,6 +166,9 @@ class DepthTrack:
     def _go_back(self, stamp_ns: int, bit_depth: float) -> bool:
         """Process a reading that is older than the latest one; return whether it confirms an earlier time."""
         if (self._stamps[-1] - stamp_ns) * NS <= self.rules.bridge:
+            return False
+        sonde_ns = self._sonde_ns
+        if sonde_ns is not None and abs(stamp_ns - sonde_ns) >= abs(self._stamps[-1] - sonde_ns):
             return False
         if self._earlier and not (
             stamp_ns > self._earlier[-1][0] and self._reachable(*self._earlier[-1], stamp_ns, bit_depth)

@@ -220,3 +220,24 @@ def test_single_readings_of_the_past_change_nothing(back_s, seed):
                 assert not disturbed.update((k - back_s + late) * S, 1000.0)
     assert disturbed.latest == plain.latest
     assert disturbed.sensor_depth(30 * S, 0.0) == plain.sensor_depth(30 * S, 0.0)
+
+
+@pytest.mark.parametrize("other_s", [-(10**9), -3600, -120])
+@pytest.mark.parametrize("block", [3, 50])
+def test_readings_of_a_clock_farther_from_that_of_the_sonde_remove_no_depths(other_s, block):
+    got = DepthTrack()
+    for k in range(600):
+        got.note_sonde(k * S)
+        mine = (k // block) % 2 == 0
+        assert got.update((k if mine else k + other_s) * S, 1000.0 + 0.1 * k if mine else 500.0) is mine
+    for at in (0, 2 * block, 6 * block + 1):
+        assert got.sensor_depth(at * S, 0.0).bit_depth == pytest.approx(1000.0 + 0.1 * at)
+
+
+def test_a_clock_that_is_set_back_to_that_of_the_sonde_gives_depths_again():
+    got = track(*((k + 3600, 1000.0) for k in range(100)))
+    accepted = []
+    for k in range(100, 110):
+        got.note_sonde(k * S)
+        accepted.append(got.update(k * S, 1000.0))
+    assert accepted == [False, False] + 8 * [True]
