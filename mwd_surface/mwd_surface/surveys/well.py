@@ -42,7 +42,7 @@ class Mine:
         None, "measured depth of the hole at the surveyed point; nan: the end of the hole", unit="m", low=0.0
     )
     closure_sigma: float = setting(
-        0.05, "accuracy of each coordinate of the surveyed point, 1 sigma", unit="m", low=0.0, high=100.0
+        0.05, "accuracy of each coordinate of the surveyed point, 1 sigma", unit="m", low=1e-3, high=100.0
     )
     closure_leg: str = setting("", "leg of the hole that reaches the surveyed point; if empty, the present leg")
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_sensors.core.settings import from_mapping
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
@@ -245,3 +246,17 @@ def test_the_page_gets_branches_and_closure_of_a_mine_hole_alone():
     plain = example.surveys().sidetracked("ST1", 400.0)
     _, parts = _uncertain(plain, plain.definitive(), example.MADE)
     assert parts == {"deviation": (), "branches": (), "closure": None}
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 45.0, 90.0])
+@pytest.mark.parametrize("missed", [0, 1, 2])
+def test_a_point_at_the_opening_of_a_level_hole_is_closed_on_by_its_own_accuracy(azimuth, missed):
+    """There the path has no error across the hole, so that only the accuracy of the point explains one."""
+    level = hole()
+    start = TieOn.given(0.0, math.radians(90.0), math.radians(azimuth))
+    surveys = SurveyList(well=level.well, legs=(Leg(tie_on=start),))
+    surveys = surveys.add(example.survey(1, 90.0, azimuth), STEP, 0.4)
+    least = with_point(surveys, 2.0 * np.eye(3)[missed], closure_depth=0.0, closure_sigma=1e-3)
+    assert closure_of(least).verdict == INCONSISTENT
+    with pytest.raises(ValueError, match="closure_sigma"):
+        from_mapping(Mine, {"closure_sigma": 0.0})
