@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import struct
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -49,6 +50,14 @@ NAMES = {topic: tuple(f"{name}_{axis}" for name in names for axis in "xyz") for 
 NAMES["imu/temperature"] = ("temperature",)
 _CHECK_BYTES, _REFUSED, _CODE = 2, 0x80, {1: "unknown command", 2: "unknown data", 3: "wrong number", 4: "unit failed"}
 _LARGEST_FLOAT32 = 3.4e38
+# Units of step and offset: SI value of 1. A unit that is not known is refused, because a value in SI in its place would
+# be wrong by its factor.
+_UNITS = {one: meanings.factor(one) for one in ("", "rad", "deg", "m/s^2", "g", "mg", "T", "mT", "uT", "nT", "G", "mG")}
+_UNITS |= {one: meanings.factor(one) for one in ("degC", "rpm", "V", "mV", "A", "mA", "C", "Ah", "s", "h")}
+_UNITS |= {"rad/s": 1.0, "deg/s": math.radians(1.0), "deg/h": math.radians(1.0) / 3600.0, "ms": 1e-3, "us": 1e-6}
+_UNITS |= {"m": 1.0, "ft": 0.3048, "m/s": 1.0, "rad/m": 1.0, "m^3/s": 1.0, "gAPI": 1.0}
+_UNITS |= {"Pa": 1.0, "bar": 1e5, "N": 1.0, "kN": 1e3, "N m": 1.0}
+_LEAST_STEP = 1e-15  # smaller than the last digit of any gauge, with its unit far from the least float
 _LONGEST = 512  # more bytes without a frame are dropped
 _MODBUS_DATA = 4  # bytes between command and check of a usual Modbus request
 _UNKNOWN_COMMAND, _UNKNOWN_DATA = 1, 2
@@ -71,26 +80,33 @@ class Item:
         "with _ is skipped."
     )
     form: str = setting("float32", "Form of the number.", choices=tuple(FORMS))
-    step: float = setting(1.0, "Change of the value when the number rises by 1; not 0.")
-    offset: float = setting(0.0, "Value of the number 0; a dip is an inclination with offset 90 and a negative step.")
+    step: float = setting(1.0, "Change of the value when the number rises by 1; not 0.", low=-1e15, high=1e15)
+    offset: float = setting(
+        0.0,
+        "Value of the number 0; a dip is an inclination with offset 90 and a negative step.",
+        low=-1e15,
+        high=1e15,
+    )
     unit: str = setting("", "Unit of step and offset, such as deg or nT; without one it is SI.")
 
     def __post_init__(self) -> None:
         """
-        Check the step.
+        Check step and unit.
 
         Raises
         ------
         ValueError
-            The step is 0.
+            The step is 0, or so small that no value has a number; or the unit is not known.
         """
-        if self.step == 0.0:
-            raise ValueError("step: must not be 0")
+        if abs(self.step) < _LEAST_STEP:
+            raise ValueError(f"step: must not be 0, or nearer to 0 than {_LEAST_STEP:g}")
+        if self.unit not in _UNITS:
+            raise ValueError(f"unit: {self.unit!r} is not one of {', '.join(filter(None, _UNITS))}")
 
     @property
     def line(self) -> tuple[float, float]:
         """SI value of the number 0, and its change when the number rises by 1."""
-        factor = meanings.factor(self.unit)
+        factor = _UNITS[self.unit]
         return self.offset * factor, self.step * factor
 
 
@@ -234,7 +250,7 @@ def reply(frame: PolledFrame, poll: Poll, values: Mapping[str, float]) -> bytes:
     """
     Return the bytes of a reply.
 
-    values: SI by quantity, the time in ns. A value that is missing, NaN, or beyond its form is sent as unknown.
+    values: SI by quantity, the time in ns. A value that is missing, not finite, or beyond its form is sent as unknown.
     """
     data = b"".join(_packed(item, values.get(item.quantity, math.nan), frame) for item in poll.items)
     count = bytes([poll.length]) if frame.counted else b""
@@ -255,14 +271,15 @@ def _limits(form: str) -> tuple[int, int, int]:
 
 def _packed(item: Item, value: float, frame: PolledFrame) -> bytes:
     offset, step = (0.0, _ticks(item)) if item.quantity == TIME else item.line
+    line = (value - offset) / step
     if item.form.startswith("float"):
-        number: float = (value - offset) / step
-        number = number if item.form == "float64" or abs(number) <= _LARGEST_FLOAT32 else math.nan
+        largest = _LARGEST_FLOAT32 if item.form == "float32" else sys.float_info.max
+        number: float = line if abs(line) <= largest else math.nan
     else:
         low, high, unknown = _limits(item.form)
         # A time in ns has more digits than a float.
-        exact = not math.isnan(value) and step == 1 and offset == 0.0
-        number = int(value) if exact else unknown if math.isnan(value) else round((value - offset) / step)
+        exact = step == 1 and offset == 0.0
+        number = unknown if not math.isfinite(line) else int(value) if exact else round(line)
         number = number if low <= number <= high else unknown
     return _ordered(struct.pack(f">{FORMS[item.form]}", number), frame)
 

@@ -207,6 +207,9 @@ def test_any_bytes_are_survived_by_both_ends(data, step):
         ("polls: [{command: 4, items: []}]", "at least one number"),
         ("polls: [{request: xyz, items: [{quantity: time}]}]", "in hex"),
         ("polls: [{items: [{quantity: rate_x, step: 0.0}]}]", "must not be 0"),
+        ("polls: [{items: [{quantity: rate_x, step: 5.0e-324, unit: deg}]}]", "must not be 0"),
+        ("polls: [{items: [{quantity: rate_x, step: .inf}]}]", "finite"),
+        ("polls: [{items: [{quantity: rate_x, unit: degrees}]}]", "'degrees' is not one of rad, deg"),
         ("polls: [{items: [{quantity: rate_q}]}]", "rate_"),
         ("polls: [{items: [{quantity: time}]}, {items: [{quantity: rate_x}]}]", "the same"),
     ],
@@ -216,3 +219,19 @@ def test_a_frame_file_that_cannot_be_is_refused_with_its_name(tmp_path, text, co
     with pytest.raises(ValueError, match=complaint) as caught:
         polled_line.read(tmp_path / "frame.yaml", polled_line.PROBE_QUANTITIES)
     assert "frame.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize("form", polled_line.FORMS)
+@pytest.mark.parametrize("value", [math.inf, -math.inf, 1e308, -1e308])
+def test_a_value_beyond_every_form_is_sent_and_never_stops_the_line(form, value):
+    poll = Poll(4, "", (Item("inclination", form, 1e-15, unit="nT"),))
+    frame = dataclasses.replace(FRAME, polls=(poll,))
+    master = Master(frame)
+    master.due(0.0)
+    ((values, _),) = master.take(polled_line.reply(frame, poll, {"inclination": value}), 0.01)
+    assert math.isnan(values["inclination"])
+
+
+@pytest.mark.parametrize(("unit", "one"), [("deg/s", math.pi / 180.0), ("deg", math.pi / 180.0), ("ft", 0.3048)])
+def test_a_unit_is_converted_to_si(unit, one):
+    assert Item("rate_x", unit=unit).line == (0.0, pytest.approx(one))
