@@ -108,6 +108,13 @@ SPREADSHEET = Budget(
 PRESSURE = Budget(
     "pressure of a CSV or WAV, pump strokes", 2000 * MB, records=50_000_000, columns=500, seconds=30 * DAY_S
 )
+PRESSURE_JSON = Budget(
+    "pressure of JSON: bytes of a document or of a line of many; records are cells, also empty ones",
+    50 * MB,
+    records=200_000_000,
+    columns=500,
+    nesting=100,
+)
 SERIAL = Budget("captured bytes of a serial line", 200 * MB)
 OBSERVATORY = Budget("observatory record (IAGA-2002)", 250 * MB)
 SECRET = Budget("tokens and passwords", 10_000)
@@ -127,6 +134,7 @@ BUDGETS = (
     LIST,
     SPREADSHEET,
     PRESSURE,
+    PRESSURE_JSON,
     SERIAL,
     OBSERVATORY,
     SECRET,

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import load_json, read_file
 
 _START = re.compile(r'[\ufeff\x1e\s]*[\[{]\s*(?:["{}\[\]]|-?\d)')
@@ -47,18 +48,22 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
     """
     columns: dict[str, list[str]] = {}
     count = unreadable = 0
-    for value in _values(path, encoding):
-        if value is None:
-            unreadable += 1
-            continue
-        for row in _rows(value, ()):
-            for name, cell in row.items():
-                column = columns.setdefault(name, [])
-                column += [""] * (count - len(column))
-                column.append(cell)
-            count += 1
-            budgets.PRESSURE.check("columns", len(columns))
-            budgets.PRESSURE.check("records", count)
+    try:
+        for value in _values(path, encoding):
+            if value is None:
+                unreadable += 1
+                continue
+            for row in _rows(value, ()):
+                for name, cell in row.items():
+                    column = columns.setdefault(name, [])
+                    column += [""] * (count - len(column))
+                    column.append(cell)
+                count += 1
+                budgets.PRESSURE_JSON.check("columns", len(columns))
+                # A sample is short where it lacks quantities, or where one value holds for many samples.
+                budgets.PRESSURE_JSON.check("records", count * max(len(columns), 1))
+    except BudgetError as error:
+        raise BudgetError(f"{path}: {error}") from error
     if not columns:
         raise ValueError(
             f"{path}: begins as JSON, but has no samples; write an object with time and pressure in each line"
@@ -72,14 +77,15 @@ def _values(path: Path, encoding: str) -> Iterator[Any]:
     """Return the values of the lines, None for a line that is not JSON; or the value of the whole document."""
     with path.open(encoding=encoding, errors="replace") as file:
         first = _loaded(file.readline(_LONGEST_LINE))
-    if first is None and path.stat().st_size <= budgets.JSON.size:
+    if first is None and path.stat().st_size <= budgets.PRESSURE_JSON.size:
         # A list that lacks its end, as after a power failure, is not a document and is read by lines.
         with contextlib.suppress(ValueError):
-            text = read_file(path, budgets.JSON).decode(encoding, errors="replace")
-            yield load_json(text.lstrip("\ufeff"))
+            text = read_file(path, budgets.PRESSURE_JSON).decode(encoding, errors="replace")
+            yield load_json(text.lstrip("\ufeff"), budgets.PRESSURE_JSON)
             return
     with path.open(encoding=encoding, errors="replace") as file:
-        for line in file:
+        while line := file.readline(budgets.PRESSURE_JSON.size + 1):
+            budgets.PRESSURE_JSON.check("size", len(line))
             if line.strip(" \t\r\n\x1e\ufeff[],\x00"):
                 yield _loaded(line)
 
@@ -89,7 +95,9 @@ def _loaded(line: str) -> Any:
     text = line.strip(" \t\r\n\x1e\ufeff,\x00")
     for one in (text, text.lstrip("[").strip(), text.rstrip("]").strip()):
         try:
-            value = json.loads(one)
+            # Only a line of many brackets can be nested deeply; to count them takes longer than to read a usual line.
+            flat = one.count("[") + one.count("{") <= (budgets.PRESSURE_JSON.nesting or 0)
+            value = json.loads(one) if flat else load_json(one, budgets.PRESSURE_JSON)
         except (ValueError, RecursionError):
             continue
         return value if isinstance(value, (dict, list)) else None

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The same pressure in every table that rigs write is the same samples; what is not a number is a missing sample."""
 
+import dataclasses
 import datetime as dt
 import json
 
@@ -9,6 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.receiver import pressure_files, table_times
 
 COUNT, STEP = 400, 0.02
@@ -393,11 +396,38 @@ def test_values_of_json_that_are_not_numbers_are_missing_samples(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["{}", "[]", '{"time_s": 1}', "[" * 5000, '{"a":' * 5000, "[[[[1]]]]", '{"a": {"b": []}}\n']
+    "text",
+    [
+        "{}",
+        "[]",
+        '{"time_s": 1}',
+        "[" * 5000,
+        "[" + '{"a":[' * 400 + "1" + "]}" * 400 + "]",
+        '{"a":' * 5000,
+        "[[[[1]]]]",
+        '{"a": {"b": []}}\n',
+    ],
 )
 def test_json_without_samples_is_refused_with_a_reason(tmp_path, text):
     (tmp_path / "p.json").write_text(text)
     with pytest.raises(ValueError, match=r"p\.json"):
+        pressure_files.read(tmp_path / "p.json")
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (json.dumps({f"a{k}": 1 for k in range(400)}) + "\n" + "{}\n" * 4000, "records"),
+        (json.dumps({**{f"a{k}": 1 for k in range(400)}, "samples": [{}] * 4000}), "records"),
+        (json.dumps({f"a{k}": 1 for k in range(501)}), "columns"),
+        ('{"time_s": 1}\n' + json.dumps([{}] * 40_000), "bytes"),
+    ],
+)
+def test_json_that_would_need_far_more_memory_than_its_size_is_refused_by_name(tmp_path, monkeypatch, text, what):
+    budget = dataclasses.replace(budgets.PRESSURE_JSON, size=100_000, records=1_000_000)
+    monkeypatch.setattr(budgets, "PRESSURE_JSON", budget)
+    (tmp_path / "p.json").write_text(text)
+    with pytest.raises(BudgetError, match=rf"p\.json: has .* {what}"):
         pressure_files.read(tmp_path / "p.json")
 
 
