@@ -22,6 +22,7 @@ import yaml
 from pymodbus.framer import FramerRTU
 
 from mwd_sensors.core import budgets, settings
+from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting, unknown_key
 from mwd_sensors.core.wire import NANOSECONDS
@@ -218,8 +219,15 @@ def read(path: Path, names: Iterable[str]) -> PolledFrame:
         The file cannot be read.
     """
     try:
-        frame = settings.from_mapping(PolledFrame, load_yaml(read_text(path, budgets.YAML)) or {})
+        given = load_yaml(read_text(path, budgets.YAML)) or {}
     except (yaml.YAMLError, ValueError) as error:
+        raise ValueError(without_contents(path, error)) from None
+    if not isinstance(given, dict):
+        # The path is a parameter of a node: a secret given by mistake is one word, and must not be quoted.
+        raise ValueError(without_contents(path, ValueError()))  # noqa: TRY004  (a fault of the file)
+    try:
+        frame = settings.from_mapping(PolledFrame, given)
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     known = tuple(names)
     for name in frame.quantities:

@@ -235,3 +235,11 @@ def test_a_value_beyond_every_form_is_sent_and_never_stops_the_line(form, value)
 @pytest.mark.parametrize(("unit", "one"), [("deg/s", math.pi / 180.0), ("deg", math.pi / 180.0), ("ft", 0.3048)])
 def test_a_unit_is_converted_to_si(unit, one):
     assert Item("rate_x", unit=unit).line == (0.0, pytest.approx(one))
+
+
+@pytest.mark.parametrize("text", ["s3cret-token", "- s3cret", "a: 1\ns3cret: [", "-----BEGIN KEY-----\ns3cret"])
+def test_a_file_that_is_no_frame_is_not_quoted(tmp_path, text):
+    (tmp_path / "token").write_text(text)
+    with pytest.raises(ValueError, match=r"token.*is not what it should be") as caught:
+        polled_line.read(tmp_path / "token", polled_line.PROBE_QUANTITIES)
+    assert "s3cret" not in str(caught.value)
