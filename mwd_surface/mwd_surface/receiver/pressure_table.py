@@ -22,6 +22,7 @@ import numpy as np
 from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.foreign_text import first_of
 from mwd_sensors.core.input_files import check_regular, read_file
 from mwd_surface.list_files.grid_file import Row, is_spreadsheet
 from mwd_surface.list_files.las_table import is_las, las_table
@@ -352,7 +353,7 @@ class _TableFile:
         found = _pressures(rows) if said is None else [one for one, _ in rows if one.name.lower() == said[1].lower()]
         if len(found) < gauge:
             raise ValueError(
-                f"{self.path}: no tag is {said[1] if said else 'the pressure'}; the tags are {', '.join(names)}; say it"
+                f"{self.path}: no tag is {said[1] if said else 'the pressure'}; the tags are {first_of(names)}; say it"
                 " with --columns pressure_bar=NAME"
             )
         column = found[0 if said else gauge - 1]
@@ -395,7 +396,7 @@ class _TableFile:
         if self.headless:
             return f"{self.path}: no line names the columns; say which are which with --columns time_s=1,pressure_bar=2"
         return (
-            f"{self.path}: there is not {what}; the columns are {', '.join(self._table.names)}; name them as in"
+            f"{self.path}: there is not {what}; the columns are {first_of(self._table.names)}; name them as in"
             f" time_s,pressure_bar, or say it with --columns {quantity}=NAME"
         )
 

@@ -414,6 +414,14 @@ def test_json_without_samples_is_refused_with_a_reason(tmp_path, text):
         pressure_files.read(tmp_path / "p.json")
 
 
+@pytest.mark.parametrize("sample", [{"tag": "x" * 100_000, "value": 1}, {"tag": "c", "value": 1}])
+def test_a_message_quotes_no_more_than_the_beginning_of_long_names(tmp_path, sample):
+    (tmp_path / "p.json").write_text(json.dumps({"time": ISO[0], "tag": "b", "value": 1}) + "\n" + json.dumps(sample))
+    with pytest.raises(ValueError, match=r"p\.json: no tag") as caught:
+        pressure_files.read(tmp_path / "p.json")
+    assert len(str(caught.value)) < 1000
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [
