@@ -31,8 +31,10 @@ _SAME_M, _SAME_RAD = 0.05, 0.02
 _OTHER_CHI2 = float(scipy.stats.chi2.ppf(0.99, 1))
 # Readings do not fit one dipole if chance gives a larger chi-square with less than this probability.
 _UNLIKELY = 1e-3
-# Sigma as a share of the depth, and of the azimuth in rad, above which linear propagation of errors does not hold.
+# Sigma of the position as a share of the depth, and of the azimuth in rad, above which propagation is not linear.
 _LOOSE = 0.3
+# Share of the largest weight of a direction of the unknowns below which rounding hides what the readings say of it.
+_LEAST_WEIGHT = 1e-6
 
 
 class SurfaceReadings(NamedTuple):
@@ -126,7 +128,7 @@ class SondeFix:
                 f"the readings do not fit one dipole (chi-square {self.chi2:.0f} for {self.freedom} degrees of"
                 " freedom): steel or another source is near, or a point is wrong; the sigmas do not hold"
             )
-        if self.sigma[2] > _LOOSE * self._deepness or self.sigma[3] > _LOOSE:
+        if self.sigma[:3].max() > _LOOSE * self._deepness or self.sigma[3] > _LOOSE:
             found.append("the readings hardly determine the sonde: measure at more points, also beside the bore")
         if self.others:
             found.append(
@@ -206,6 +208,8 @@ class _Model:
         if not (np.isfinite(size).all() and np.isfinite(readings.point).all() and (size > 0.0).all()):
             raise ValueError("readings: each point needs a position and a field above 0")
         sigma = np.hypot(errors.noise_t, errors.share * size)
+        if not (np.isfinite(sigma).all() and (sigma > 0.0).all() and 0.0 < known.moment < math.inf):
+            raise ValueError("errors of the readings and moment of the coil: finite numbers above 0 are needed")
         self._sigma, self._size = sigma, size
         priors = 1 + math.isfinite(known.pitch) + math.isfinite(known.azimuth)
         self.freedom = 3 * len(self._field) + len(self._strength) + priors - _UNKNOWNS
@@ -238,7 +242,9 @@ class _Model:
         found = scipy.optimize.least_squares(
             self.residuals, np.maximum(start, low + 0.01), bounds=(low, np.inf), x_scale=scale, max_nfev=200
         )
-        normal = found.jac.T @ found.jac
+        # A direction that no reading determines keeps a huge sigma; a pseudo-inverse would give it none.
+        _, weight, directions = np.linalg.svd(found.jac * scale, full_matrices=False)
+        spread = scale[:, None] * directions.T / np.maximum(weight, _LEAST_WEIGHT * weight.max())
         x = found.x
         # A tool axis beyond the vertical is the opposite azimuth.
         axis = _axis(x)
@@ -247,7 +253,7 @@ class _Model:
             azimuth=math.atan2(axis[1], axis[0]) % math.tau,
             pitch=math.asin(float(np.clip(-axis[2], -1.0, 1.0))),
             moment=math.exp(x[5]),
-            covariance=np.asarray(np.linalg.pinv(normal)),
+            covariance=np.asarray(spread @ spread.T),
             chi2=2.0 * float(found.cost),
             freedom=self.freedom,
         )

@@ -172,3 +172,18 @@ def test_the_field_is_vertical_at_the_locate_points_and_its_strength_above_gives
 def test_a_calibration_beside_the_sonde_gives_its_moment():
     level = Truth(np.zeros(3), 0.0, 0.0, 4.2)
     assert moment_of(float(np.linalg.norm(level.field(np.array([0.0, 3.0, 0.0])))), 3.0) == pytest.approx(4.2)
+
+
+@pytest.mark.parametrize("known", [Known(5.0), Known(5.0, pitch=BORE.pitch, azimuth=BORE.azimuth)])
+def test_readings_of_one_point_again_and_again_do_not_determine_the_sonde(known):
+    field = BORE.field(np.tile(GRID[:1], (9, 1)))
+    readings = SurfaceReadings(np.tile(GRID[:1], (9, 1)), np.full((9, 3), np.nan), np.linalg.norm(field, axis=1))
+    fix = locate(readings, known, ERRORS)
+    assert fix.sigma[:2].max() > 100.0
+    assert any("hardly determine" in doubt for doubt in fix.doubts)
+
+
+@pytest.mark.parametrize("errors", [ReadingErrors(math.nan), ReadingErrors(math.inf), ReadingErrors(1e-11, math.nan)])
+def test_errors_that_are_no_numbers_are_refused(errors):
+    with pytest.raises(ValueError, match="finite numbers"):
+        locate(exact(BORE), Known(5.0), errors)
