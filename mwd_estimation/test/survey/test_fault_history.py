@@ -19,6 +19,7 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place
+from mwd_estimation.settings.tool import Accelerometer, Tool
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_sensors.simulator import scenario
@@ -47,13 +48,15 @@ def sent(component, word, axis="all", start_s=0.0, seconds=1e9, seed=1):
 def estimated(case, cut=10**9):
     streams, field = case
     settings = EstimatorSettings(
+        # A tool that was calibrated before the run.
+        tool=Tool(accelerometer=Accelerometer(bias_ug=0.0, scale_ppm=0.0, misalignment_mrad=0.15)),
         place=Place(
             field="fixed",
             total_nt=field.total * 1e9,
             dip_deg=np.degrees(field.dip),
             declination_deg=np.degrees(field.declination),
             lat_deg=38.0,
-        )
+        ),
     )
     pipeline = Pipeline(settings)
     output = Output.empty(0)

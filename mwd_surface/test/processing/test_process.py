@@ -31,7 +31,8 @@ from mwd_surface.surveys.survey_source import surveys_of
 pytestmark = pytest.mark.slow(0.3)
 
 START = 1_772_344_800_000_000_000
-S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})
+# With a tool that somebody has described: nothing is assumed.
+S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3", "tool.accelerometer.misalignment_mrad": 0.15})
 FIELD_N = np.array([2.6e-5, 0.0, 4.0e-5])
 
 
