@@ -39,7 +39,7 @@ def dipole_field(offset: ArrayLike, moment: ArrayLike, wave: complex = 0.0) -> N
     Returns
     -------
     ndarray, shape (..., 3)
-        Field, T, relative to the phase of the current; real if there is no loss.
+        Complex amplitude of the field, T; its phase counts from that of the current. Real in ground without loss.
     """
     r, m = np.asarray(offset, dtype=float), np.asarray(moment, dtype=float)
     distance = np.linalg.norm(r, axis=-1, keepdims=True)

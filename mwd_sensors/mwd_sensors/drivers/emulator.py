@@ -44,7 +44,7 @@ class Emulator:
     Parameters
     ----------
     protocol : str
-        binary, ascii, xsens or polled. With xsens there is no precision unit and the only commands are start and stop.
+        binary, ascii, xsens or polled. xsens sends no precision unit and obeys start and stop only.
         With polled the unit replies to each request with its newest samples, and sends nothing by itself.
     link : Path, optional
         Further name for the line, in addition to /dev/pts/....

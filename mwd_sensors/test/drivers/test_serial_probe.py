@@ -302,7 +302,7 @@ def test_a_sample_of_a_time_that_no_message_can_have_is_broken_and_the_next_is_r
 
 
 def polled_to_the_end(settings, sent, rate):
-    """What a polled probe gave until the emulator had no more samples."""
+    """Poll an emulated probe until it has no more samples; return the driver and the samples."""
     with Emulator("polled", wait_for_start=True, frame=polled_frame(settings(""))) as emulator:
         probe = SerialProbe(settings(emulator.device))
         player = threading.Thread(target=emulator.play, args=([sent], rate))

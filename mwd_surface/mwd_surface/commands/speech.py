@@ -26,7 +26,7 @@ def choose(code: str) -> None:
     Raises
     ------
     ValueError
-        There is no catalogue for the language.
+        The language has no catalogue.
     """
     os.environ["LANGUAGE"] = language(code).code
 

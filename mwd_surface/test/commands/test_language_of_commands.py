@@ -187,7 +187,7 @@ def test_the_page_does_not_load_the_texts_of_the_commands():
 @pytest.mark.slow
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_the_help_imports_no_library_that_it_does_not_need(code):
-    """What takes long at the start of a command: drawing tables, languages, arrays of filters."""
+    """Slow imports: rich (tables), babel (languages) and numba (filters)."""
     program = (
         "import io, sys; from mwd_surface import cli; sys.argv = ['mwd', '--language', sys.argv[1], '--help']\n"
         "try:\n    cli.main()\nexcept SystemExit:\n    pass\n"

@@ -49,7 +49,7 @@ def on_a_line(**settings):
 
 
 def polled(line, frame, rounds=1, within=10.0):
-    """Poll as a host does: the values of so many rounds, and the host."""
+    """Poll the unit for a number of rounds, as a host does; return the values and the host."""
     host, got, end = Master(frame), {}, time.monotonic() + within
     while host.counters.frames < rounds * len(frame.polls) and time.monotonic() < end:
         if asked := host.due(time.monotonic()):
