@@ -3,7 +3,12 @@
 
 import contextlib
 import math
+import os
+import pty
+import select
+import threading
 import time
+import tty
 
 from example_live import recorder
 from example_surveys import START, S, surveys
@@ -169,3 +174,36 @@ async def certified(folder, name):
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
     await setup_self_signed_certificate(key, certificate, f"urn:test:{name}", "localhost", uses, {"commonName": name})
     return certificate, key
+
+
+@contextlib.contextmanager
+def pseudo_terminal():
+    """A serial line: a descriptor of one end, and the name of the device at the other end."""
+    far, near = pty.openpty()
+    try:
+        tty.setraw(far)
+        tty.setraw(near)
+        yield far, os.ttyname(near)
+    finally:
+        os.close(far)
+        os.close(near)
+
+
+@contextlib.contextmanager
+def extended(line):
+    """A device for a program that needs a name: bytes are carried between it and the descriptor of a line."""
+    ended = threading.Event()
+    with pseudo_terminal() as (far, device):
+
+        def carry():
+            while not ended.is_set():
+                for end in select.select([line, far], [], [], 0.05)[0]:
+                    os.write(far if end == line else line, os.read(end, 4096))
+
+        wire = threading.Thread(target=carry)
+        wire.start()
+        try:
+            yield device
+        finally:
+            ended.set()
+            wire.join()

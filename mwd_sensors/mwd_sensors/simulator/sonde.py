@@ -265,26 +265,7 @@ class Sonde:
         out["imu/temperature"] = (self._temperature(stamps[whole], celsius[whole]), t[whole])
         for topic, link in self._links.items():
             out[topic] = faults.carry(link, *faults.spoil(self.faults, topic, *out[topic]))
-        truth = wire.TRUTH.empty(self._outputs)
-        truth["stamp_ns"] = stamps
-        truth["orientation"] = frames.orientation_et(mat_nt)
-        truth["angular_velocity"] = inputs.rate_t[at]
-        truth["specific_force"] = inputs.f_t[0][at]
-        truth["gravity"] = mat_nt[:, 2, :]
-        truth["position"], truth["velocity"] = position, inputs.velocity_n[at]
-        truth["magnetic_field"], truth["interference"] = earth_t, disturbing_t
-        truth["gyro_bias"], truth["accel_bias"] = self.ahrs.gyro_bias, self.ahrs.accel_bias
-        if self.precision is not None:
-            truth["precision_gyro_bias"] = self.precision.gyro_bias
-            truth["precision_accel_bias"] = self.precision.accel_bias
-        truth["inclination"], truth["azimuth"], truth["gravity_toolface"] = frames.hole_angles(mat_nt)
-        truth["measured_depth"], truth["temperature"] = md, celsius
-        activity = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
-        drive = inputs.drive[at]
-        if self.string is not None:
-            turning = np.where(np.abs(drive[:, 0]) > _TURNING, ROTATING, SLIDING)
-            activity = np.where((activity == SLIDING) | (activity == ROTATING), turning, activity)
-        truth["activity"] = activity
+        truth = self._truth(inputs, at, t, stamps, celsius, earth_t, disturbing_t)
         out["truth"] = (truth, t)
         if self.gamma is not None:
             bit = md + self.scenario.well.sensor_to_bit_m
@@ -295,8 +276,41 @@ class Sonde:
             status = self.battery.samples(t[whole], stamps[whole], celsius[whole], pumping)
             out[wire.STATUS_TOPIC] = (status, t[whole])
         gauge = index % (rate // scenario.rig_hz) == 0
-        out["rig/state"] = (self._rig(index[gauge], t[gauge], drive[gauge]), t[gauge])
+        out["rig/state"] = (self._rig(index[gauge], t[gauge], inputs.drive[at][gauge]), t[gauge])
         return out
+
+    def _truth(
+        self,
+        inputs: TrueInputs,
+        at: Stamps,
+        t: Array,
+        stamps: Stamps,
+        celsius: Array,
+        earth_t: Array,
+        disturbing_t: Array,
+    ) -> Samples:
+        """Return the true values of one step, at the rows `at` of the kinematics and the times `t`, s."""
+        mat_nt = inputs.mat_nt[at]
+        truth = wire.TRUTH.empty(self._outputs)
+        truth["stamp_ns"] = stamps
+        truth["orientation"] = frames.orientation_et(mat_nt)
+        truth["angular_velocity"] = inputs.rate_t[at]
+        truth["specific_force"] = inputs.f_t[0][at]
+        truth["gravity"] = mat_nt[:, 2, :]
+        truth["position"], truth["velocity"] = inputs.position_n[at], inputs.velocity_n[at]
+        truth["magnetic_field"], truth["interference"] = earth_t, disturbing_t
+        truth["gyro_bias"], truth["accel_bias"] = self.ahrs.gyro_bias, self.ahrs.accel_bias
+        if self.precision is not None:
+            truth["precision_gyro_bias"] = self.precision.gyro_bias
+            truth["precision_accel_bias"] = self.precision.accel_bias
+        truth["inclination"], truth["azimuth"], truth["gravity_toolface"] = frames.hole_angles(mat_nt)
+        truth["measured_depth"], truth["temperature"] = inputs.md[at], celsius
+        activity = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
+        if self.string is not None:
+            turning = np.where(np.abs(inputs.drive[at][:, 0]) > _TURNING, ROTATING, SLIDING)
+            activity = np.where((activity == SLIDING) | (activity == ROTATING), turning, activity)
+        truth["activity"] = activity
+        return truth
 
     def _next_inputs(self) -> TrueInputs:
         """Return the kinematics of one step with the margins that the low-passes need on both sides."""

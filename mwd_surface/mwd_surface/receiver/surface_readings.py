@@ -53,8 +53,8 @@ def read(path: Path) -> SurfaceReadings:
     missing = [name for name in (*_POINT, *(() if vectors else (_STRENGTH,))) if name not in have]
     if missing:
         raise ValueError(
-            f"{path}: there is no column {', '.join(missing)}; needed are north_m, east_m and strength_nt, or"
-            f" {', '.join(_FIELD)}"
+            f"{path}: the table has no column {', '.join(missing)}; it must have north_m, east_m, and either"
+            f" strength_nt or {', '.join(_FIELD)}"
         )
     count = len(have[_POINT[0]])
     down = _numbers(path, have, "down_m") if "down_m" in have else np.zeros(count)

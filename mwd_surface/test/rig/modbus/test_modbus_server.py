@@ -14,11 +14,10 @@ import struct
 import subprocess
 import sys
 import threading
-import tty
 from pathlib import Path
 
 import pytest
-from example_rig import eventually, started, values
+from example_rig import eventually, extended, pseudo_terminal, started, values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -278,18 +277,12 @@ def test_modbus_serial_of_node_reads_the_same():
 @contextlib.contextmanager
 def on_a_line(on_rig_state=None, **changes):
     """The serial server with its first values, and a descriptor of the line's other end."""
-    theirs, ours = pty.openpty()
-    tty.setraw(theirs)
-    tty.setraw(ours)
-    line = ModbusSerialSettings(device=os.ttyname(ours))
-    try:
-        with started(ModbusSerial(line, ModbusSettings(**changes), on_rig_state)) as s:
+    with pseudo_terminal() as (theirs, device):
+        serial = ModbusSerial(ModbusSerialSettings(device=device), ModbusSettings(**changes), on_rig_state)
+        with started(serial) as s:
             s.publish(values())
             eventually(lambda: rtu(theirs, 4, 3, 1)[2:] == b"\x00\x0c")
             yield s, theirs
-    finally:
-        os.close(theirs)
-        os.close(ours)
 
 
 def crc(frame):
@@ -360,44 +353,7 @@ def test_mbpoll_reads_the_same_over_a_line():
     mbpoll = shutil.which("mbpoll")
     if mbpoll is None:
         pytest.skip("mbpoll is not installed: apt install mbpoll")
-    with on_a_line() as (_, line):
-        far, near = pty.openpty()
-        tty.setraw(far)
-        tty.setraw(near)
-        ended = threading.Event()
-
-        def carry():
-            while not ended.is_set():
-                for end in select.select([line, far], [], [], 0.05)[0]:
-                    os.write(far if end == line else line, os.read(end, 4096))
-
-        wire = threading.Thread(target=carry)
-        wire.start()
-        words = [
-            "-m",
-            "rtu",
-            "-b",
-            "19200",
-            "-P",
-            "none",
-            "-a",
-            "1",
-            "-t",
-            "3:float",
-            "-B",
-            "-r",
-            "11",
-            "-c",
-            "2",
-            "-1",
-        ]
-        try:
-            done = subprocess.run(
-                [mbpoll, *words, os.ttyname(near)], capture_output=True, text=True, timeout=20, check=False
-            )
-        finally:
-            ended.set()
-            wire.join()
-            os.close(far)
-            os.close(near)
-        assert "[11]: \t40\n" in done.stdout, done.stdout + done.stderr
+    words = ["-m", "rtu", "-b", "19200", "-P", "none", "-a", "1", "-t", "3:float", "-B", "-r", "11", "-c", "2", "-1"]
+    with on_a_line() as (_, line), extended(line) as device:
+        done = subprocess.run([mbpoll, *words, device], capture_output=True, text=True, timeout=20, check=False)
+    assert "[11]: \t40\n" in done.stdout, done.stdout + done.stderr

@@ -6,12 +6,10 @@ import math
 import os
 import pty
 import select
-import threading
 import time
-import tty
 
 import pytest
-from example_rig import eventually, started, values
+from example_rig import eventually, extended, pseudo_terminal, started, values
 from pymodbus.client import ModbusSerialClient
 
 from mwd_sensors.drivers import polled_line
@@ -36,16 +34,9 @@ polls:
 @contextlib.contextmanager
 def on_a_line(**settings):
     """The unit with its first values, and a descriptor of the line's other end."""
-    theirs, ours = pty.openpty()
-    tty.setraw(theirs)
-    tty.setraw(ours)
-    try:
-        with started(PolledUnit(PolledSettings(device=os.ttyname(ours), **settings))) as unit:
-            unit.publish(values())
-            yield unit, theirs
-    finally:
-        os.close(theirs)
-        os.close(ours)
+    with pseudo_terminal() as (theirs, device), started(PolledUnit(PolledSettings(device=device, **settings))) as unit:
+        unit.publish(values())
+        yield unit, theirs
 
 
 def polled(line, frame, rounds=1, within=10.0):
@@ -92,30 +83,12 @@ def test_a_frame_of_another_maker_is_served_from_its_file_with_a_dip(tmp_path):
 
 
 def test_a_modbus_master_of_others_making_reads_the_usual_registers():
-    with on_a_line() as (_, line):
-        far, near = pty.openpty()
-        tty.setraw(far)
-        tty.setraw(near)
-        ended = threading.Event()
-
-        def carry():
-            while not ended.is_set():
-                for end in select.select([line, far], [], [], 0.05)[0]:
-                    os.write(far if end == line else line, os.read(end, 4096))
-
-        wire = threading.Thread(target=carry)
-        wire.start()
-        client = ModbusSerialClient(os.ttyname(near), baudrate=9600, timeout=5)
-        try:
+    with on_a_line() as (_, line), extended(line) as device:
+        client = ModbusSerialClient(device, baudrate=9600, timeout=5)
+        with contextlib.closing(client):
             assert client.connect()
             answer = client.read_input_registers(0, count=3, device_id=1)
             refused = client.read_input_registers(10, count=3, device_id=1)
-        finally:
-            client.close()
-            ended.set()
-            wire.join()
-            os.close(far)
-            os.close(near)
     expected = values().values
     names = ("inclination", "azimuth", "gravity_toolface")
     assert answer.registers == [round(100.0 * math.degrees(expected[name].value)) for name in names]

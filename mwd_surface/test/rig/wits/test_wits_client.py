@@ -3,13 +3,11 @@
 
 import contextlib
 import os
-import pty
 import socket
 import sys
-import tty
 
 import pytest
-from example_rig import eventually, started, values
+from example_rig import eventually, pseudo_terminal, started, values
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -95,12 +93,10 @@ def test_a_recorder_that_is_not_there_is_reported_and_it_goes_on_trying():
 
 
 def test_a_serial_line_carries_the_same_both_ways():
-    ours, theirs = pty.openpty()
-    tty.setraw(ours)
     taken = []
     talk = Wits0Settings(rig=RigInputSettings(accept=True))
-    settings = Wits0SerialSettings(device=os.ttyname(theirs), backoff=FAST)
-    try:
+    with pseudo_terminal() as (ours, device):
+        settings = Wits0SerialSettings(device=device, backoff=FAST)
         with started(Wits0Serial(settings, talk, taken.append)) as line:
             line.publish(values())
             frames = frames_until(lambda: os.read(ours, 4096), 717)
@@ -110,9 +106,6 @@ def test_a_serial_line_carries_the_same_both_ways():
             eventually(lambda: taken)
             assert float(taken[0]["pressure"][0]) == 1.5e7
             assert line.status().state == "connected"
-    finally:
-        os.close(ours)
-        os.close(theirs)
 
 
 def test_a_serial_device_that_is_not_there_is_reported_and_tried_again():
