@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core import chi_square
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic.interference_state import (
@@ -44,7 +45,7 @@ _MAX_STEP = 7200.0
 # Time for which an error of the second-order term of H repeats, s.
 _BEND_TIME = 3600.0
 # Chi-square with one degree of freedom above which an external azimuth disagrees (probability of one in a thousand).
-_AZIMUTH_GATE = 10.83
+_AZIMUTH_GATE = chi_square.limit(0.001, 1)
 
 
 def initial(

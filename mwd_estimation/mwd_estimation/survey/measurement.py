@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core import chi_square, magnetic_geometry
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
@@ -45,7 +45,7 @@ _PLAUSIBLE = 3e-6
 # not fit: chi-square of one degree of freedom exceeded by chance once in 1000.
 _LEAST_CERTAIN = math.radians(3.0)
 NEAR_VERTICAL = math.radians(1.0)
-_MISFIT = 10.83
+_MISFIT = chi_square.limit(0.001, 1)
 
 
 @dataclass(frozen=True)

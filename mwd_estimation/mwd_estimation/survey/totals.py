@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core import chi_square, magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
@@ -25,7 +25,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 
 # Chi-square of three degrees of freedom exceeded by chance once in 100 and once in 1000.
-_CHI3_DOUBTFUL, _CHI3_REJECT = 11.34, 16.27
+_CHI3_DOUBTFUL, _CHI3_REJECT = chi_square.limit(0.01, 3), chi_square.limit(0.001, 3)
 # Chi-square that a slip in the reference must explain: odds of 3e5, against one reference in a thousand with a slip.
 _SLIP = 25.0
 # Beyond these many sigma of the tool code a station is doubtful, rejected; beyond so many fixed limits rejected.
