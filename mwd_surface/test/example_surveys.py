@@ -2,6 +2,7 @@
 """A well of a dozen surveys with everything an export must print: two judgements, a rejection, corrections, a bit."""
 
 import dataclasses
+import functools
 import math
 
 from mwd_estimation.core.north import North
@@ -80,6 +81,7 @@ def survey(k, inc_deg, azi_deg, **changes):
     return Survey(**{**values, **changes})
 
 
+@functools.cache
 def surveys(well=WELL, tie_on=VERTICAL):
     """Surveys every 30 m from 300 m: a build to 40 deg at azimuth 75 to 79 (grid); one bad, one by hand."""
     whole = SurveyList(well=well, legs=(Leg(tie_on=tie_on),), tool="T-0042")
