@@ -35,29 +35,44 @@ class DepthRules:
 
     fastest: float = setting(
         5.0,
-        "fastest plausible speed of the string; a faster change of depth is rejected until it is confirmed",
+        "Fastest plausible speed of the string. A faster change of depth is rejected until further readings "
+        "confirm it.",
         unit="m/s",
         low=0.1,
     )
-    slack: float = setting(2.0, "change of depth that is always plausible, however short the time", unit="m", low=0.0)
+    slack: float = setting(
+        2.0,
+        "Change of depth that is always plausible, however short the time. Raise it for a depth that is sent in "
+        "coarse steps.",
+        unit="m",
+        low=0.0,
+    )
     confirm: int = setting(
-        3, "consecutive consistent readings that confirm a jump of depth; raising it delays true corrections", low=1
+        3,
+        "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
+        low=1,
     )
     bridge: float = setting(
         60.0,
-        "longest gap of rig data over which the depth is interpolated; a longer one leaves surveys without depth",
+        "Longest gap of rig data over which the depth is interpolated. A survey in a longer gap gets no depth; "
+        "raising it accepts less certain depths.",
         unit="s",
         low=0.1,
     )
-    deepest: float = setting(DEEPEST, "depth above which a reading is rejected", unit="m", low=1.0)
+    deepest: float = setting(DEEPEST, "Depth above which a reading is rejected.", unit="m", low=1.0)
     clock_limit: float = setting(
         20.0,
-        "difference of the clocks of rig and sonde, by the order in which their data arrive, above which no depth is "
-        "paired. Raise it for rig data that arrive later than this",
+        "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
+        "Above it surveys get no depth from the rig. Raise it for rig data that arrive later than this.",
         unit="s",
         low=1.0,
     )
-    history: int = setting(36000, "depth readings kept in memory; at 1 Hz 36000 are ten hours", low=10)
+    history: int = setting(
+        36000,
+        "Number of depth readings kept in memory; 36000 readings at 1 Hz are ten hours. Raising it gives a depth "
+        "to surveys that arrive later, and costs memory.",
+        low=10,
+    )
 
 
 @dataclasses.dataclass(frozen=True)
