@@ -67,13 +67,14 @@ def _sent():
     return {"imu": imu, "mag": mag, "precision": fine, "temperature": heat}
 
 
-def _with(channel, axis, places, value):
-    stream, field, axes, _ = CHANNELS[channel]
-    streams = dict(_sent())
-    spoilt = streams[stream] = streams[stream].copy()
-    # Temperatures come a hundred times slower.
-    rows = np.unique(np.asarray(places) // 100) if axes == 1 else np.asarray(places)
-    spoilt[field].reshape(len(spoilt), axes)[rows, axis % axes] = value
+def _with(*edits):
+    """The streams with values put in; each edit is a channel, an axis, the places and the value."""
+    streams = {name: samples.copy() for name, samples in _sent().items()}
+    for channel, axis, places, value in edits:
+        stream, field, axes, _ = CHANNELS[channel]
+        # Temperatures come a hundred times slower.
+        rows = np.unique(np.asarray(places) // 100) if axes == 1 else np.asarray(places)
+        streams[stream][field].reshape(len(streams[stream]), axes)[rows, axis % axes] = value
     return streams
 
 
@@ -101,8 +102,15 @@ def _output(streams, given=SETTINGS, cuts=(1300,), north=True, mount=None):
     return rows, re.sub(r"0x[0-9a-f]+", "", repr((events, rest))), pipeline, output
 
 
-def _assert_same(streams, others, **how):
-    mine, theirs = _output(streams, **how), _output(others, **how)
+@functools.cache
+def _clean():
+    return _output(_sent())[3]
+
+
+def _assert_same_as(replaced, *edits, **how):
+    """Assert that the values of the edits have the same effect as another value at their places, bit for bit."""
+    mine = _output(_with(*edits), **how)
+    theirs = _output(_with(*((*where, replaced) for *where, _ in edits)), **how)
     assert mine[1] == theirs[1]
     assert mine[0] == theirs[0]
 
@@ -117,55 +125,69 @@ def beyond(limit):
     return st.builds(math.copysign, size, st.sampled_from([1.0, -1.0]))
 
 
-@pytest.mark.slow(30)
+@pytest.mark.slow(20)
 @pytest.mark.fault_case(3)
-@pytest.mark.parametrize("channel", CHANNELS)
 @settings(max_examples=8)
 @given(data=st.data())
-def test_any_double_beyond_the_gate_in_one_sample_has_the_effect_of_a_missing_value(channel, data):
-    value = data.draw(beyond(CHANNELS[channel][3]))
-    places = [data.draw(st.integers(20, round(SECONDS * 100) - 20))]
-    axis = data.draw(st.integers(0, 2))
-    _assert_same(_with(channel, axis, places, value), _with(channel, axis, places, math.nan))
+def test_any_double_beyond_the_gate_in_one_sample_has_the_effect_of_a_missing_value(data):
+    """In every channel at once, each at a place of its own."""
+    edits = []
+    for channel, (*_, limit) in CHANNELS.items():
+        places = [data.draw(st.integers(20, round(SECONDS * 100) - 20))]
+        edits.append((channel, data.draw(st.integers(0, 2)), places, data.draw(beyond(limit))))
+    _assert_same_as(math.nan, *edits)
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(3)
+@pytest.mark.parametrize(("value", "length"), [(1e9, 2), (-1e150, 37)])
+def test_bursts_beyond_the_gate_have_the_effect_of_missing_values(value, length):
+    starts = range(700, 4000, 550)
+    _assert_same_as(
+        math.nan, *((name, 1, range(at, at + length), value) for name, at in zip(CHANNELS, starts, strict=True))
+    )
+
+
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("channel", CHANNELS)
-@pytest.mark.parametrize(("value", "length"), [(1e9, 2), (-1e150, 37), (1.7e308, 4400)])
-def test_bursts_and_whole_channels_beyond_the_gate_have_the_effect_of_missing_values(channel, value, length):
-    places = np.arange(700, min(700 + length, round(SECONDS * 100)))
-    _assert_same(_with(channel, 1, places, value), _with(channel, 1, places, math.nan))
+def test_a_whole_channel_beyond_the_gate_has_the_effect_of_missing_values(channel):
+    _assert_same_as(math.nan, (channel, 1, range(700, round(SECONDS * 100)), 1.7e308))
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow(3)
 @pytest.mark.parametrize("method", methods.METHODS)
-@pytest.mark.parametrize("channel", ["gyro", "accelerometer"])
-def test_every_gravity_method_takes_an_absurd_value_for_a_missing_one(method, channel):
-    chosen = changed(SETTINGS, {"gravity.method": method})
-    for place, value in ((400, 1000.0), (1500, -1e150)):
-        _assert_same(_with(channel, 1, [place], value), _with(channel, 1, [place], math.nan), given=chosen)
+def test_every_gravity_method_takes_an_absurd_value_for_a_missing_one(method):
+    values = ((1000.0, 400), (-1e150, 1500))
+    edits = [("gyro", 1, [place], value) for value, place in values]
+    edits += [("accelerometer", 1, [place + 250], value) for value, place in values]
+    _assert_same_as(math.nan, *edits, given=changed(SETTINGS, {"gravity.method": method}))
 
 
-@pytest.mark.slow(5)
-@pytest.mark.parametrize("channel", ["gyro", "accelerometer", "magnetometer", "precision gyro"])
-def test_the_gate_stands_before_a_mount_that_turns_the_axes(channel):
+@pytest.mark.slow(2)
+def test_the_gate_stands_before_a_mount_that_turns_the_axes():
     # Turned by 45 deg a value just beyond the range would be two within it.
     half = math.sqrt(0.5)
     askew = changed(SETTINGS, {"tool.mount.imu": f"1, 0, 0, 0, {half}, {-half}, 0, {half}, {half}"})
-    value = math.nextafter(CHANNELS[channel][3], math.inf)
-    _assert_same(_with(channel, 1, [500], value), _with(channel, 1, [500], math.nan), given=askew)
+    channels = ["gyro", "accelerometer", "magnetometer", "precision gyro"]
+    edits = [(name, 1, [500 + 250 * k], math.nextafter(CHANNELS[name][3], math.inf)) for k, name in enumerate(channels)]
+    _assert_same_as(math.nan, *edits, given=askew)
 
 
-@pytest.mark.slow(10)
-@settings(max_examples=12)
+@pytest.mark.slow(4)
+@settings(max_examples=4)
 @given(
-    channel=st.sampled_from(sorted(CHANNELS)),
-    axis=st.integers(0, 2),
-    place=st.integers(20, round(SECONDS * 100) - 20),
-    value=st.sampled_from([0.0, 5e-324, -2e-308, 1e-200, 1e-9]),
+    edits=st.lists(
+        st.tuples(
+            st.sampled_from(sorted(CHANNELS)),
+            st.integers(0, 2),
+            st.integers(20, round(SECONDS * 100) - 20).map(lambda place: [place]),
+            st.sampled_from([0.0, 5e-324, -2e-308, 1e-200, 1e-9]),
+        ),
+        min_size=3,
+        max_size=6,
+    )
 )
-def test_tiny_values_are_readings_that_break_nothing(channel, axis, place, value):
-    rows, _, _, output = _output(_with(channel, axis, [place], value))
+def test_tiny_values_are_readings_that_break_nothing(edits):
+    rows, _, _, output = _output(_with(*edits))
     for name in ("attitude", "gravity", "interference", "dynamics"):
         samples = getattr(output, name)
         assert not any(np.isinf(samples[field]).any() for field in samples.dtype.names)
@@ -174,7 +196,7 @@ def test_tiny_values_are_readings_that_break_nothing(channel, axis, place, value
 
 @pytest.mark.slow(20)
 @pytest.mark.fault_case(3)
-@settings(max_examples=12, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=8, phases=[Phase.explicit, Phase.generate])
 @given(
     channel=st.sampled_from(["gyro", "precision gyro"]),
     axis=st.integers(0, 2),
@@ -185,7 +207,7 @@ def test_tiny_values_are_readings_that_break_nothing(channel, axis, place, value
 @example("gyro", 2, 346, -0.97)
 def test_one_wrong_rate_within_the_range_has_the_effect_of_a_missing_value(channel, axis, place, share):
     value = share * (35.0 if channel == "gyro" else 3.4)
-    given_, missing = (_output(_with(channel, axis, [place], what))[3] for what in (value, math.nan))
+    given_, missing = (_output(_with((channel, axis, [place], what)))[3] for what in (value, math.nan))
     # The health judges the sample as it came, and the usual change remembers it: the angles hardly show it.
     for field in ("inclination", "azimuth", "gravity_toolface"):
         sigma = missing.attitude[f"sigma_{field}"]
@@ -200,9 +222,9 @@ def test_one_wrong_rate_within_the_range_has_the_effect_of_a_missing_value(chann
 @pytest.mark.parametrize("length", [2, 3, 4])
 @pytest.mark.parametrize("place", [500, 1500])
 def test_some_wrong_rates_in_a_row_leave_the_angles_within_their_sigma(length, place):
-    _, _, _, clean = _output(_sent())
+    clean = _clean()
     for axis, value in ((1, 5.0), (2, -20.0)):
-        _, _, _, spoilt = _output(_with("gyro", axis, range(place, place + length), value))
+        _, _, _, spoilt = _output(_with(("gyro", axis, range(place, place + length), value)))
         for field in ("inclination", "azimuth"):
             sigma = spoilt.attitude[f"sigma_{field}"]
             error = np.abs(wrap_pi(spoilt.attitude[field] - clean.attitude[field]))
@@ -226,11 +248,9 @@ def test_uneven_stamps_widen_the_toolface_of_a_turning_string_by_what_it_turns_m
     assert np.median(sigma) < 6.0 * 6.0 * jitter_s + 0.002
 
 
-@pytest.mark.slow(10)
-@pytest.mark.parametrize("channel", CHANNELS)
-def test_the_sign_of_zero_says_nothing(channel):
-    for place in (500, 1500):
-        _assert_same(_with(channel, 1, [place], -0.0), _with(channel, 1, [place], 0.0))
+@pytest.mark.slow(2)
+def test_the_sign_of_zero_says_nothing():
+    _assert_same_as(0.0, *((channel, 1, [500 + 100 * k, 1500 + 100 * k], -0.0) for k, channel in enumerate(CHANNELS)))
 
 
 @pytest.mark.slow(6)
@@ -238,9 +258,9 @@ def test_the_sign_of_zero_says_nothing(channel):
 @pytest.mark.parametrize("share", [1.0, 0.999 * MARGIN])
 def test_between_its_range_and_the_gate_a_gyro_is_taken_for_clipped(axis, share):
     value = share * math.radians(2000.0)
-    _, _, _, clean = _output(_sent())
+    clean = _clean()
     for place in (500, 1500):
-        _, _, _, spoilt = _output(_with("gyro", axis, [place], value))
+        _, _, _, spoilt = _output(_with(("gyro", axis, [place], value)))
         rows = spoilt.attitude
         # Alone among slow rates it is missing, as any other wrong sample.
         assert rows["status"][place] & (Status.CLIPPED | Status.REJECTED)
