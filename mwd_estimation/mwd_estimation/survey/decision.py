@@ -47,7 +47,7 @@ _REVISABLE = 1000
 
 class _Published(NamedTuple):
     """
-    What left the estimator, and what the station above had to say about its azimuth.
+    Published survey, and its azimuth as known from the station above.
 
     known : azimuth, 1 sigma, rad, and variance in common, rad^2, as of `Finding.continued`; None: it had no say.
     above : number of the survey that this came from; 0: none.
@@ -88,9 +88,10 @@ class Provisional:
     @property
     def accepted_azimuth(self) -> StationAzimuth:
         """
-        What the gyros propagate from here; nan where the azimuth was not accepted.
+        Azimuth from which the gyros propagate; NaN if the azimuth was not accepted.
 
-        Sigma is the tool axis' own, without how the tool lies in the hole: that is what the gyros propagate.
+        Its sigma is that of the tool axis, without the misalignment of the tool in the hole, because the gyros
+        propagate the tool axis.
         """
         station, survey = self.survey.station, self.survey
         if not self.sound or survey.kind != STATIC or station.verdicts.azimuth != ACCEPT:
@@ -228,7 +229,7 @@ class SurveyDecision:
         return survey
 
     def _keep(self, published: _Published) -> None:
-        """Keep what left the estimator, of so many surveys as may be revised."""
+        """Keep the published survey, for as many surveys as may be revised."""
         self._published[published.survey.sequence] = published
         while len(self._published) > _REVISABLE:
             del self._published[next(iter(self._published))]
@@ -293,7 +294,7 @@ def _by_gyro(gyro: Solution | None, station: Station, azimuths: tuple[MethodAzim
 
 
 def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[float, float, float] | None:
-    """What the station above and the gyros since say of an azimuth, as of `Finding.continued`; None: nothing."""
+    """Return the azimuth propagated from the station above, as in `Finding.continued`; None if there is none."""
     azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
     if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
         return None

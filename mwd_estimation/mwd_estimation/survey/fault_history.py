@@ -38,7 +38,7 @@ _EVIDENCE_NS, _KEPT_NS = 3_000_000_000, 3_600_000_000_000
 
 
 class Accusation(NamedTuple):
-    """What speaks against the sensors that a survey rests on."""
+    """Evidence against the sensors that a survey uses."""
 
     verdict: str  #: DOUBTFUL or REJECT
     reasons: tuple[Reason, ...]
@@ -80,7 +80,7 @@ class FaultHistory:
         """
         Whether a fault was named that has fed wrong values of gravity, field or rate to the azimuth up to now.
 
-        fed_ns : stamp from which on the field was taken in.
+        fed_ns : stamp from which the field was used.
         """
         return any(
             not one.cleared_ns
@@ -98,7 +98,7 @@ class FaultHistory:
         return first - fault.since_ns < _IN_TIME_NS and last >= fault.since_ns
 
     def readable(self, still: StillAverage) -> StillAverage:
-        """The average without the magnetometer where that was faulty in its time: it is no reading."""
+        """Return the average without the magnetometer if the magnetometer was faulty at that time."""
         faulty = any(one.unusable & MAG for one in self._lately(still.start_ns))
         return dataclasses.replace(still, mag=None) if faulty else still
 
@@ -116,7 +116,7 @@ class FaultHistory:
 
     def against(self, survey: DecidedSurvey, evidence_ns: int = _EVIDENCE_NS) -> Accusation | None:
         """
-        What is known so far to speak against the sensors that a survey rests on; None: nothing.
+        Return the evidence so far against the sensors that a survey uses; None if there is none.
 
         evidence_ns: time after its end in which a doubt that begins has a say.
         """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a run says of one station: its azimuth as a density, what may disturb it, and what a gyro has to do with both.
+Result of a run for one station: density of the azimuth, probable disturbances, and the influence of the gyro on both.
 
 An azimuth known from the station above is weighed here, after the run: it never enters what the run learns.
 """
@@ -97,7 +97,7 @@ class Finding:
         density = self.density
         if self.of_gyro is not None:
             if not self.gyro_agreed:
-                # The station above may lie in the same field: it is no judge between this gyro and the magnetometer.
+                # The station above may lie in the same field, so it cannot decide between gyro and magnetometer.
                 return self
             density = self.of_gyro.weighed(self.angles, _known(self.angles, azimuth, sigma))
         density = density * _known(self.angles, azimuth, math.hypot(_CONTINUITY, sigma))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one station's six averaged axes say by themselves: angles, totals, and azimuths of single methods."""
+"""Quantities of one station from its six averaged axes alone: angles, totals, and azimuths of single methods."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from mwd_sensors.core.frames import (
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
 _LEVEL = 1e-6
-# Less is no reading, T, m/s^2.
+# Smallest field, T, and specific force, m/s^2, that count as a reading.
 _NO_FIELD = 1e-12
 _NO_GRAVITY = 1e-3
 # Where there is no horizontal field any field serves for the slopes of inclination and toolface, T.

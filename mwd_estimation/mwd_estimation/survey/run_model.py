@@ -58,19 +58,20 @@ class _Last(NamedTuple):
 
 class Taken(NamedTuple):
     """
-    A station as a run takes it in.
+    Input of a run for one station.
 
-    Readings, when, h from anywhere (nan: not known), north by a gyro, and what the string showed while it turned.
+    Readings with their time in hours from any origin (NaN if unknown), the gyro azimuth, and the estimates of the last
+    rotation of the string.
     """
 
     measured: Measured
     hours: float = math.nan
     gyro: Solution | None = None
     turning: Turning | None = None
-    #: Cumulative hazard of another string up to here (`hypotheses.hazard`), which makes stations in any order known to
-    #: each other; nan: the station follows the last one taken.
+    #: Cumulative hazard of another string up to here (`hypotheses.hazard`), so that stations may be added in
+    #: any order; NaN: the station follows the last one added.
     hazard: float = math.nan
-    #: Time since the first seek of the run's gyro, h; nan: the station follows the last one taken.
+    #: Time since the first seek of the run's gyro, h; NaN: the station follows the last one added.
     age: float = math.nan
 
 

@@ -113,7 +113,7 @@ class StillSurvey:
 
     @property
     def waited_s(self) -> float:
-        """How long a survey that has averaged enough has waited for something, s."""
+        """Time, s, for which a survey has waited after it had averaged enough samples."""
         return 0.0 if self.waits_for is None else (len(self._run) - self._needed()) * _BIN_S
 
     @property

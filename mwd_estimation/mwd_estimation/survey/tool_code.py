@@ -58,12 +58,12 @@ def check(code: str) -> None:
 
 
 def model(code: str) -> Any:
-    """What welleng takes for a code: its name, or the table of one that it has no entry for."""
+    """Return welleng's argument for a code: the name, or the table of a code that welleng does not have."""
     return _set_b().get(code, code)
 
 
 def folder() -> Path:
-    """Where welleng keeps the files of its codes, ``SET/CODE.json``."""
+    """Return the folder in which welleng keeps the files of its codes, ``SET/CODE.json``."""
     import welleng
 
     return Path(str(welleng.__file__)).parent / "errors" / "iscwsa_json"

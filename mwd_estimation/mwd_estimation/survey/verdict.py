@@ -3,8 +3,8 @@
 The verdict of a station, from top to bottom: posterior, sigma, limits, verdicts, the one headline reason.
 
 Each quantity has its own verdict. The inclination's follows from gravity; the azimuth's from its posterior: how
-probably it is far off, other azimuths that fit, and what most probably disturbs it. The totals beside their limits
-(`totals`) stand behind the reasons for people who read those. Nothing else changes a verdict.
+probably it is far off, other azimuths that fit, and what most probably disturbs it. For people who read totals, their
+values and limits (`totals`) follow the reasons. Nothing else changes a verdict.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _UNEXPLAINED = 21.1
 _HIGH_SIDE = math.radians(3.0)
 # A smaller correction of sag is not worth a word, rad.
 _LEAST_SAG = math.radians(0.005)
-# A smaller field, T, is no reading of the Earth's whatever disturbs it.
+# A smaller field, T, cannot be that of the Earth, whatever disturbs it.
 _NO_READING = 3e-6
 # A hypothesis with a smaller probability is not named.
 _NAMED = 0.02
@@ -83,7 +83,7 @@ def judged(
     # The posterior: azimuth and sigma of its chief mode.
     if finding is not None:
         station = _as_found(station, finding)
-    # The limits: totals beside what they may deviate.
+    # Totals with their limits of deviation.
     station = _against_limits(station, readings, settings)
     # The verdicts.
     level = _of_inclination(station, finding, settings)
@@ -199,7 +199,7 @@ def _of_slip(station: Station, readings: Readings) -> list[Reason]:
 
 
 def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
-    """How probably the azimuth is far off, and who contradicts it."""
+    """Judge the probability that the azimuth is far off, and name the sensors that contradict it."""
     far, quality, found = math.radians(settings.quality.far_deg), settings.quality, finding.circle
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
@@ -226,7 +226,7 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
 
 
 def _judge_field(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
-    """What disturbs the field."""
+    """Add the reasons to doubt or reject the azimuth because of the field."""
     if finding.misfit > _UNEXPLAINED:
         azimuth.add(REJECT, Reason(Code.FIELD_UNEXPLAINED, finding.misfit, _UNEXPLAINED))
     odds = finding.hypotheses
@@ -305,7 +305,7 @@ def _finished(
 
 
 def _of_external_field(reference: Reference | None) -> list[Reason]:
-    """What is to be said of the external field in a reference of which an observatory was asked."""
+    """Return the reasons that concern the external field, if the reference uses an observatory."""
     if reference is None or not reference.observatory:
         return []
     external, names = reference.external, (reference.observatory,)

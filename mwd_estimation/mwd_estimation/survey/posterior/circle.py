@@ -33,7 +33,7 @@ _ERFC = np.frompyfunc(math.erfc, 1, 1)
 
 @dataclasses.dataclass(frozen=True)
 class Circle:
-    """What a density says."""
+    """Summary of a density of the azimuth."""
 
     #: `mean`, `sigma`: of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half
     #: width.

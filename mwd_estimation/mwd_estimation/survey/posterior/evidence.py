@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What one station's readings say of every azimuth, under each filter of the run and each hypothesis of the station.
+Likelihood of one station's readings at every azimuth, for each filter of the run and each hypothesis of the station.
 
 The field's evidence is N(r - H m; 0, H P H' + R); the gyro's is that of its residual given the field's. A field turned
 about the vertical is that evidence smeared over the azimuth.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a magnetometer reads at an azimuth, and how each error that stations share changes that reading.
+Predict the reading of a magnetometer at an azimuth, and its change by each error that stations share.
 
 Gravity gives the direction down; for each azimuth A of the hole axis from true north the field that the tool should
 read then follows from the reference (the geometry is that of S0, eqs 12-21, written with unit vectors):
@@ -30,7 +30,7 @@ UT = 1e-6
 
 
 class SharedErrors(NamedTuple):
-    """Where the errors that stations share begin in the state; each group is x, y, z of the tool or as it says."""
+    """First index of each group of shared errors in the state; a group is x, y, z of the tool unless stated."""
 
     FIELD_BIAS: int = 0  #: of the magnetometers, and the string's field
     FIELD_SCALE: int = 3

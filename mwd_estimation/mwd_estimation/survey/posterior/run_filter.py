@@ -56,7 +56,7 @@ _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 
 @dataclasses.dataclass
 class State:
-    """What a run has shown so far."""
+    """Shared errors estimated from the run so far."""
 
     #: `mean`, `covariance`: shapes (k, 22) and (k, 22, 22); of the shared errors in nominal sigmas, for each filter.
     mean: Array
@@ -169,7 +169,7 @@ class RunFilter:
 
     def observe(self, H: Array, value: Array, covariance: Array) -> None:
         """
-        Take in what is measured of the shared errors beside the stations.
+        Update the shared errors with a measurement other than a station.
 
         H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
         """
