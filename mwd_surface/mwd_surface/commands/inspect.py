@@ -101,7 +101,7 @@ def inspect(
         ("settings", recorded.source or "none in the recording"),
     ]
     if links:
-        lines.append(("telemetry", f"{', '.join(links)}: `{decoding}` gives the words that came up"))
+        lines.append(("telemetry", f"{', '.join(links)}: `{decoding}` decodes the words that the surface received"))
     if others:
         lines.append(("not used", _not_used(others)))
     lines += [("missing", f"for {result}: {need}") for result, need in found.missing]

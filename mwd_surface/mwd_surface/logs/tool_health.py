@@ -411,7 +411,9 @@ class HealthLedger:
         if self._count is None:
             charge, scale = self._by_duty, item.current_sigma
             if self._flow is None:
-                assumed.append("neither the charge nor the flow is known: pumps on since the first sample")
+                assumed.append(
+                    "neither the charge nor the flow is known: the pumps are assumed to run since the first sample"
+                )
                 charge = _Charge(item)
                 charge.use(item.active_a * (0.0 if math.isnan(since_s) else since_s), since_s, temperature)
             silent = self._silence

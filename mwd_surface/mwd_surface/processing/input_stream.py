@@ -104,7 +104,7 @@ class SampleStream:
                 for name, count in self.repeated.items()
             ),
             *(
-                f"{name}: {_samples(count)} without a time, although others have one, and left out"
+                f"{name}: {_samples(count)} were left out because they have no time, which other samples have"
                 for name, count in self.undated.items()
             ),
         ]
