@@ -320,12 +320,12 @@ class _Rate:
         period = float(np.median(steps[steps < 1.5 * short]))
         periods = steps / period
         if np.abs(periods - np.round(periods)).mean() > _UNEVEN:
-            # Stamps this uneven do not show which are missing.
+            # With such uneven stamps, missing samples cannot be counted.
             return 0.0
         return 1.0 - len(steps) / float(np.round(periods).sum())
 
 
 def _steps(stamps: Iterable[int]) -> NDArray[np.int64]:
-    """Steps of stamps that advance, ns."""
+    """Return the steps between stamps that advance, ns."""
     steps: NDArray[np.int64] = np.diff(np.fromiter(stamps, dtype=np.int64)).astype(np.int64)
     return steps[steps > 0]

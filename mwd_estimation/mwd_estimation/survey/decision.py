@@ -168,7 +168,7 @@ class SurveyDecision:
         return Provisional(judged_by_faults, one, finding, self._run.shared(), against)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
-        """The survey, with what the azimuth propagated to it says of its own."""
+        """Return the survey, completed with the azimuth that was propagated to it."""
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
         had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
@@ -179,15 +179,15 @@ class SurveyDecision:
 
     def revisions(self) -> dict[int, DecidedSurvey]:
         """
-        Surveys of which the whole run says something else than was published.
+        Return the surveys whose result has changed since they were published.
 
-        That is another verdict, or an azimuth more than its sigma away. A fault of a sensor that stands now and was
-        there already when a survey was taken rejects it.
+        A result has changed if the verdict differs, or the azimuth by more than its sigma. A fault of a sensor that
+        lasts until now and began before a survey rejects the survey.
 
         Returns
         -------
         dict of int to Survey
-            By number. What was published stays; a revision is a proposal, unless it is withdrawn.
+            Revisions by survey number. The published survey remains; a revision is a proposal, unless it is withdrawn.
         """
         now = self.judging_again(len(self._taken))()
         return {number: survey for number, survey in now.items() if survey is not self._published[number].survey}
@@ -287,7 +287,7 @@ def _by_the_run(
 
 
 def _by_gyro(gyro: Solution | None, station: Station, azimuths: tuple[MethodAzimuth, ...]) -> tuple[MethodAzimuth, ...]:
-    """Azimuths by method with that of the gyro as it is now."""
+    """Return the azimuths by method, with the present azimuth of the gyro."""
     if gyro is None:
         return azimuths
     return tuple(gyro_azimuth(gyro, station) if row.method == AzimuthMethod.GYRO else row for row in azimuths)
@@ -303,7 +303,7 @@ def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[
 
 
 def _own_sigma(station: Station) -> float:
-    """1 sigma of the azimuth of the tool's axis itself, rad."""
+    """Return 1 sigma of the azimuth of the tool's axis itself, rad."""
     return math.sqrt(max(float(station.covariance[1, 1] - station.alignment[1, 1]), 1e-12))
 
 
@@ -320,7 +320,7 @@ def _measured(average: StillAverage, reference: Reference | None, settings: Stat
 
 
 def _weights(finding: Finding | None, gyro: Solution | None) -> dict[str, float]:
-    """Share of gyro and magnetometer in the azimuth."""
+    """Return the shares of gyro and magnetometer in the azimuth."""
     share = 0.0 if finding is None else finding.by_gyro
     weights: dict[str, float] = {} if gyro is None else {AzimuthMethod.GYRO: share}
     if finding is not None and share < 1.0:

@@ -45,7 +45,7 @@ class Accusation(NamedTuple):
     inclination: bool  #: whether it touches more than the azimuth
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
-        """The survey with that verdict or a graver one."""
+        """Return the survey with that verdict or a graver one."""
         station = with_faults(survey.station, self.verdict, self.reasons, inclination=self.inclination)
         return dataclasses.replace(survey, station=station)
 
@@ -107,9 +107,9 @@ class FaultHistory:
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
         """
-        The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it.
+        Return the survey, rejected if a sensor that it uses was faulty at its time, or doubtful if it was in doubt.
 
-        Doubts after its end have no say: whether they are known by now depends on how the samples were cut into blocks.
+        Doubts after its end do not count, because it depends on the cut into blocks whether they are known yet.
         """
         against = self.against(survey, 0)
         return survey if against is None else against.judge(survey)
@@ -179,7 +179,7 @@ def _rests_on(survey: DecidedSurvey) -> int:
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:
-    """Why a survey that began at this stamp, ns, is not to be used."""
+    """Return the reason to reject a survey that began at this stamp, ns."""
     if fault.cleared_ns:
         until = 1e-9 * (fault.cleared_ns - begin)
         return Reason(Code.SENSOR_FAULT_ENDED, until, fault=dataclasses.replace(fault, cleared_ns=0))

@@ -118,7 +118,7 @@ class MagneticFeedback:
 
 
 def _outside(station: Station) -> float:
-    """Probability of a field from outside the string at a station."""
+    """Return the probability of a field from outside the string at a station."""
     return dict(station.hypotheses).get(str(Hypothesis.EXTERNAL), 0.0)
 
 
@@ -130,7 +130,7 @@ def _open(station: Station) -> float:
 
 
 def _of_samples(mean: Array, covariance: Array, reference: Reference) -> tuple[Array, Array]:
-    """Shared errors as the states of the interference filter, T and plain: bias, scale, horizontal and down."""
+    """Convert the shared errors to states of the interference filter, T and plain: bias, scale, horizontal and down."""
     to = np.zeros((8, Shared.SIZE))
     for k in range(3):
         to[k, Shared.FIELD_BIAS + k] = UT

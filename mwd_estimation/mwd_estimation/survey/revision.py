@@ -62,7 +62,7 @@ def findings(
 
 
 def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
-    """Stations of a run, each with the last azimuth that its seek of the gyro found."""
+    """Return the stations of a run, each with the last azimuth that its seek of the gyro found."""
     last = {one.gyro.began_ns: one.gyro for one in taken if one.gyro is not None and one.gyro.answers}
     last.pop(None, None)
     return [one if one.gyro is None else one._replace(gyro=last.get(one.gyro.began_ns, one.gyro)) for one in taken]
@@ -103,7 +103,7 @@ def is_revised(first: Station, now: Station, least: float = MOVED) -> bool:
 
 
 def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
-    """Stations by seek of the gyro; without one, each by itself."""
+    """Return the stations grouped by seek of the gyro; a station without a seek is a group by itself."""
     groups: dict[tuple[str, int], dict[int, Taken]] = {}
     for k, one in taken.items():
         began_ns = None if one.gyro is None else one.gyro.began_ns

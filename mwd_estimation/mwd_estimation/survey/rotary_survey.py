@@ -129,7 +129,7 @@ class RotarySurvey:
 
 
 def _turned_back(vectors: Array, down: Array) -> Array:
-    """Vectors, shape (n, 3), in axes whose z is the high side of gravity's direction `down`, shape (n, 3)."""
+    """Return vectors, shape (n, 3), in axes whose z is the high side of gravity's direction `down`, shape (n, 3)."""
     across = np.maximum(np.hypot(down[:, 1], down[:, 2]), 1e-12)
     sine, cosine = -down[:, 1] / across, -down[:, 2] / across
     y, z = vectors[:, 1], vectors[:, 2]

@@ -57,7 +57,7 @@ def deviation_covariance(
     f_t: ArrayLike, b_t: ArrayLike, reference: Reference | None, covariance_s: ArrayLike, axial_sigma: float
 ) -> Array:
     """
-    Covariance of the totals against the reference, shape (3, 3): of (total gravity, total field, dip).
+    Return the covariance of the deviations of (total gravity, total field, dip) from the reference, shape (3, 3).
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def deviation_covariance(
 
 def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Derivatives of (total gravity, total field, dip) by (f_t, b_t).
+    Return the derivatives of (total gravity, total field, dip) by (f_t, b_t).
 
     f_t, b_t, shape (3,), m/s^2 and T, not parallel. Returns shape (3, 6).
     """
@@ -143,9 +143,9 @@ def deviations(
 
 def _by_standard(local: float, standard: float) -> float:
     """
-    Deviation from standard gravity where that is nearer than local gravity; none between the two.
+    Return the deviation from standard gravity if that is nearer than local gravity; 0 between the two.
 
-    What a tool called one g when it was calibrated may have been either, and then all its stations are off alike.
+    The tool may have been calibrated with local or with standard gravity; all its stations then have the same error.
     """
     if local * standard < 0.0:
         return 0.0
@@ -210,7 +210,7 @@ class Judgement:
 
 def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
     """
-    Deviation of gravity, field and dip beyond which a station is doubtful, shape (3,): m/s^2, T, rad; nan: not judged.
+    Return the limits of gravity, m/s^2, field, T, and dip, rad, of a good station, shape (3,); NaN: not judged.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
 
 def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
     """
-    Verdict of the totals alone.
+    Return the verdict of the totals alone.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
 
 
 def against_limits(deviations: Deviations, quality: QualitySettings) -> list[Reason]:
-    """Every deviation that is known, against its limit; those beyond it by themselves, the others in one reason."""
+    """Compare every known deviation with its limit; one reason for each above its limit, and one for all others."""
     values = deviations.values
     limit = bounds(deviations, quality)
     gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)

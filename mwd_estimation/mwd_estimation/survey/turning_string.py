@@ -76,7 +76,7 @@ class _Triad:
     rate2: float = 0.0
 
     def add(self, columns: Array, values: Array, rate: float) -> None:
-        """Fit a window that can be; columns (n, 12) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
+        """Fit a window if possible; columns (n, 12) as in `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
         if not _tells(columns):
             # At an even speed, or in few short slips, nothing shows a delay; at an even speed it does no harm.
             columns = columns[:, :_LATE]
@@ -166,7 +166,7 @@ class TurningString:
         self._mag.add(stamps, field)
 
     def close(self, index: int) -> None:
-        """Fit what came up to the end of a half second; all samples of its time are there."""
+        """Fit the samples up to the end of a half second; all samples of its time have arrived."""
         start, end = index * BIN_NS, (index + 1) * BIN_NS
         stamps, values = self._imu.between(start, end)
         mag_stamps, field = self._mag.between(start, end)
@@ -230,7 +230,7 @@ def _tells(columns: Array) -> bool:
 
 
 def _columns(roll: Array, middle: float, faster: Array) -> Array:
-    """Columns of the fit of a window, shape (n, 12); roll, rad, that in its middle, and rate over mean rate less 1."""
+    """Return the columns of a window's fit, (n, 12); roll, middle: rad; faster: rate over mean rate, minus 1."""
     cos, sin, drift = np.cos(roll), np.sin(roll), (roll - middle) / _TURNED
     half, more = 0.5 * roll, 1.5 * roll
     noise = np.cos(half), np.sin(half), np.cos(more), np.sin(more)

@@ -100,7 +100,7 @@ class SampleStream:
         return [
             *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
             *(
-                f"{name}: {_samples(count)} a second time, as from two publishers, and left out"
+                f"{name}: {_samples(count)} were left out because they came twice, as from two publishers"
                 for name, count in self.repeated.items()
             ),
             *(

@@ -165,6 +165,6 @@ def kept(hours: float) -> float:
 
 
 def external_weights(priors: Priors) -> Array:
-    """Prior probability of each of `EXTERNAL_UT`, and of `TURNED`."""
+    """Return the prior probability of each of `EXTERNAL_UT`, and of `TURNED`."""
     share = priors.external / (len(EXTERNAL_UT) - 1)
     return np.array([1.0 - priors.external - priors.turned, *[share] * (len(EXTERNAL_UT) - 1), priors.turned])
