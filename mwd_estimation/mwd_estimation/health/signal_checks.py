@@ -68,8 +68,8 @@ class SignalLimits(NamedTuple):
     steps: float = 10.0  #: spread of an axis, in its own least steps, above which its neighbour should vary as well
     varied_bins: int = 6  #: score of variation at rest (`Channel.varied`) from which a constant axis is suspicious
     missing: float = 0.06  #: share of values that are not finite
-    #: `clipped`, `saturated`: share of samples at the end of the range; shocks clip less than the first, a broken axis
-    #: more than the second.
+    #: `clipped`, `saturated`: share of samples at the end of the range. Shocks clip a smaller share than `clipped`, and
+    #: a broken axis a larger share than `saturated`.
     clipped: float = 0.2
     saturated: float = 0.9
     white: float = 1.4  #: mean squared step over variance: 2 for independent samples, much less for any motion

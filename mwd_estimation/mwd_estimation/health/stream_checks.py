@@ -157,7 +157,7 @@ def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: S
     """
     Check whether samples keep their rate and come once each; call it before `judge_bin`, which clears the spreads.
 
-    Returns whether so many intervals are too long that rotations are not known.
+    Returns whether rotations are not known because too many intervals are too long.
     """
     _follow_rate(s, checks, samples)
     pace, period = _pace(s, samples), s.period

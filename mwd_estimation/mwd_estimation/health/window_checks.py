@@ -168,8 +168,8 @@ class WindowJudge:
         """Return 1 sigma of the mean force along one axis, in its unit."""
         w = self._window
         best = int(np.argmax(w.force))
-        # Vibration that the sensor integrated disturbs the mean less than white noise does, aliased vibration much
-        # more.
+        # Compared with white noise, vibration disturbs the mean less if the sensor integrates, and much more if it is
+        # aliased.
         own = min(w.noise(0), w.noise(best))
         if not math.isfinite(own):
             own = math.sqrt(max(w.force2 - w.force[best], 0.0) / (3.0 * w.forces))

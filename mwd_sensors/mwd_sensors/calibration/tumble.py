@@ -202,7 +202,7 @@ def _turns(w: Array, at_rest: Rests, bias: Array, drift: Array, rate: float) -> 
     for k in range(len(drift)):
         a, z = int(at_rest.last[k]) - round(0.5 * rate), int(at_rest.first[k + 1]) + round(0.5 * rate)
         turns.append((w[a:z] - bias - drift[k]) / rate)
-    # All rotations are computed in parallel; short ones are padded with zeros, which are no rotation.
+    # All rotations are computed in parallel; short ones are padded with zeros, which stand for no rotation.
     steps = np.zeros((max(len(turn) for turn in turns), len(turns), 3))
     for k, turn in enumerate(turns):
         steps[: len(turn), k] = turn

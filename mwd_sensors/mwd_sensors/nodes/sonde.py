@@ -327,7 +327,7 @@ class SondeNode(GraphNode[SondeSettings]):
             return Diagnostic("scenario", OK, "over", values=values)
         elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate
         if rate > 0.0 and (behind := elapsed - self._simulated_until / rate) > 1.0:
-            remedy = "lower the rate, or free the machine"
+            remedy = "lower the rate, or end other programs on this machine"
             return Diagnostic("scenario", ERROR, f"{behind:.1f} s behind the clock", remedy, values)
         message = f"{self._simulated_until:.0f} of {self._sonde.duration:.0f} s"
         return Diagnostic("scenario", OK, message, values=values)

@@ -35,7 +35,7 @@ _IN_TEXT = re.compile(r"(?<![\w.])(-?\d+(?:[.,](\d+))?) ?(m|(?:deg|°)/30 m)(?![
 
 
 class Edge(NamedTuple):
-    """Language and units of a report."""
+    """Conversion of texts and numbers to the language and units of a report."""
 
     language: Language
     field: bool

@@ -229,7 +229,7 @@ class _Reader:
         return self.read(value, depth - 1)
 
     def _by_parts(self, text: str, depth: int, best: _Reading) -> _Reading:
-        """Return the reading of a list; a text of which one part is unknown is no list, but a name or other words."""
+        """Return the reading of a list; a text with an unknown part is not a list, but a name or other words."""
         for mark in MARKS:
             if mark not in text:
                 continue

@@ -244,7 +244,8 @@ class _Reader:
         depth = needed[0].number
         kept: list[Row] = []
         notes: list[Row] = []
-        announced = marked = 0  # rows kept before a note that announces a projection; marked rows at the end
+        # Number of rows kept before a note such as "projected to the bit", and of rows at the end that are marked so.
+        announced = marked = 0
         for row in rows:
             cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
             numbers = [number_cells.looks_like_number(cell) for cell in cells]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How a list is read where its file does not say so: one set of words for commands, settings of the node and YAML files.
+Facts about a list that its file does not state, under the same names in commands, node settings and YAML files.
 
 A question of the reader names an option of `mwd path`, such as "--confirm dogleg". Where the list is named elsewhere,
 as a plan or an offset well, `asked` puts the same word as it is written there.

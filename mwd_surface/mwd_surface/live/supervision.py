@@ -171,7 +171,7 @@ TABLE = (
             1.0,
             3.0,
             Severity.WARNING,
-            "free the machine; read the node's log",
+            "end other programs on this machine; read the node's log",
             "messages wait in bounded queues, the oldest are dropped and counted",
             "everything, late",
         )

@@ -159,7 +159,7 @@ class _Arrivals:
 
 
 class _OfStream:
-    """What all sources that read a stream of bytes say of it."""
+    """Common part of all sources that read a stream of bytes."""
 
     _stream: _Bytes
     _wrong: str  # what is wrong with the bytes; empty: nothing

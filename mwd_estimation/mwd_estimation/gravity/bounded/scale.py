@@ -71,7 +71,7 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
 
 @compiled
 def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
-    """Follow the power of the corrections about n over `updates`, equation (8); expected: their variance, rad^2."""
+    """Follow the power of the corrections about the axis (nx, ny), equation (8); expected: their variance, rad^2."""
     T = s.sums.time
     own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
