@@ -17,16 +17,11 @@ PAGES = [
     for path in ROOT.glob(pattern)
     if path.name != "CHANGELOG.md" and "reference" not in path.relative_to(ROOT).parts
 ]
-ROOMS = {
-    room: {
-        entry.stem
-        for package in PACKAGES
-        for place in (ROOT / package / package).rglob(room)
-        if place.is_dir()
-        for entry in place.iterdir()
-    }
-    for room in {path.parent.name for path in SOURCES} - {*PACKAGES}
-}
+FOLDERS = {path.parent for path in SOURCES}
+ROOMS: dict[str, set[str]] = {folder.name: set() for folder in FOLDERS if folder.name not in PACKAGES}
+for folder in FOLDERS:
+    if folder.name in ROOMS:
+        ROOMS[folder.name] |= {entry.stem for entry in folder.iterdir()}
 # A module may be called as a room is: `survey.accepted_surveys` is a function of rig/survey.py.
 DEFINED = {
     room: {

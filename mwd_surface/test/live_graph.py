@@ -60,7 +60,7 @@ class LiveGraph:
         self.depth = 1000.0
         self._repeated = {name: RepeatedSamples(hold=name == "imu/data_raw") for name in UNITS}
 
-    def run(self, actions=(), step_s=0.2, seconds=math.inf):
+    def run(self, actions=(), step_s=0.5, seconds=math.inf):
         """Drill for so long at most; actions: (seconds, callable of this graph). Returns the list at the end."""
         waiting = sorted(actions, key=lambda one: one[0])
         first = None
