@@ -104,21 +104,25 @@ class RigInput:
         )
         self._tracks = {name: DepthTrack(rules) for name in _DEPTHS}
         self._last_ns: int | None = None
+        # Consecutive readings with stamps of a clock that was set back.
+        self._earlier = 0
 
     def take(self, readings: Mapping[str, float], stamp_ns: int) -> Samples | None:
         """
         Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if none of them is accepted.
 
-        A sample with a stamp too soon after the last one, or shortly before it, is counted and dropped. A stamp that
-        is earlier by more than a minute shows a clock that was set back.
+        A sample with a stamp too soon after the last one, or before it, is counted and dropped. Several stamps in a row
+        that are earlier by more than a minute show a clock that was set back; single ones are those of a second clock.
         """
-        if (
-            self._last_ns is not None
-            and -_SET_BACK_NS < stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate
-        ):
+        later_ns = NANOSECONDS if self._last_ns is None else stamp_ns - self._last_ns
+        self._earlier = self._earlier + 1 if later_ns <= -_SET_BACK_NS else 0
+        if -_SET_BACK_NS < later_ns < NANOSECONDS / self.settings.max_rate:
             self.counts.hurried += 1
             return None
         good = {name: value for name, value in readings.items() if self._is_accepted(name, value, stamp_ns)}
+        if 0 < self._earlier < self.settings.confirm:
+            self.counts.hurried += 1
+            return None
         if good:
             self._last_ns = stamp_ns
         if (

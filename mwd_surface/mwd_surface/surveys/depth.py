@@ -146,7 +146,8 @@ class DepthTrack:
         than the latest one by more than `rules.bridge` wait in the same way: if they agree, either the later stamps
         were wrong or the clock of the rig was set back, and the later readings are removed. If the time of the sonde is
         known, this needs stamps nearer to it than the latest one: a second source with a clock of its own, or a clock
-        that starts at 1970 for a moment, does not remove good readings.
+        that starts at 1970 for a moment, does not remove good readings. If it is not known, readings that do not
+        continue those before them must go on for `rules.bridge`, without one of the later clock among them.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
@@ -192,12 +193,25 @@ class DepthTrack:
         self._earlier.append((stamp_ns, bit_depth))
         if len(self._earlier) < self.rules.confirm:
             return False
+        # Without a sonde, readings that continue no others must last, or a short burst of a wrong clock removes all.
+        lasts = (stamp_ns - self._earlier[0][0]) * NS >= self.rules.bridge
+        if sonde_ns is None and not lasts and not self._continues(*self._earlier[0]):
+            return False
         self.refused_order -= len(self._earlier)
         self._remove_from(self._earlier[0][0])
         for stamp, depth in self._earlier:
             self._append(stamp, depth, False)
         self._earlier = []
         return True
+
+    def _continues(self, stamp_ns: int, bit_depth: float) -> bool:
+        """Return whether a reading follows the last one before its time, within `rules.bridge`."""
+        at = bisect.bisect_left(self._stamps, stamp_ns) - 1
+        return (
+            at >= 0
+            and (stamp_ns - self._stamps[at]) * NS <= self.rules.bridge
+            and self._reachable(self._stamps[at], self._depths[at], stamp_ns, bit_depth)
+        )
 
     def _remove_from(self, stamp_ns: int) -> None:
         """Remove the readings at and after a time, because their depths or stamps were wrong."""
