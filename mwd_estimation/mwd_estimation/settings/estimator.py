@@ -24,7 +24,7 @@ from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 
 
 @dataclasses.dataclass(frozen=True)
-class Verdict(QualitySettings):
+class VerdictSettings(QualitySettings):
     """Limits for accepting, doubting or rejecting a survey, and probabilities of disturbances before any reading."""
 
     external_field: float = setting(
@@ -117,7 +117,7 @@ class EstimatorSettings:
     tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment.")
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity.")
     survey: SurveySettings = setting(SurveySettings, "Surveys.")
-    verdict: Verdict = setting(Verdict, "Field acceptance criteria of surveys.")
+    verdict: VerdictSettings = setting(VerdictSettings, "Field acceptance criteria of surveys.")
     gravity: Gravity = setting(Gravity, "Gravity extraction.")
     attitude: Attitude = setting(Attitude, "Continuous attitude.")
     dynamics: Dynamics = setting(Dynamics, "Drilling dynamics.")

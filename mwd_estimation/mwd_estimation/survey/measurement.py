@@ -71,7 +71,7 @@ class Readings:
 
 
 @dataclass(frozen=True)
-class North:
+class NorthTurn:
     """Name of the north, what to add to a magnetic azimuth, rad, and the variance that this adds, rad^2."""
 
     name: str
@@ -117,11 +117,11 @@ def measured(
     readings = _readings(f_raw, b_raw, noise, settings)
     north, missing = _north(reference, settings.north, readings.has_field)
     if readings.has_field and reference is not None and north.name != "magnetic":
-        north = North(north.name, north.turn, reference.declination_variance(_horizontal(readings, reference)))
+        north = NorthTurn(north.name, north.turn, reference.declination_variance(_horizontal(readings, reference)))
     return Measured(_unjudged(readings, reference, settings, north), readings, missing)
 
 
-def _unjudged(readings: Readings, reference: Reference | None, settings: StationSettings, north: North) -> Station:
+def _unjudged(readings: Readings, reference: Reference | None, settings: StationSettings, north: NorthTurn) -> Station:
     """Return the station with its uncorrected azimuth."""
     inc, toolface = readings.inclination, readings.toolface
     alignment = settings.errors.alignment(inc)
@@ -172,7 +172,7 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
     )
 
 
-def _corrected(readings: Readings, reference: Reference | None, north: North) -> tuple[MethodAzimuth, ...]:
+def _corrected(readings: Readings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
     """Return the azimuth of the single-station correction, with any reason against it; none without a reference."""
     if reference is None or not reference.has_field:
         return ()
@@ -245,17 +245,17 @@ def _horizontal(readings: Readings, reference: Reference | None) -> float:
     return readings.b_total * math.cos(readings.dip)
 
 
-def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[North, tuple[Reason, ...]]:
+def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[NorthTurn, tuple[Reason, ...]]:
     """Return the wanted north; or magnetic north and a reason, if the declination or convergence is not known."""
     north = best_north(reference) if wanted == "best" else wanted
     turn = north_correction(reference, north)
     if turn is not None:
-        return North(north, turn), ()
+        return NorthTurn(north, turn), ()
     if north == "true" and not has_field:
         # A gyro finds it without a declination, and there is nothing else to refer to it.
-        return North(north, 0.0), ()
+        return NorthTurn(north, 0.0), ()
     missing = "declination and convergence" if north == "grid" else "declination"
-    return North("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)
+    return NorthTurn("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)
 
 
 def _to_hole(settings: StationSettings) -> Array:

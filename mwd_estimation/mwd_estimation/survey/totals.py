@@ -201,7 +201,7 @@ def reference_slip(f_h: Array, b_h: Array, reference: Reference, covariance: Arr
 
 
 @dataclass(frozen=True)
-class Judgement:
+class TotalsJudgement:
     """A verdict and the reasons that made it."""
 
     verdict: str
@@ -222,7 +222,7 @@ def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
     return np.where(np.isfinite(deviations.values), found, math.nan)
 
 
-def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
+def judge(deviations: Deviations, quality: QualitySettings) -> TotalsJudgement:
     """
     Return the verdict of the totals alone.
 
@@ -254,7 +254,7 @@ def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
         if chi > _CHI3_DOUBTFUL:
             verdict = REJECT if chi > _CHI3_REJECT else DOUBTFUL
             reasons.append(Reason(Code.TOTALS_OFF_TOGETHER, chi, _CHI3_DOUBTFUL))
-    return Judgement(verdict, tuple(reasons))
+    return TotalsJudgement(verdict, tuple(reasons))
 
 
 def against_limits(deviations: Deviations, quality: QualitySettings) -> list[Reason]:

@@ -94,7 +94,7 @@ def fit_magnetometer(
     )
 
 
-def fit_gyro(gyro: ArrayLike, at_rest: Rests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
+def fit_gyro(gyro: ArrayLike, at_rest: TumbleRests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
     Calibrate gyros: bias and its temperature slope from the rests, scale and misalignment from the rotations between.
 
@@ -191,7 +191,7 @@ def calibrate(
     return Calibration(fit_gyro(gyro, found, accelerometer, rate), accelerometer, magnetometer)
 
 
-def _turns(w: Array, at_rest: Rests, bias: Array, drift: Array, rate: float) -> Array:
+def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: float) -> Array:
     """
     Return the rotation vectors between rests in order of time, rad, shape (longest, rotations, 3).
 
@@ -231,7 +231,7 @@ MIN_POSES = 12
 
 
 @dataclasses.dataclass(frozen=True)
-class Rests:
+class TumbleRests:
     """
     Mean readings over intervals at rest.
 
@@ -262,7 +262,7 @@ def rests(
     seconds: float = 2.0,
     quiet_rate: float = 0.02,
     quiet_force: float = 0.15,
-) -> Rests:
+) -> TumbleRests:
     """
     Find the intervals at rest in a tumble run.
 
@@ -304,7 +304,7 @@ def rests(
         )
     means = [np.array([x[a:z].mean(axis=0) for a, z in pairs]) for x in (w, f, b, t)]
     first, last = (np.array(column, dtype=np.int64) for column in zip(*pairs, strict=True))
-    return Rests(first, last, means[0], means[1], means[2], means[3])
+    return TumbleRests(first, last, means[0], means[1], means[2], means[3])
 
 
 # Statistics of least-squares calibrations: effect of temperature, sigmas from residuals, check of the attitudes.

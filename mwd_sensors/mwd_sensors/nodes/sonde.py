@@ -149,7 +149,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self.settings.burst:
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
-        self._rig_commands = RigCommands(self, lambda: self._sonde, self.settings.rate)
+        self._rig_commands = SimulatedRigCommands(self, lambda: self._sonde, self.settings.rate)
         if self._scenario.steering is not None:
             self._quill = self.add_publisher(JointState, "rig/quill", qos.STATE)
         self._telemetry = None
@@ -385,7 +385,7 @@ class TruthFile:
 _WORDS = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
 
 
-class RigCommands:
+class SimulatedRigCommands:
     """
     Carries out the commands of the control authority on the simulated rig.
 

@@ -34,7 +34,7 @@ from mwd_sensors.simulator.vibration import Vibrations
 
 
 @dataclasses.dataclass(frozen=True)
-class Place:
+class ScenarioPlace:
     """Place of the well."""
 
     latitude_deg: float = setting(38.0, "Latitude of the well, north positive.", unit="deg", low=-90.0, high=90.0)
@@ -43,7 +43,7 @@ class Place:
 
 
 @dataclasses.dataclass(frozen=True)
-class Well:
+class ScenarioWell:
     """The hole, and the position in it at the start of the run."""
 
     convention: str = setting(
@@ -105,7 +105,7 @@ class Temperature:
 
 
 @dataclasses.dataclass(frozen=True)
-class Clock:
+class ClockErrors:
     """Errors of the sonde's clock relative to the rig's."""
 
     drift_ppm: float = setting(
@@ -126,8 +126,8 @@ class Scenario:
     field_override: tuple[float, float, float] | None = setting(
         None, "Field that replaces the model: total (nT), dip (deg), declination (deg).", low=-1e6, high=1e6
     )
-    place: Place = setting(Place, "Place of the well.")
-    well: Well = setting(Well, "The hole, and the start of the run in it.")
+    place: ScenarioPlace = setting(ScenarioPlace, "Place of the well.")
+    well: ScenarioWell = setting(ScenarioWell, "The hole, and the start of the run in it.")
     schedule: tuple[Phase, ...] = setting((Phase(),), "Work of the rig, phase by phase.")
     cycles: int = setting(1, "Number of times that the whole schedule runs.", low=1, high=10000)
     rig: Rig = setting(Rig, "Properties of the rig.")
@@ -142,7 +142,7 @@ class Scenario:
         None, "Battery and self-tests of the sonde. none: the sonde does not report them."
     )
     temperature: Temperature = setting(Temperature, "Temperature of the sensors.")
-    clock: Clock = setting(Clock, "Errors of the sonde's clock.")
+    clock: ClockErrors = setting(ClockErrors, "Errors of the sonde's clock.")
     string: str = setting(
         "non_magnetic",
         "Kind of string around the sonde, as stated to the estimator (tool.string).",

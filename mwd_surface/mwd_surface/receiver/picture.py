@@ -21,7 +21,7 @@ _COLOURS = {True: GOOD, False: NEUTRAL}
 _MOST_POINTS = 6000
 
 
-class Quantity(NamedTuple):
+class PictureQuantity(NamedTuple):
     """Recorded quantity for the axes: its name, the unit shown, and the size of the unit in SI."""
 
     name: str
@@ -29,7 +29,7 @@ class Quantity(NamedTuple):
     size: float
 
 
-PRESSURE, VOLTAGE = Quantity("Pressure", "bar", 1e5), Quantity("Voltage", "mV", 1e-3)
+PRESSURE, VOLTAGE = PictureQuantity("Pressure", "bar", 1e5), PictureQuantity("Voltage", "mV", 1e-3)
 
 
 def figure_of(
@@ -37,7 +37,7 @@ def figure_of(
     pressure_pa: Array,
     words: Sequence[ReceivedWord],
     tool: ToolConfiguration,
-    quantity: Quantity = PRESSURE,
+    quantity: PictureQuantity = PRESSURE,
 ) -> Figure:
     """
     Draw a decoded recording.
@@ -88,7 +88,7 @@ def figure_of(
     return figure
 
 
-def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -> None:
+def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: PictureQuantity) -> None:
     """Draw the lowest and highest value of each column of pixels, so that no pulse is lost."""
     pieces = max(len(time_s) // _MOST_POINTS, 1)
     count = len(time_s) // pieces * pieces
@@ -118,7 +118,7 @@ def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord]
     ax.set_title(f"Pulses chosen in the last {shown[0].kind}, below the pressure", loc="left", fontsize=9)
 
 
-def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: Quantity) -> None:
+def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: PictureQuantity) -> None:
     """Draw the mean spectrum of pieces of 64 pulse widths (Welch's method)."""
     step = float(np.median(np.diff(time_s)))
     length = min(max(round(128.0 * tu_s / step), 64), len(pressure_pa))
