@@ -94,7 +94,7 @@ def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
     if not shown:
         return None
     caption = "Logs over measured depth, first pass, each with its 1 sigma; sectors from the high side, clockwise."
-    return Section("Logs", drawings=(Drawing(caption, lambda: tracks(shown, display), wide=True),), page=True)
+    return Section("Logs", drawings=(Drawing(caption, lambda: tracks(shown, display), wide=True),))
 
 
 def tracks(curves: Sequence[Curve], display: Display) -> Figure:
@@ -102,7 +102,7 @@ def tracks(curves: Sequence[Curve], display: Display) -> Figure:
     from matplotlib.figure import Figure
 
     images = [curve for curve in curves if np.isfinite(curve.sectors).any()]
-    figure = Figure(figsize=(11.0, 7.4), layout="constrained")
+    figure = Figure(figsize=(11.0, 5.6), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(curves) + len(images), sharey=True))
     place = iter(axes)
     for curve in curves:
