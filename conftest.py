@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How pytest runs the tests of all packages: the same input each time, one thread each, the longest files first."""
+"""Run the tests of all packages with the same input each time, one thread each, the longest files first."""
 
 from __future__ import annotations
 

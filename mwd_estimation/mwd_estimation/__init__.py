@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tool knows: gravity while drilling, attitude, north, magnetic interference, quality, uncertainty."""
+"""Estimation in the tool: gravity while drilling, attitude, north, magnetic interference, quality, uncertainty."""
 
 from __future__ import annotations
 

@@ -85,7 +85,10 @@ VARIANTS: dict[str, tuple[dict[str, dict[str, float]], dict[str, Any]]] = {
     "lever arm": ({}, {"lever_sigma": 1e-4}),
     "gyro bias": ({}, {"bias_sigma": 1e-6, "bias_walk": 0.0}),
     "noise of rates across": ({}, {"rate_noise": 0.0}),
-    "calibration": ({}, {"calibration_sigma": 0.0, "gravity_sigma": 1.0}),
+    "accelerometer errors": (
+        {},
+        {"accel_bias_sigma": 0.0, "accel_scale_sigma": 0.0, "accel_misalignment_sigma": 0.0, "gravity_sigma": 1.0},
+    ),
     "gyro misalignment": ({}, {"misalignment_sigma": 0.0}),
     "travel along a curve": ({}, {"axial_speed": 0.0}),
     "vertical force": ({"state": {"DOWN_SIGMA": 1e-9}, "noise": {"DOWN_WALK": 0.0}}, {}),

@@ -22,7 +22,7 @@ class Block:
 
 @dataclasses.dataclass(frozen=True)
 class StationUpdate:
-    """Results of a survey station that the continuous estimate takes over."""
+    """Results of a survey station that the continuous estimate uses."""
 
     #: (ndarray (8,), ndarray (8, 8)) or None; state and covariance of the interference filter from many stations
     #: together, from which the continuous filter continues.

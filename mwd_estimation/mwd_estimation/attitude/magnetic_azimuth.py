@@ -82,7 +82,7 @@ class MagneticAzimuths:
         return self._state is not None
 
     def update(self, station: StationUpdate | None) -> None:
-        """Take over the interference that a station shows."""
+        """Use the interference found at a station."""
         state = self._state
         if station is None or state is None or self._reference is None:
             return

@@ -103,7 +103,7 @@ def _changes(s: State, near: int) -> tuple[float, float]:
 
 @compiled
 def _nearest(s: State, stamp: int) -> tuple[int, float]:
-    """Return the ring index of the used sample after the stamp, or of the last, and its distance to the earlier, s."""
+    """Return the index of the first used sample after the stamp, or of the last, and the step before it, s."""
     back = max(ring.first_from(s, stamp), 1)
     place = ring.place(s, back)
     if back == s.length:

@@ -274,7 +274,7 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
 def _run(
     p: Params, s: State, model: FieldModel, samples: Samples, mag: MagBlock, rows: Samples, pairs: Samples
 ) -> tuple[int, int]:
-    """Fill the last two arguments; return the numbers of samples used and selected; arguments as in `run`."""
+    """Fill `rows` and `pairs`; return the numbers of samples used and selected; arguments as in `run`."""
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
     for i in range(len(samples)):

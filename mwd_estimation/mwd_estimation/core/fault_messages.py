@@ -229,7 +229,7 @@ Words = Callable[[SensorFault, str], tuple[str, str]]
 
 
 class _Description(NamedTuple):
-    """How to describe the faults found by one check."""
+    """Sentence and remedy for the faults found by one check."""
 
     words: Words  #: returns message and remedy, from a fault and the name of its sensor
     kind: str = ""  #: if empty, the name of the check is used

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How uneven the stamps of a stream are, which a turning tool turns into an error of the toolface.
+Measure the jitter of the stamps of a stream, which causes an error of the toolface while the tool turns.
 
-A sensor measures evenly. Stamps that are whole periods apart are its own clock's, with samples missing or not; what
-they are off whole periods is their error. Stamps that follow no period are those of the arrival, and err by as much as
-their steps vary. A delay that all stamps share does not show.
+A sensor measures at equal intervals. If the stamps are whole periods apart, they come from the sensor's own clock, even
+if samples are missing; their error is the difference from whole periods. If the stamps follow no period, they are times
+of arrival, and their error is as large as the variation of their steps. A delay that all stamps share cannot be found.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class ClosedAt:
 _CLOSED_AT = dtype_of(ClosedAt)
 
 
-class Sums(NamedTuple):
+class OpenBinSums(NamedTuple):
     """Sums of the open bin: first sample, sum, lowest, highest, shape (c,); products about the first sample, (c, c)."""
 
     first: Array
@@ -85,7 +85,7 @@ class Binner:
         self._open = np.zeros(1, _CLOSED_AT)
         self._open["index"] = _NONE
         first, total, low, high = np.zeros((4, channels))
-        self._sums = Sums(first, total, low, high, np.zeros((channels, channels)))
+        self._sums = OpenBinSums(first, total, low, high, np.zeros((channels, channels)))
         mean, lowest, highest = np.zeros((3, _ROOM, channels))
         self._closed = Closed(np.zeros(_ROOM, _CLOSED_AT), mean, lowest, highest, np.zeros((_ROOM, channels, channels)))
 
@@ -145,7 +145,7 @@ def average(bins: list[Bin]) -> Average:
 
 
 @compiled
-def _close(s: ClosedAt, sums: Sums, closed: Closed, row: int, place: int) -> None:
+def _close(s: ClosedAt, sums: OpenBinSums, closed: Closed, row: int, place: int) -> None:
     """Write the open bin into a row of `closed`, and mark that no bin is open."""
     channels, count = len(sums.first), s.count
     at = closed.places[row]
@@ -163,7 +163,7 @@ def _close(s: ClosedAt, sums: Sums, closed: Closed, row: int, place: int) -> Non
 
 @compiled
 def _fill(
-    state: Samples, sums: Sums, stamp_ns: Stamps, values: Array, start: int, length_ns: int, closed: Closed
+    state: Samples, sums: OpenBinSums, stamp_ns: Stamps, values: Array, start: int, length_ns: int, closed: Closed
 ) -> tuple[int, int]:
     """Add samples from `start` on; stop if `closed` is full. Return the next sample and the number of closed bins."""
     s = state[0]

@@ -34,7 +34,7 @@ class Commands:
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool, self._downlink = tool, tool.downlink
         self._decoder = None if tool.downlink is None else DownlinkDecoder(tool.downlink)
-        self._received: deque[Received] = deque()
+        self._received: deque[ReceivedCommand] = deque()
         self.settings, self.echo = tool_commands.ToolSettings(), 0
 
     def listen(self, medium: str, stamps: Stamps, signal: Array) -> None:
@@ -86,7 +86,7 @@ _RMS, _MOST = 0.2, 0.42
 _GAP = 10
 
 
-class Received(NamedTuple):
+class ReceivedCommand(NamedTuple):
     """A command, and the stamp of its end, ns."""
 
     frame: Frame
@@ -118,10 +118,10 @@ class DownlinkDecoder:
         self._history: deque[int] = deque([0] * (2 * self._half + 1), maxlen=2 * self._half + 1)
         self._smooth: deque[float] = deque(maxlen=-self._places[0])
         self._skip = 2 * self._half
-        self._best: tuple[float, Received] | None = None
+        self._best: tuple[float, ReceivedCommand] | None = None
         self._wait = 0
 
-    def push(self, stamp_ns: Stamps, signal: Array) -> list[Received]:
+    def push(self, stamp_ns: Stamps, signal: Array) -> list[ReceivedCommand]:
         """
         Add samples in order of time, and return the commands that ended in them.
 
@@ -134,15 +134,15 @@ class DownlinkDecoder:
             return []
         whole = np.round(signal[known] * self._scale).astype(np.int64)
         starts = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1])
-        found: list[Received] = []
+        found: list[ReceivedCommand] = []
         counts = np.diff(np.append(starts, len(cells)))
         for cell, total, count in zip(cells[starts], np.add.reduceat(whole, starts), counts, strict=True):
             found += self._take(int(cell), int(total), int(count))
         return found
 
-    def _take(self, cell: int, total: int, count: int) -> list[Received]:
+    def _take(self, cell: int, total: int, count: int) -> list[ReceivedCommand]:
         """Add samples of one cell; more samples of the same cell may follow."""
-        found: list[Received] = []
+        found: list[ReceivedCommand] = []
         if self._cell is not None and not 0 <= cell - self._cell <= _GAP:
             self._begin()
         if self._cell is not None and cell > self._cell:
@@ -155,7 +155,7 @@ class DownlinkDecoder:
         self._count += count
         return found
 
-    def _close(self, cell: int) -> list[Received]:
+    def _close(self, cell: int) -> list[ReceivedCommand]:
         """Smooth the signal up to the end of a cell, and look for a command that ends there."""
         half, history = self._half, self._history
         self._once += self._value
@@ -179,7 +179,7 @@ class DownlinkDecoder:
         self._smooth.clear()
         return [received]
 
-    def _fit(self, cell: int) -> tuple[float, Received] | None:
+    def _fit(self, cell: int) -> tuple[float, ReceivedCommand] | None:
         """Return the rms error of the levels and the command that ends with this cell; None without one."""
         smooth, places, downlink = self._smooth, self._places, self._downlink
         first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
@@ -197,4 +197,4 @@ class DownlinkDecoder:
         if rms > _RMS or max(off) > _MOST:
             return None
         frame = decode(tuple(whole), downlink)
-        return None if frame is None else (rms, Received(frame, (cell + 1) * _CELL_NS))
+        return None if frame is None else (rms, ReceivedCommand(frame, (cell + 1) * _CELL_NS))

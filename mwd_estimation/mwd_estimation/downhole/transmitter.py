@@ -57,7 +57,7 @@ class Kind(enum.IntEnum):
 
 
 class TransmitterState(enum.StrEnum):
-    """What the tool is doing, in words for the operator."""
+    """Activity of the tool, in words for the operator."""
 
     SILENT = "silent: no flow"
     WAITING = "flow is on: transmit delay"
@@ -206,7 +206,7 @@ class Transmitter:
 
     @property
     def waits_s(self) -> float:
-        """How much attitude waits for the flow of the same time, s, at most 60."""
+        """Time span of the attitude that waits for the flow of the same time, s, at most 60."""
         if not self._attitudes:
             return 0.0
         known = max(self._attitudes[0][0], self._flows[-1][0] if self._flows else 0)

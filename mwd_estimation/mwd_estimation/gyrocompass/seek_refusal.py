@@ -110,7 +110,7 @@ def _attitude(fit: Fit) -> Reason | None:
         return vertical
     seen = fit.sensitivity
     if fit.azimuths:
-        # The mean of two fitting azimuths is not itself a fitting one.
+        # Judge each fitting azimuth by itself, because the mean of two fitting azimuths does not fit.
         seen = max(math.sqrt(max(1.0 - (math.sin(fit.inclination) * math.sin(a)) ** 2, 0.0)) for a in fit.azimuths)
     uncertain = fit.sigma > WORST_SIGMA / 4.0
     if seen < _LEAST_SENSITIVITY and fit.method in ("rotating", "two_position") and uncertain:

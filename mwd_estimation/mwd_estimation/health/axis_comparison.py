@@ -48,7 +48,7 @@ _MAPPINGS = np.array(MAPPINGS)
 _SILENT_AXIS, _NO_AXIS, _UNCLEAR, AT_ONE_END = -1, -2, -3, -4
 
 
-class Sums:
+class ProductSums:
     """Sums of one axis over half a second, and products with each axis of the other unit, in SI and in deg/s or g."""
 
     n: float
@@ -61,7 +61,7 @@ class Sums:
     other2: Annotated[Array, 2, 3]
 
 
-SUMS = dtype_of(Sums)
+SUMS = dtype_of(ProductSums)
 
 
 @compiled

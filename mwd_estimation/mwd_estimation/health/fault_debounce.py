@@ -64,7 +64,7 @@ class Check:
 CHECK = dtype_of(Check)
 
 
-class Rule(NamedTuple):
+class DebounceRule(NamedTuple):
     """When a check becomes a fault, and when the fault ends."""
 
     #: `need`, `clear`: number of observations in a row for the fault, and against it.
@@ -78,32 +78,32 @@ class Rule(NamedTuple):
 
 # The unit is half seconds for checks of samples, and windows of three seconds for checks of motion.
 RULES = {
-    FaultCode.STUCK: Rule(5, 4),
-    FaultCode.SATURATED: Rule(4, 4),
-    FaultCode.CLIPPED: Rule(4, 8, patient=1, accuses=0),
-    FaultCode.INVALID: Rule(2, 4),
-    FaultCode.DEAD: Rule(6, 4),
-    FaultCode.NOISE: Rule(4, 4),
-    FaultCode.NEVER_CAME: Rule(10, 2, accuses=0),
-    FaultCode.SILENT: Rule(4, 2),
-    FaultCode.REPEATED: Rule(8, 8, accuses=0),
-    FaultCode.RATE: Rule(5, 4, accuses=0),
-    FaultCode.STAMPS: Rule(1, 1, accuses=0),
-    FaultCode.UNIT: Rule(2, 2),
-    FaultCode.AXES: Rule(2, 2, narrows=1),
-    FaultCode.SIGN: Rule(2, 2),
-    FaultCode.POINTS_UP: Rule(2, 2),
-    FaultCode.FRAME: Rule(2, 2, narrows=1),
-    FaultCode.MISMATCH: Rule(8, 8),
-    FaultCode.GRAVITY: Rule(4, 2),
-    FaultCode.REST_RATE: Rule(5, 4),
-    FaultCode.REPLAYED: Rule(2, 4),
-    FaultCode.MOUNT: Rule(4, 2),
-    FaultCode.ADRIFT: Rule(2, 2),
+    FaultCode.STUCK: DebounceRule(5, 4),
+    FaultCode.SATURATED: DebounceRule(4, 4),
+    FaultCode.CLIPPED: DebounceRule(4, 8, patient=1, accuses=0),
+    FaultCode.INVALID: DebounceRule(2, 4),
+    FaultCode.DEAD: DebounceRule(6, 4),
+    FaultCode.NOISE: DebounceRule(4, 4),
+    FaultCode.NEVER_CAME: DebounceRule(10, 2, accuses=0),
+    FaultCode.SILENT: DebounceRule(4, 2),
+    FaultCode.REPEATED: DebounceRule(8, 8, accuses=0),
+    FaultCode.RATE: DebounceRule(5, 4, accuses=0),
+    FaultCode.STAMPS: DebounceRule(1, 1, accuses=0),
+    FaultCode.UNIT: DebounceRule(2, 2),
+    FaultCode.AXES: DebounceRule(2, 2, narrows=1),
+    FaultCode.SIGN: DebounceRule(2, 2),
+    FaultCode.POINTS_UP: DebounceRule(2, 2),
+    FaultCode.FRAME: DebounceRule(2, 2, narrows=1),
+    FaultCode.MISMATCH: DebounceRule(8, 8),
+    FaultCode.GRAVITY: DebounceRule(4, 2),
+    FaultCode.REST_RATE: DebounceRule(5, 4),
+    FaultCode.REPLAYED: DebounceRule(2, 4),
+    FaultCode.MOUNT: DebounceRule(4, 2),
+    FaultCode.ADRIFT: DebounceRule(2, 2),
 }
 
 
-def _in_order(rules: Mapping[FaultCode, Rule]) -> Indices:
+def _in_order(rules: Mapping[FaultCode, DebounceRule]) -> Indices:
     """Return the rules in the order of the codes; raise ValueError if a code has none."""
     without = [code.name for code in FaultCode if code not in rules]
     if without:

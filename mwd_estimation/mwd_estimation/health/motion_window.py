@@ -57,7 +57,7 @@ class MotionStep:
 STEP = dtype_of(MotionStep)
 
 
-class Carried(NamedTuple):
+class CarriedVectors(NamedTuple):
     """Steps carried along by the gyros: their vectors in the axes at the start of the first step."""
 
     #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, shape (3,), their numbers,
@@ -108,7 +108,7 @@ class Consistency(NamedTuple):
 
 
 @compiled
-def carry(steps: Any) -> Carried:
+def carry(steps: Any) -> CarriedVectors:
     """Carry the sums of steps, dtype STEP, into the axes at the start of the first step."""
     mat, force, field, turn = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     part_force, part_forces = np.zeros((PARTS, 3)), np.zeros(PARTS, dtype=np.int64)
@@ -135,7 +135,7 @@ def carry(steps: Any) -> Carried:
         path += math.sqrt(step.turn[0] ** 2 + step.turn[1] ** 2 + step.turn[2] ** 2)
         rotate_right(mat, step.turn[0], step.turn[1], step.turn[2])
     sums = force, field, forces, fields, force2, field2
-    return Carried(*sums, part_force, part_forces, product, products, parts, path, turn, force_x)
+    return CarriedVectors(*sums, part_force, part_forces, product, products, parts, path, turn, force_x)
 
 
 @compiled
@@ -192,7 +192,7 @@ def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
 
 
 @compiled
-def _length_noise(carried: Carried) -> float:
+def _length_noise(carried: CarriedVectors) -> float:
     """Return 1 sigma of the mean force along one axis from the half seconds; at least that of white noise."""
     mean2, total2, n = 0.0, 0.0, 0
     for a in range(3):
@@ -213,7 +213,7 @@ def _length_noise(carried: Carried) -> float:
 
 
 @compiled
-def _turns_about_x(expected: Expected, carried: Carried, seconds: float) -> bool:
+def _turns_about_x(expected: Expected, carried: CarriedVectors, seconds: float) -> bool:
     """Return whether the tool stands, or rotates about x like a string that points downwards."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
@@ -226,7 +226,7 @@ def _turns_about_x(expected: Expected, carried: Carried, seconds: float) -> bool
 
 
 @compiled
-def consistent(p: Consistency, expected: Expected, carried: Carried, seconds: float) -> bool:
+def consistent(p: Consistency, expected: Expected, carried: CarriedVectors, seconds: float) -> bool:
     """Return whether gravity, field and dip of a window are as expected, with the axes as they are."""
     if carried.path > 50.0 * seconds:
         return False

@@ -32,7 +32,7 @@ FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _USUAL_FIELD = 5e-5
 
 
-class Channel:
+class AxisChannel:
     """One axis of one sensor: counts of the half second, and values remembered from earlier ones."""
 
     #: `n`, `not_finite`, `repeats`, `at_limit`: number of finite samples, of those that are not finite, of those equal
@@ -57,7 +57,7 @@ class Channel:
     varied: int  #: score from -30 to 30: plus 1 for each half second at rest in which it varied, minus 3 for the others
 
 
-CHANNEL = dtype_of(Channel)
+CHANNEL = dtype_of(AxisChannel)
 
 
 class SignalLimits(NamedTuple):
@@ -66,10 +66,10 @@ class SignalLimits(NamedTuple):
     gyro_turns: float = 0.1  #: mean rate that shows motion to the other sensors, rad/s: above the bias of an AHRS
     shakes: float = 0.3  #: spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest
     steps: float = 10.0  #: spread of an axis, in its own least steps, above which its neighbour should vary as well
-    varied_bins: int = 6  #: score of variation at rest (`Channel.varied`) from which a constant axis is suspicious
+    varied_bins: int = 6  #: score of variation at rest (`AxisChannel.varied`) from which a constant axis is suspicious
     missing: float = 0.06  #: share of values that are not finite
-    #: `clipped`, `saturated`: share of samples at the end of the range; shocks clip less than the first, a broken axis
-    #: more than the second.
+    #: `clipped`, `saturated`: share of samples at the end of the range. Shocks clip a smaller share than `clipped`, and
+    #: a broken axis a larger share than `saturated`.
     clipped: float = 0.2
     saturated: float = 0.9
     white: float = 1.4  #: mean squared step over variance: 2 for independent samples, much less for any motion

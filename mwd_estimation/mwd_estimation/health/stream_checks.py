@@ -72,7 +72,7 @@ class Stream:
 STREAM = dtype_of(Stream)
 
 
-class Pace(NamedTuple):
+class PaceCounts(NamedTuple):
     """Counts of half a second: intervals, long ones, short ones, and IMU samples."""
 
     steps: int
@@ -96,7 +96,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
 
 
 @compiled
-def _pace(s: Any, samples: Samples) -> Pace:
+def _pace(s: Any, samples: Samples) -> PaceCounts:
     """Count the intervals of the half second; learn the rate from the first half second with enough of them."""
     if s.period == 0.0 and s.stop - s.first > _LEARN:
         s.period = _usual_interval(s, samples)
@@ -109,7 +109,7 @@ def _pace(s: Any, samples: Samples) -> Pace:
             short += int(1e-9 * interval < _SHORT * s.period)
         if interval > 0 or interval < -BACK_NS:
             s.last_ns = samples.stamps[i]
-    return Pace(steps, long, short, s.stop - s.first)
+    return PaceCounts(steps, long, short, s.stop - s.first)
 
 
 @compiled
@@ -157,7 +157,7 @@ def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: S
     """
     Check whether samples keep their rate and come once each; call it before `judge_bin`, which clears the spreads.
 
-    Returns whether so many intervals are too long that rotations are not known.
+    Returns whether rotations are not known because too many intervals are too long.
     """
     _follow_rate(s, checks, samples)
     pace, period = _pace(s, samples), s.period

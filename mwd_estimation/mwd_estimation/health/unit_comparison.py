@@ -47,7 +47,7 @@ _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
 # Number of half seconds without a difference after which an earlier difference is forgotten.
 _FORGOTTEN_BINS = 120
-# Mappings that exchange only y and z, as bits.
+# Bits of the mappings that keep x and change only y and z.
 _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
 
 
@@ -102,7 +102,7 @@ def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began:
 
 @compiled
 def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
-    """Check which conventional axes match those of sensor s; sound: the conventional unit can be used."""
+    """Check the axes of sensor s against those of the conventional unit; sound: that unit can be used."""
     checks, wrong = unit.checks, unit.state.wrong
     found, scaled, strange = axes_of(unit.sums, s)
     out_of_use = checks[FaultCode.DEAD.value, 3 * s].state == FAULT

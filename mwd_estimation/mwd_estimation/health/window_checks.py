@@ -77,7 +77,7 @@ class WindowLimits(NamedTuple):
 
 
 @dataclasses.dataclass
-class Shown:
+class MappingEvidence:
     """Evidence of gravity or of the field for the ways to exchange and reverse axes."""
 
     #: bool, shape (48,); the ways that explain the vector.
@@ -108,7 +108,7 @@ class WindowJudge:
     def __init__(self, limits: WindowLimits, expected: Expected, window: Window, samples: Indices, checks: Any) -> None:
         self._limits, self._expected, self._window = limits, expected, window
         self._samples, self._checks = samples, checks
-        self._force, self._field = Shown(), Shown()
+        self._force, self._field = MappingEvidence(), MappingEvidence()
         self._length, self._sigma = expected.gravity, 1.0
         self._accel_unit = -1
         self._field_size = math.sqrt(window.field2)
@@ -123,7 +123,7 @@ class WindowJudge:
             self._show_field()
         w, gravity = self._window, self._judge_gravity()
         if gravity >= FOR or self._noisy:
-            self._force = Shown()
+            self._force = MappingEvidence()
         if self._judge_gyro_unit():
             return
         axes = self._judge_axes()
@@ -168,8 +168,8 @@ class WindowJudge:
         """Return 1 sigma of the mean force along one axis, in its unit."""
         w = self._window
         best = int(np.argmax(w.force))
-        # Vibration that the sensor integrated disturbs the mean less than white noise does, aliased vibration much
-        # more.
+        # Compared with white noise, vibration disturbs the mean less if the sensor integrates, and much more if it is
+        # aliased.
         own = min(w.noise(0), w.noise(best))
         if not math.isfinite(own):
             own = math.sqrt(max(w.force2 - w.force[best], 0.0) / (3.0 * w.forces))

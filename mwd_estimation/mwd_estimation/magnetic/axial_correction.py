@@ -122,11 +122,13 @@ def axial_correction(
     # An exactly vertical hole has no azimuth: use a dummy attitude and replace the result by NaN.
     vertical_hole = ~(np.hypot(f[:, 1], f[:, 2]) > 1e-12 * np.linalg.norm(f, axis=1))
     f = np.where(vertical_hole[:, None], np.array([-1.0, 0.0, 1.0]), f)
-    stations = _Stations(f, b, h, v, cov_s, cov_r, plausible)
+    stations = _FitStations(f, b, h, v, cov_s, cov_r, plausible)
     return _corrected(stations, vertical_hole, plausible, lead)
 
 
-def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead: tuple[int, ...]) -> AxialCorrection:
+def _corrected(
+    stations: _FitStations, vertical: np.ndarray, plausible: float, lead: tuple[int, ...]
+) -> AxialCorrection:
     """Correct n stations; vertical, shape (n,), marks those without an azimuth. Results get the shape `lead`."""
     peaks = _peaks(stations)
     best = _best(stations, peaks)
@@ -161,7 +163,7 @@ class _Peaks:
     The two most probable azimuths of n stations; arrays of shape (n,), angles in rad.
 
     azimuth, other : the better one and the second one. apart : difference between them. cost, cost_other : values of
-    `_Stations.cost`, infinite if there is no second one. angles, density : grid (m,) and probability (n, m) of the
+    `_FitStations.cost`, infinite if there is no second one. angles, density : grid (m,) and probability (n, m) of the
     circle.
     """
 
@@ -174,7 +176,7 @@ class _Peaks:
     density: Array
 
 
-def _peaks(stations: _Stations) -> _Peaks:
+def _peaks(stations: _FitStations) -> _Peaks:
     """Search the whole circle and refine the two deepest minima."""
     angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
     around = np.broadcast_to(angles, (len(stations.h), _GRID))
@@ -205,7 +207,7 @@ class _Best:
     spread: Array
 
 
-def _best(stations: _Stations, peaks: _Peaks) -> _Best:
+def _best(stations: _FitStations, peaks: _Peaks) -> _Best:
     """Return the peak, or the mean if the posterior is flat: its maximum can lie anywhere, the mean errs least."""
     wide = stations.fit(peaks.azimuth).variance_azimuth > _WIDE**2
     away = wrap_pi(peaks.angles - peaks.azimuth[:, None])
@@ -214,7 +216,7 @@ def _best(stations: _Stations, peaks: _Peaks) -> _Best:
     return _Best(np.where(wide, peaks.azimuth + mean, peaks.azimuth), wide, spread)
 
 
-def _mirror_share(stations: _Stations, peaks: _Peaks, plausible: float) -> Array:
+def _mirror_share(stations: _FitStations, peaks: _Peaks, plausible: float) -> Array:
     """Return the probability share of the second azimuth, from the height of its peak; 0 if it is ignored."""
     share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (peaks.cost_other - peaks.cost), 700.0)))
     loud = np.abs(stations.misfit(peaks.azimuth[:, None])[2][:, 0]) / plausible
@@ -224,13 +226,13 @@ def _mirror_share(stations: _Stations, peaks: _Peaks, plausible: float) -> Array
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _AxialFit:
     variance_azimuth: Array
     variance_interference: Array
     variance_along: Array
 
 
-class _Stations:
+class _FitStations:
     """Readings and references of n stations, with the misfit of any azimuth."""
 
     def __init__(self, f: Array, b: Array, h: Array, v: Array, cov_s: Array, cov_r: Array, plausible: float) -> None:
@@ -290,7 +292,7 @@ class _Stations:
         k_y, k_z = (d * p - b * q) / det, (a * q - b * p) / det
         return np.asarray(across), np.asarray(np.log(det)), np.asarray(misfit[..., 0] - k_y * y - k_z * z)
 
-    def fit(self, azimuth: Array) -> _Fit:
+    def fit(self, azimuth: Array) -> _AxialFit:
         """Return the variances of azimuth and interference at an azimuth, shape (n,)."""
         cov = self._linear(azimuth[:, None])[1][:, 0]
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
@@ -304,7 +306,7 @@ class _Stations:
         # In an exactly horizontal east-west hole the azimuth has no information of its own: keep the inverse finite.
         information[:, 0, 0] += 1e-6
         covariance = np.linalg.inv(information) * scale[:, :, None] * scale[:, None, :]
-        return _Fit(covariance[:, 0, 0], covariance[:, 1, 1], self.h**2 / information[:, 1, 1])
+        return _AxialFit(covariance[:, 0, 0], covariance[:, 1, 1], self.h**2 / information[:, 1, 1])
 
     def cost(self, azimuth: Array) -> Array:
         """Return minus twice the log probability of azimuths, shape (n, m), including the prior of the interference."""

@@ -272,7 +272,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.get_logger().info(printable(f"{words}; {joined(survey.station.reasons)}"))
 
     def _end_silent_survey(self) -> None:
-        """Where the samples stopped: answer a request, and publish the survey that waits for the gyro."""
+        """Answer a waiting request and publish the survey that waits for the gyro, if the samples have stopped."""
         if self._inputs.silent("imu/data_raw"):
             self._respond(False, "no survey taken: the samples stopped", 0)
             if self._pipeline.still.waits_for is not None:

@@ -182,16 +182,16 @@ class InputTopics:
 
     @property
     def mount_key(self) -> tuple[Any, ...]:
-        """What `mount` rests on beside the settings: it is the same as long as this is."""
+        """Inputs of `mount` in addition to the settings; while they stay the same, so does the mount."""
         return self._transforms_seen, *(self.frames.get(topic) for topic in _UNITS.values())
 
     @property
     def noise(self) -> dict[str, input_covariance.Noise]:
-        """What the covariances of the conventional unit and the magnetometer state, by vector, once it is known."""
+        """Noise that the covariances of conventional unit and magnetometer state, by vector, once it is known."""
         return self._noise.noise
 
     def mount(self, given: MountSettings) -> Mount:
-        """How the units sit in the tool, by the settings, the frames of their messages and the static transforms."""
+        """Return the orientation of the units in the tool, from settings, message frames and static transforms."""
         names = {unit: self.frames.get(topic, "") for unit, topic in _UNITS.items()}
         return resolve(given, names, self._transforms)
 
@@ -320,12 +320,12 @@ class _Rate:
         period = float(np.median(steps[steps < 1.5 * short]))
         periods = steps / period
         if np.abs(periods - np.round(periods)).mean() > _UNEVEN:
-            # Stamps this uneven do not show which are missing.
+            # With such uneven stamps, missing samples cannot be counted.
             return 0.0
         return 1.0 - len(steps) / float(np.round(periods).sum())
 
 
 def _steps(stamps: Iterable[int]) -> NDArray[np.int64]:
-    """Steps of stamps that advance, ns."""
+    """Return the steps between stamps that advance, ns."""
     steps: NDArray[np.int64] = np.diff(np.fromiter(stamps, dtype=np.int64)).astype(np.int64)
     return steps[steps > 0]

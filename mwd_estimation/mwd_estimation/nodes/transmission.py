@@ -32,7 +32,7 @@ _LATE_S = 5.0
 
 class TransmissionPublisher:
     """
-    Runs the tool's transmitters beside the estimator, one for each of its links; none without a tool file.
+    Run the tool's transmitters together with the estimator, one for each of its links; none without a tool file.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class TransmissionPublisher:
                 self._sent += 1
 
     def diagnostics(self) -> list[Diagnostic]:
-        """What the tool transmits."""
+        """Return the diagnostics of each transmitter."""
         values = (("sent", str(self._sent)),)
         found = []
         for transmitter in self._transmitters:
@@ -102,7 +102,7 @@ class TransmissionPublisher:
 
 
 def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
-    """What went on air, as mwd_msgs/Transmission."""
+    """Return the words that were transmitted, as mwd_msgs/Transmission."""
     tool = sent.tool
     message = TransmissionMessage(
         kind=int(sent.kind),

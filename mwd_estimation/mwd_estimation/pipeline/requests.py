@@ -35,7 +35,7 @@ class Requests:
 
     def start_north(self, duration_s: float, mode: str, gravity: float | None) -> None:
         """
-        Seek north from now on; `gravity` is the local gravity, m/s^2, None if not known.
+        Start a north seek; `gravity` is the local gravity, m/s^2, None if not known.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class Requests:
 
     def start_rotary(self, duration_s: float) -> None:
         """
-        Average from now on in axes that do not turn.
+        Start averaging in axes that do not turn with the string.
 
         Raises
         ------

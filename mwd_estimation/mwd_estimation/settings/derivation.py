@@ -42,6 +42,7 @@ from mwd_sensors.core.settings import SettingsError
 _LEAST_GYRO = 0.02
 # Least errors of accelerometers that nobody has described, 1 sigma: those of a MEMS unit as it leaves its factory.
 _FACTORY = {"bias_ug": 3000.0, "scale_ppm": 1500.0, "misalignment_mrad": 1.0}
+_FACTORY_GYRO = {"bias_deg_h": 720.0, "misalignment_mrad": 1.0}
 # Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
 _WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias while the tool warms up or cools, 1 sigma, as a share of the bias per hour: that of a
@@ -77,7 +78,11 @@ def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> 
 
 def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
     """Return the default parameters of a gravity method, changed to the facts of tool and place."""
-    usual, calibration = Gyro(), accelerometer_tilt(tool)
+    usual, calibration, gyro = Gyro(), accelerometer_tilt(tool), tool.gyro
+    if tool.accelerometer.assumed:
+        unstated = [name for name in _FACTORY_GYRO if getattr(gyro, name) == getattr(usual, name)]
+        gyro = dataclasses.replace(gyro, **{name: _FACTORY_GYRO[name] for name in unstated})
+    bias_ug, scale_ppm, misalignment_mrad = accelerometer_figures(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
         "gravity_sigma": _LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
@@ -87,11 +92,13 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
         "sampled": tool.samples == "points",
         # The filter's default noises include a reserve for motion that is not white; scale them with the tool's noise.
         "gyro_noise": _in_proportion(default, "gyro_noise", tool.gyro.noise_deg_sqrt_h, usual.noise_deg_sqrt_h),
-        "bias_sigma": _in_proportion(default, "bias_sigma", tool.gyro.bias_deg_h, usual.bias_deg_h),
+        "bias_sigma": _in_proportion(default, "bias_sigma", gyro.bias_deg_h, usual.bias_deg_h),
         "misalignment_sigma": _in_proportion(
-            default, "misalignment_sigma", tool.gyro.misalignment_mrad, usual.misalignment_mrad
+            default, "misalignment_sigma", gyro.misalignment_mrad, usual.misalignment_mrad
         ),
-        "calibration_sigma": calibration,
+        "accel_bias_sigma": 1e-6 * bias_ug * STANDARD_GRAVITY,
+        "accel_scale_sigma": 1e-6 * scale_ppm,
+        "accel_misalignment_sigma": 1e-3 * misalignment_mrad,
         "mag_error": 1e-9 * math.hypot(tool.magnetometer.bias_nt, _string_nt(tool)[1], _MAG_SCATTER_NT),
         # Simpler methods know their sigma less well and have a sigma floor of their own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
@@ -109,15 +116,24 @@ def accelerometer_tilt(tool: Tool) -> float:
     Return the tilt of the gravity direction caused by the errors of the accelerometers, 1 sigma, rad.
 
     A scale error rotates the vector by the difference of the errors of two axes, times sine and cosine of the angle to
-    them; the root mean square over all attitudes is half of the error. Accelerometers that nobody has described get
-    at least the errors of a unit as it leaves its factory.
+    them; the root mean square over all attitudes is half of the error.
+    """
+    bias, scale, misalignment = accelerometer_figures(tool)
+    return math.hypot(bias / 1e6, 0.5 * scale / 1e6, misalignment / 1e3)
+
+
+def accelerometer_figures(tool: Tool) -> tuple[float, float, float]:
+    """
+    Return bias, ug, scale error, ppm, and misalignment, mrad, of the accelerometers, 1 sigma.
+
+    Accelerometers that nobody has described get at least the errors of a unit as it leaves its factory.
     """
     sensor = tool.accelerometer
     bias, scale, misalignment = sensor.bias_ug, sensor.scale_ppm, sensor.misalignment_mrad or 0.0
     if sensor.assumed:
         bias, scale = max(bias, _FACTORY["bias_ug"]), max(scale, _FACTORY["scale_ppm"])
         misalignment = _FACTORY["misalignment_mrad"]
-    return math.hypot(bias / 1e6, 0.5 * scale / 1e6, misalignment / 1e3)
+    return bias, scale, misalignment
 
 
 def input_ranges(settings: EstimatorSettings) -> Ranges:

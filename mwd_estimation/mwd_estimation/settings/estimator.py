@@ -24,7 +24,7 @@ from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 
 
 @dataclasses.dataclass(frozen=True)
-class Verdict(QualitySettings):
+class VerdictSettings(QualitySettings):
     """Limits for accepting, doubting or rejecting a survey, and probabilities of disturbances before any reading."""
 
     external_field: float = setting(
@@ -49,7 +49,7 @@ class Gravity:
         choices=tuple(gravity.METHODS),
         fixed=True,
     )
-    expert: Any = setting(None, "Parameters of the selected method", expert=True)
+    expert: Any = setting(None, "Parameters of the selected method.", expert=True)
 
     def __post_init__(self) -> None:
         """Set names and defaults of the selected method's parameters."""
@@ -114,11 +114,11 @@ class Dynamics:
 class EstimatorSettings:
     """All settings of the estimator."""
 
-    tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment")
-    place: Place = setting(Place, "The place of the well, its magnetic field and gravity")
-    survey: SurveySettings = setting(SurveySettings, "Surveys")
-    verdict: Verdict = setting(Verdict, "Field acceptance criteria of surveys")
-    gravity: Gravity = setting(Gravity, "Gravity extraction")
-    attitude: Attitude = setting(Attitude, "Continuous attitude")
-    dynamics: Dynamics = setting(Dynamics, "Drilling dynamics")
-    transmit: Transmit = setting(Transmit, "Transmission to the surface")
+    tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment.")
+    place: Place = setting(Place, "The place of the well, its magnetic field and gravity.")
+    survey: SurveySettings = setting(SurveySettings, "Surveys.")
+    verdict: VerdictSettings = setting(VerdictSettings, "Field acceptance criteria of surveys.")
+    gravity: Gravity = setting(Gravity, "Gravity extraction.")
+    attitude: Attitude = setting(Attitude, "Continuous attitude.")
+    dynamics: Dynamics = setting(Dynamics, "Drilling dynamics.")
+    transmit: Transmit = setting(Transmit, "Transmission to the surface.")

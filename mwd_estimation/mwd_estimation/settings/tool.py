@@ -250,18 +250,18 @@ class PrecisionGyro:
 class PrecisionUnit:
     """Settings of the high-precision inertial unit (topic gyro/data_raw); a tool without one needs none of them."""
 
-    gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")
+    gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros of the high-precision unit.")
 
 
 @dataclass(frozen=True)
 class Tool:
     """Settings of the tool's sensors and of its position in the string; these facts are set nowhere else."""
 
-    gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit")
-    accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")
-    magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer")
-    precision: PrecisionUnit = setting(PrecisionUnit, "The high-precision unit")
-    mount: MountSettings = setting(MountSettings, "How the units are mounted in the tool")
+    gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit.")
+    accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit.")
+    magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer.")
+    precision: PrecisionUnit = setting(PrecisionUnit, "The high-precision unit.")
+    mount: MountSettings = setting(MountSettings, "How the units are mounted in the tool.")
     samples: str = setting(
         "integrated",
         "Meaning of a sample of the conventional unit: integrated (strapdown-integrated over its interval), means "

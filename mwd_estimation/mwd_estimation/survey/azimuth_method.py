@@ -9,7 +9,7 @@ from enum import StrEnum, unique
 @unique
 class AzimuthMethod(StrEnum):
     """
-    How an azimuth was found.
+    Method that determined an azimuth.
 
     RAW and SINGLE_STATION read one magnetic station (single-station, or short-collar, correction of the axial
     interference); MULTI_STATION corrects it by the stations of its run; GYRO is a north seek at the station,

@@ -47,7 +47,7 @@ _REVISABLE = 1000
 
 class _Published(NamedTuple):
     """
-    What left the estimator, and what the station above had to say about its azimuth.
+    Published survey, and its azimuth as known from the station above.
 
     known : azimuth, 1 sigma, rad, and variance in common, rad^2, as of `Finding.continued`; None: it had no say.
     above : number of the survey that this came from; 0: none.
@@ -88,9 +88,10 @@ class Provisional:
     @property
     def accepted_azimuth(self) -> StationAzimuth:
         """
-        What the gyros propagate from here; nan where the azimuth was not accepted.
+        Azimuth from which the gyros propagate; NaN if the azimuth was not accepted.
 
-        Sigma is the tool axis' own, without how the tool lies in the hole: that is what the gyros propagate.
+        Its sigma is that of the tool axis, without the misalignment of the tool in the hole, because the gyros
+        propagate the tool axis.
         """
         station, survey = self.survey.station, self.survey
         if not self.sound or survey.kind != STATIC or station.verdicts.azimuth != ACCEPT:
@@ -167,7 +168,7 @@ class SurveyDecision:
         return Provisional(judged_by_faults, one, finding, self._run.shared(), against)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
-        """The survey, with what the azimuth propagated to it says of its own."""
+        """Return the survey, completed with the azimuth that was propagated to it."""
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
         had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
@@ -178,15 +179,15 @@ class SurveyDecision:
 
     def revisions(self) -> dict[int, DecidedSurvey]:
         """
-        Surveys of which the whole run says something else than was published.
+        Return the surveys whose result has changed since they were published.
 
-        That is another verdict, or an azimuth more than its sigma away. A fault of a sensor that stands now and was
-        there already when a survey was taken rejects it.
+        A result has changed if the verdict differs, or the azimuth by more than its sigma. A fault of a sensor that
+        lasts until now and began before a survey rejects the survey.
 
         Returns
         -------
         dict of int to Survey
-            By number. What was published stays; a revision is a proposal, unless it is withdrawn.
+            Revisions by survey number. The published survey remains; a revision is a proposal, unless it is withdrawn.
         """
         now = self.judging_again(len(self._taken))()
         return {number: survey for number, survey in now.items() if survey is not self._published[number].survey}
@@ -228,7 +229,7 @@ class SurveyDecision:
         return survey
 
     def _keep(self, published: _Published) -> None:
-        """Keep what left the estimator, of so many surveys as may be revised."""
+        """Keep the published survey, for as many surveys as may be revised."""
         self._published[published.survey.sequence] = published
         while len(self._published) > _REVISABLE:
             del self._published[next(iter(self._published))]
@@ -286,14 +287,14 @@ def _by_the_run(
 
 
 def _by_gyro(gyro: Solution | None, station: Station, azimuths: tuple[MethodAzimuth, ...]) -> tuple[MethodAzimuth, ...]:
-    """Azimuths by method with that of the gyro as it is now."""
+    """Return the azimuths by method, with the present azimuth of the gyro."""
     if gyro is None:
         return azimuths
     return tuple(gyro_azimuth(gyro, station) if row.method == AzimuthMethod.GYRO else row for row in azimuths)
 
 
 def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[float, float, float] | None:
-    """What the station above and the gyros since say of an azimuth, as of `Finding.continued`; None: nothing."""
+    """Return the azimuth propagated from the station above, as in `Finding.continued`; None if there is none."""
     azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
     if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
         return None
@@ -302,7 +303,7 @@ def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[
 
 
 def _own_sigma(station: Station) -> float:
-    """1 sigma of the azimuth of the tool's axis itself, rad."""
+    """Return 1 sigma of the azimuth of the tool's axis itself, rad."""
     return math.sqrt(max(float(station.covariance[1, 1] - station.alignment[1, 1]), 1e-12))
 
 
@@ -319,7 +320,7 @@ def _measured(average: StillAverage, reference: Reference | None, settings: Stat
 
 
 def _weights(finding: Finding | None, gyro: Solution | None) -> dict[str, float]:
-    """Share of gyro and magnetometer in the azimuth."""
+    """Return the shares of gyro and magnetometer in the azimuth."""
     share = 0.0 if finding is None else finding.by_gyro
     weights: dict[str, float] = {} if gyro is None else {AzimuthMethod.GYRO: share}
     if finding is not None and share < 1.0:

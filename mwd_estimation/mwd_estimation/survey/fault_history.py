@@ -38,14 +38,14 @@ _EVIDENCE_NS, _KEPT_NS = 3_000_000_000, 3_600_000_000_000
 
 
 class Accusation(NamedTuple):
-    """What speaks against the sensors that a survey rests on."""
+    """Evidence against the sensors that a survey uses."""
 
     verdict: str  #: DOUBTFUL or REJECT
     reasons: tuple[Reason, ...]
     inclination: bool  #: whether it touches more than the azimuth
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
-        """The survey with that verdict or a graver one."""
+        """Return the survey with that verdict or a graver one."""
         station = with_faults(survey.station, self.verdict, self.reasons, inclination=self.inclination)
         return dataclasses.replace(survey, station=station)
 
@@ -80,7 +80,7 @@ class FaultHistory:
         """
         Whether a fault was named that has fed wrong values of gravity, field or rate to the azimuth up to now.
 
-        fed_ns : stamp from which on the field was taken in.
+        fed_ns : stamp from which the field was used.
         """
         return any(
             not one.cleared_ns
@@ -98,7 +98,7 @@ class FaultHistory:
         return first - fault.since_ns < _IN_TIME_NS and last >= fault.since_ns
 
     def readable(self, still: StillAverage) -> StillAverage:
-        """The average without the magnetometer where that was faulty in its time: it is no reading."""
+        """Return the average without the magnetometer if the magnetometer was faulty at that time."""
         faulty = any(one.unusable & MAG for one in self._lately(still.start_ns))
         return dataclasses.replace(still, mag=None) if faulty else still
 
@@ -107,16 +107,16 @@ class FaultHistory:
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
         """
-        The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it.
+        Return the survey, rejected if a sensor that it uses was faulty at its time, or doubtful if it was in doubt.
 
-        Doubts after its end have no say: whether they are known by now depends on how the samples were cut into blocks.
+        Doubts after its end do not count, because it depends on the cut into blocks whether they are known yet.
         """
         against = self.against(survey, 0)
         return survey if against is None else against.judge(survey)
 
     def against(self, survey: DecidedSurvey, evidence_ns: int = _EVIDENCE_NS) -> Accusation | None:
         """
-        What is known so far to speak against the sensors that a survey rests on; None: nothing.
+        Return the evidence so far against the sensors that a survey uses; None if there is none.
 
         evidence_ns: time after its end in which a doubt that begins has a say.
         """
@@ -179,7 +179,7 @@ def _rests_on(survey: DecidedSurvey) -> int:
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:
-    """Why a survey that began at this stamp, ns, is not to be used."""
+    """Return the reason to reject a survey that began at this stamp, ns."""
     if fault.cleared_ns:
         until = 1e-9 * (fault.cleared_ns - begin)
         return Reason(Code.SENSOR_FAULT_ENDED, until, fault=dataclasses.replace(fault, cleared_ns=0))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a run says of one station: its azimuth as a density, what may disturb it, and what a gyro has to do with both.
+Result of a run for one station: density of the azimuth, probable disturbances, and the influence of the gyro on both.
 
 An azimuth known from the station above is weighed here, after the run: it never enters what the run learns.
 """
@@ -20,7 +20,7 @@ from mwd_sensors.core.frames import wrap_pi
 
 # A gyro whose probability of being wrong has risen by more than this factor is contradicted by something.
 _CONTRADICTED = 2.0
-# What is known of the azimuth from the station above: half width, rad, and the share that it leaves to all others.
+# Azimuth known from the station above: half width, rad, and the share that it leaves to all other azimuths.
 _CONTINUITY, _BROKEN = math.radians(5.0), 0.05
 # A gyro with a larger share than this makes the azimuth.
 _MOSTLY = 0.5
@@ -35,23 +35,23 @@ class GyroParts:
     #: `right`, `doubted`: shape (n,); per rad, with their probabilities.
     right: Array
     doubted: Array
-    #: `before`, `shown`: probability of the second before this station, and the share of it that the run itself has
-    #: shown.
+    #: `before`, `shown`: probability of a doubted gyro before this station, and the share of it that follows from the
+    #: run itself.
     before: float
     shown: float
 
     def weighed(self, angles: Array, known: Array | float = 1.0) -> Array:
         """
-        Density of both, with an azimuth known from elsewhere (per rad) as evidence of which is true.
+        Return the sum of both densities, weighted by an azimuth known from elsewhere (per rad).
 
-        That evidence is in the weights alone: the errors that both azimuths share narrow nothing.
+        The known azimuth changes only the weights, because both azimuths share errors, so it must not narrow a density.
         """
         width = circle.widths(angles)
         of_right, of_doubted = float(width @ self.right), float(width @ self.doubted)
         if not (of_right > 0.0 and of_doubted > 0.0):
             return self.right + self.doubted
         odds = float(width @ (self.doubted * known)) / max(float(width @ (self.right * known)), 1e-300)
-        # Where nothing contradicts the gyro, only what the run has shown to go wrong with it has a say.
+        # If nothing contradicts the gyro, only the faults that the run itself has shown count.
         if odds <= _CONTRADICTED * self.before * (1.0 + odds):
             odds *= self.shown
         return np.asarray(self.right / of_right + odds * self.doubted / of_doubted)
@@ -85,19 +85,19 @@ class Finding:
         return circle.read(self.angles, self.density)
 
     def beyond(self, width: float, alignment: float) -> float:
-        """Probability that the azimuth is farther from the published one than this, rad; 1 sigma of alignment, rad."""
+        """Return the probability that the azimuth is off by more than `width`, rad; alignment: its 1 sigma, rad."""
         return circle.beyond(self.angles, self.density, self.circle.mean, width, alignment)
 
     def continued(self, azimuth: float, sigma: float, shared: float = 0.0) -> Finding:
         """
-        With what the station above and the gyros since say of the azimuth: it chooses between modes, or contradicts.
+        Return the finding with the azimuth propagated from the station above, which chooses a mode or contradicts.
 
         azimuth, sigma : from the same north, rad; shared : variance that both azimuths have in common, rad^2.
         """
         density = self.density
         if self.of_gyro is not None:
             if not self.gyro_agreed:
-                # The station above may lie in the same field: it is no judge between this gyro and the magnetometer.
+                # The station above may lie in the same field, so it cannot decide between gyro and magnetometer.
                 return self
             density = self.of_gyro.weighed(self.angles, _known(self.angles, azimuth, sigma))
         density = density * _known(self.angles, azimuth, math.hypot(_CONTINUITY, sigma))
@@ -113,13 +113,13 @@ class Finding:
 
 
 def _known(angles: Array, azimuth: float, sigma: float) -> Array:
-    """Density of an azimuth known to a sigma, rad, with what it leaves to all others."""
+    """Return the density of an azimuth known to a sigma, rad, with a small share for all other azimuths."""
     near = np.exp(-0.5 * (wrap_pi(angles - azimuth) / sigma) ** 2) / (sigma * math.sqrt(math.tau))
     return np.asarray((1.0 - _BROKEN) * near + _BROKEN / math.tau)
 
 
 def gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:
-    """Share of the gyro in what all together and the magnetometer alone (None: no reading) say of the azimuth."""
+    """Return the share of the gyro in the azimuth; magnetic: density by the magnetometer alone (None: no reading)."""
     if magnetic is None:
         return 1.0
     width = circle.widths(angles)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What surveys change in how the magnetic field of the samples is read.
+Changes that surveys make to the interpretation of the magnetic field of the samples.
 
 The north in use, what the run shows of the string's field, and whether the last station was doubted: the samples after
 it are then flagged, or their sigma holds how far the station may be off.
@@ -118,19 +118,19 @@ class MagneticFeedback:
 
 
 def _outside(station: Station) -> float:
-    """Probability of a field from outside the string at a station."""
+    """Return the probability of a field from outside the string at a station."""
     return dict(station.hypotheses).get(str(Hypothesis.EXTERNAL), 0.0)
 
 
 def _open(station: Station) -> float:
-    """How far the azimuth of a doubted station may be off, rad: its sigma, and the other azimuths that fit."""
+    """Return the possible error of a doubted station's azimuth, rad, from its sigma and the other azimuths that fit."""
     square = station.sigma_azimuth**2
     square += sum(odds * float(wrap_pi(azimuth - station.azimuth)) ** 2 for azimuth, odds in station.alternatives)
     return min(math.sqrt(square), math.pi)
 
 
 def _of_samples(mean: Array, covariance: Array, reference: Reference) -> tuple[Array, Array]:
-    """Shared errors as the states of the interference filter, T and plain: bias, scale, horizontal and down."""
+    """Convert the shared errors to states of the interference filter, T and plain: bias, scale, horizontal and down."""
     to = np.zeros((8, Shared.SIZE))
     for k in range(3):
         to[k, Shared.FIELD_BIAS + k] = UT

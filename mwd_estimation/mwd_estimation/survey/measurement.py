@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one station's six averaged axes say by themselves: angles, totals, and azimuths of single methods."""
+"""Quantities of one station from its six averaged axes alone: angles, totals, and azimuths of single methods."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from mwd_sensors.core.frames import (
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
 _LEVEL = 1e-6
-# Less is no reading, T, m/s^2.
+# Smallest field, T, and specific force, m/s^2, that count as a reading.
 _NO_FIELD = 1e-12
 _NO_GRAVITY = 1e-3
 # Where there is no horizontal field any field serves for the slopes of inclination and toolface, T.
@@ -71,7 +71,7 @@ class Readings:
 
 
 @dataclass(frozen=True)
-class North:
+class NorthTurn:
     """Name of the north, what to add to a magnetic azimuth, rad, and the variance that this adds, rad^2."""
 
     name: str
@@ -99,7 +99,7 @@ def measured(
     covariance_b: ArrayLike | None = None,
 ) -> Measured:
     """
-    Angles, totals and azimuths of single methods of a station; arguments and errors as `station.station`.
+    Compute angles, totals and azimuths of single methods of a station; arguments and errors as `station.station`.
 
     Returns
     -------
@@ -117,12 +117,12 @@ def measured(
     readings = _readings(f_raw, b_raw, noise, settings)
     north, missing = _north(reference, settings.north, readings.has_field)
     if readings.has_field and reference is not None and north.name != "magnetic":
-        north = North(north.name, north.turn, reference.declination_variance(_horizontal(readings, reference)))
+        north = NorthTurn(north.name, north.turn, reference.declination_variance(_horizontal(readings, reference)))
     return Measured(_unjudged(readings, reference, settings, north), readings, missing)
 
 
-def _unjudged(readings: Readings, reference: Reference | None, settings: StationSettings, north: North) -> Station:
-    """The station with the uncorrected azimuth as its own."""
+def _unjudged(readings: Readings, reference: Reference | None, settings: StationSettings, north: NorthTurn) -> Station:
+    """Return the station with its uncorrected azimuth."""
     inc, toolface = readings.inclination, readings.toolface
     alignment = settings.errors.alignment(inc)
     covariance = readings.jacobian @ readings.covariance @ readings.jacobian.T + alignment
@@ -172,8 +172,8 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
     )
 
 
-def _corrected(readings: Readings, reference: Reference | None, north: North) -> tuple[MethodAzimuth, ...]:
-    """The azimuth of the single-station correction, with why it is not to be used alone; none without a reference."""
+def _corrected(readings: Readings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
+    """Return the azimuth of the single-station correction, with any reason against it; none without a reference."""
     if reference is None or not reference.has_field:
         return ()
     estimate = axial_correction.axial_correction(
@@ -195,7 +195,7 @@ def _corrected(readings: Readings, reference: Reference | None, north: North) ->
 
 def correction_refusal(correction: AxialCorrection, inclination: float) -> Reason | None:
     """
-    Why an axial correction of one station must not be used; None where it may.
+    Return the reason why an axial correction of one station must not be used; None if it may.
 
     correction: of one station (arrays of shape ()); inclination in rad.
     """
@@ -239,33 +239,33 @@ def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -
 
 
 def _horizontal(readings: Readings, reference: Reference | None) -> float:
-    """Horizontal field, T: the reference's, else as measured."""
+    """Return the horizontal field, T, of the reference or, without one, as measured."""
     if reference is not None and reference.has_field:
         return reference.horizontal
     return readings.b_total * math.cos(readings.dip)
 
 
-def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[North, tuple[Reason, ...]]:
-    """The north asked for; magnetic, with a reason, where what leads to it is not known."""
+def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[NorthTurn, tuple[Reason, ...]]:
+    """Return the wanted north; or magnetic north and a reason, if the declination or convergence is not known."""
     north = best_north(reference) if wanted == "best" else wanted
     turn = north_correction(reference, north)
     if turn is not None:
-        return North(north, turn), ()
+        return NorthTurn(north, turn), ()
     if north == "true" and not has_field:
         # A gyro finds it without a declination, and there is nothing else to refer to it.
-        return North(north, 0.0), ()
+        return NorthTurn(north, 0.0), ()
     missing = "declination and convergence" if north == "grid" else "declination"
-    return North("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)
+    return NorthTurn("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)
 
 
 def _to_hole(settings: StationSettings) -> Array:
-    """Rotation (3, 3) from tool axes to hole axes by the known misalignment."""
+    """Return the rotation, shape (3, 3), from tool axes to hole axes by the known misalignment."""
     angles = np.array([0.0, *map(math.radians, settings.hole_axis_deg)])
     return np.asarray(mat_from_quat(quat_from_rotvec(-angles)))
 
 
 def capped(covariance: Array) -> Array:
-    """Covariance with no angle less certain than the full circle; correlations kept."""
+    """Limit the sigma of each angle to the full circle; correlations are kept."""
     sigma = np.sqrt(np.diagonal(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(sigma > _UNKNOWN_SIGMA, _UNKNOWN_SIGMA / sigma, 1.0)

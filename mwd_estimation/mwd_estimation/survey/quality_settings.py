@@ -16,7 +16,7 @@ TOOLCODE, CUSTOM = "toolcode", "custom"
 
 
 def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> Array:
-    """Limits on the deviations of gravity, m/s^2, field, T, and dip, rad, from the reference, shape (3,)."""
+    """Return the limits on the deviations of gravity, m/s^2, field, T, and dip, rad, from the reference, shape (3,)."""
     return np.array([gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg)])
 
 
@@ -45,8 +45,8 @@ class QualitySettings:
     )
     far_deg: float = setting(
         10.0,
-        "Error of the azimuth that the well must not have. Lowering it accepts only more certain azimuths: a sigma of "
-        "some third of it.",
+        "Error of the azimuth that the well cannot tolerate. Lowering it accepts only azimuths with a smaller sigma, "
+        "about a third of this value.",
         unit="deg",
         low=0.1,
         high=90.0,
@@ -54,8 +54,8 @@ class QualitySettings:
     )
     far_probability: float = setting(
         0.007,
-        "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
-        "stations beside interference, and more of them are far off.",
+        "Largest probability of an error above far_deg with which an azimuth is accepted. Raising it accepts more "
+        "stations near interference, and more of them have a large error.",
         low=0.0001,
         high=0.5,
         expert=True,

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What every station of a run says once all the others are known: those below it, and the gyro readings taken since.
+Revise every station of a run with all other stations: those below it, and the gyro readings taken since.
 
 The others of a station are taken in from the far ones to the near ones, because the string may be another one from some
 station on. No station counts for itself twice, nor does a seek of the gyro: it goes on while the tool is turned in
@@ -62,7 +62,7 @@ def findings(
 
 
 def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
-    """Stations of a run, each with the last azimuth that its seek of the gyro found."""
+    """Return the stations of a run, each with the last azimuth that its seek of the gyro found."""
     last = {one.gyro.began_ns: one.gyro for one in taken if one.gyro is not None and one.gyro.answers}
     last.pop(None, None)
     return [one if one.gyro is None else one._replace(gyro=last.get(one.gyro.began_ns, one.gyro)) for one in taken]
@@ -103,7 +103,7 @@ def is_revised(first: Station, now: Station, least: float = MOVED) -> bool:
 
 
 def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
-    """Stations by seek of the gyro; without one, each by itself."""
+    """Return the stations grouped by seek of the gyro; a station without a seek is a group by itself."""
     groups: dict[tuple[str, int], dict[int, Taken]] = {}
     for k, one in taken.items():
         began_ns = None if one.gyro is None else one.gyro.began_ns
@@ -158,7 +158,11 @@ def _without_each(model: RunModel, seeks: list[dict[int, Taken]], work: _Work, t
 
 
 def _divided(seeks: list[dict[int, Taken]]) -> int:
-    """Where to divide: at the gap nearest to the middle after which the string may well be another, else there."""
+    """
+    Return the index at which to divide the seeks.
+
+    It is the gap nearest the middle after which the string may have changed, or the middle if there is no such gap.
+    """
     hazards = [next(iter(seek.values())).hazard for seek in seeks]
     gaps = [k for k in range(1, len(seeks)) if hazards[k] - hazards[k - 1] > _GAP]
     return min(gaps, key=lambda k: abs(2 * k - len(seeks)), default=len(seeks) // 2)

@@ -28,7 +28,7 @@ _FEWEST = 20
 
 @dataclasses.dataclass(frozen=True)
 class Progress:
-    """How far a survey is: s, s, samples, and in words."""
+    """Progress of a survey: elapsed and remaining time, s, number of samples, and activity in words."""
 
     elapsed: float
     remaining: float
@@ -71,7 +71,7 @@ class RotarySurvey:
         return float(np.concatenate(self._rates)[:, 0].mean()) if self._rates else math.nan
 
     def progress(self) -> Progress:
-        """How far it is."""
+        """Progress of the survey."""
         elapsed = (self._last - self._begin) * 1e-9 if self._begin is not None else 0.0
         turns = self._turning >= (1.0 - _STOPS) * self._samples
         words = "averaging" if turns else "the string hardly turns"
@@ -129,7 +129,7 @@ class RotarySurvey:
 
 
 def _turned_back(vectors: Array, down: Array) -> Array:
-    """Vectors, shape (n, 3), in axes whose z is the high side of gravity's direction `down`, shape (n, 3)."""
+    """Return vectors, shape (n, 3), in axes whose z is the high side of gravity's direction `down`, shape (n, 3)."""
     across = np.maximum(np.hypot(down[:, 1], down[:, 2]), 1e-12)
     sine, cosine = -down[:, 1] / across, -down[:, 2] / across
     y, z = vectors[:, 1], vectors[:, 2]

@@ -58,19 +58,20 @@ class _Last(NamedTuple):
 
 class Taken(NamedTuple):
     """
-    A station as a run takes it in.
+    Input of a run for one station.
 
-    Readings, when, h from anywhere (nan: not known), north by a gyro, and what the string showed while it turned.
+    Readings with their time in hours from any origin (NaN if unknown), the gyro azimuth, and the estimates of the last
+    rotation of the string.
     """
 
     measured: Measured
     hours: float = math.nan
     gyro: Solution | None = None
     turning: Turning | None = None
-    #: Cumulative hazard of another string up to here (`hypotheses.hazard`), which makes stations in any order known to
-    #: each other; nan: the station follows the last one taken.
+    #: Cumulative hazard of another string up to here (`hypotheses.hazard`), so that stations may be added in
+    #: any order; NaN: the station follows the last one added.
     hazard: float = math.nan
-    #: Time since the first seek of the run's gyro, h; nan: the station follows the last one taken.
+    #: Time since the first seek of the run's gyro, h; NaN: the station follows the last one added.
     age: float = math.nan
 
 
@@ -148,7 +149,7 @@ class RunModel:
         return found
 
     def _hazard_at(self, hours: float) -> float:
-        """Cumulative hazard of another string at a station that follows the last one taken."""
+        """Return the cumulative hazard of another string at a station that follows the last one."""
         before, hazard = self._reached
         self._reached = hours, hazard + hypotheses.hazard(self._settings.priors, hours - before)
         return self._reached[1]
@@ -162,7 +163,7 @@ class RunModel:
         return 0.0 if self._aged is None else self._aged[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
-        """Go back to before the last station, where it is of the seek of the gyro that began then; else None."""
+        """Return to the state before the last station if that belongs to the seek that began then; else return None."""
         if began_ns is None or self._last is None or self._last.began_ns != began_ns:
             return None
         model.state = copy.deepcopy(self._last.before)
@@ -175,7 +176,7 @@ class RunModel:
         _learn(model, self._last.row)
 
     def shared(self) -> tuple[Array, Array] | None:
-        """Mean and covariance of the shared errors, as `RunFilter.shared`; None before the first station."""
+        """Return mean and covariance of the shared errors, as `RunFilter.shared`; None before the first station."""
         return None if self._filter is None else self._filter.shared()
 
     def _north(self, measured: Measured) -> float:
@@ -209,7 +210,7 @@ class RunModel:
         return one
 
     def _model(self, measured: Measured) -> RunFilter:
-        """The filters of the run; new ones at another place or with another north."""
+        """Return the filters of the run; new filters at another place or with another north."""
         reference, magnetic = measured.station.reference, measured.station.north == "magnetic"
         if self._filter is None or magnetic != self._of[1] or _elsewhere(reference, self._of[0]):
             known = reference if reference is not None and reference.has_field else None
@@ -242,7 +243,7 @@ class RunModel:
                 self._told[name] = now
 
     def _lay_before(self, one: Row) -> int | None:
-        """Latest station at which the tool lay alike: what errs there errs again, and shows nothing new."""
+        """Return the last station at which the tool lay alike: an error there repeats here and tells nothing new."""
         now = _directions(one)
         for place in reversed(range(len(self._lay))):
             if all(float(np.linalg.norm(a - b)) < _STAYED for a, b in zip(now, self._lay[place], strict=True)):
@@ -302,12 +303,12 @@ class RunModel:
 
 
 def _directions(one: Row) -> tuple[Array, Array]:
-    """Unit vectors of force and field in tool axes."""
+    """Return the unit vectors of force and field in tool axes."""
     return one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
 
 
 def _with_gyro(one: Row, other: Row | None) -> Row:
-    """A station with the gyro's reading at another; None: without any."""
+    """Return a station with the gyro's reading at another; None: without a reading."""
     row = one.copy()
     for name in ("gyro", "gyro_other", "gyro_lasting", "gyro_variance"):
         row[name] = other[name] if other is not None else math.nan if name == "gyro" else 0.0
@@ -328,7 +329,7 @@ def _elsewhere(reference: Reference | None, first: Reference | None) -> bool:
 
 
 def declination_sigma(station: Station) -> float:
-    """1 sigma of the declination in azimuths from the station's north, rad."""
+    """Return 1 sigma of the declination in azimuths from the station's north, rad."""
     reference = station.reference
     if reference is None or station.north == "magnetic":
         return 0.0
@@ -336,7 +337,7 @@ def declination_sigma(station: Station) -> float:
 
 
 def gyro_azimuth(gyro: Solution, station: Station) -> MethodAzimuth:
-    """The gyro's azimuth from the station's north, for comparison, or why there is none."""
+    """Return the gyro's azimuth from the station's north, for comparison, or the reason why there is none."""
     method, reference = AzimuthMethod.GYRO, station.reference
     if not math.isfinite(gyro.azimuth):
         return MethodAzimuth(method, math.nan, math.nan, gyro.reason)

@@ -113,7 +113,7 @@ class StillSurvey:
 
     @property
     def waited_s(self) -> float:
-        """How long a survey that has averaged enough has waited for something, s."""
+        """Time, s, for which a survey has waited after it had averaged enough samples."""
         return 0.0 if self.waits_for is None else (len(self._run) - self._needed()) * _BIN_S
 
     @property
@@ -154,7 +154,7 @@ class StillSurvey:
         return _averaged(chosen, requested)
 
     def finish(self) -> StillAverage | None:
-        """The average that waits for something, when nothing more comes; it counts as taken."""
+        """Return the waiting average when no more samples come; it counts as taken."""
         if self.waits_for is None:
             return None
         held, self.waits_for, self._taken = self._run[self._settles :], None, True

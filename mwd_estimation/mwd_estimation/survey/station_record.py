@@ -108,5 +108,5 @@ class Station:
         return self.reasons[0] if self.reasons and self.verdict != ACCEPT else None
 
     def by_method(self, method: str) -> MethodAzimuth | None:
-        """The azimuth of one method, None where it was not tried."""
+        """Return the azimuth of one method, None if it was not tried."""
         return next((azimuth for azimuth in self.azimuths if azimuth.method == method), None)

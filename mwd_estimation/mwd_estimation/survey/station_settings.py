@@ -15,7 +15,7 @@ from mwd_estimation.survey.quality_settings import QualitySettings
 
 @dataclass(frozen=True)
 class StationSettings:
-    """How a station is computed."""
+    """Settings of the computation of a station."""
 
     north: str = "best"  #: north that the azimuth refers to; best is grid, else true, else magnetic
     sag: SagCorrection = field(default_factory=SagCorrection)  #: added to the inclination: sag of the assembly

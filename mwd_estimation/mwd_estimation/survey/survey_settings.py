@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be set about how surveys are taken and worked out."""
+"""Settings of taking and computing surveys."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SHORTEST_S, LONGEST_S = 1.0, 600.0  # of the averaging
 
 @dataclasses.dataclass(frozen=True)
 class SurveySettings:
-    """How surveys are taken and worked out."""
+    """Settings of taking and computing surveys."""
 
     automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
     settle_s: float = setting(

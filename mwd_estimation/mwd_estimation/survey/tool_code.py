@@ -39,7 +39,7 @@ _WITH_FIELD = {
 
 def names() -> tuple[str, ...]:
     """
-    Every tool code known, by short name: OWSG sets A and B with gyros, and the ISCWSA's own examples.
+    Return the short names of all known tool codes: OWSG sets A and B with gyros, and the ISCWSA's own examples.
 
     Those ending in _Fl are for floating rigs.
     """
@@ -58,19 +58,19 @@ def check(code: str) -> None:
 
 
 def model(code: str) -> Any:
-    """What welleng takes for a code: its name, or the table of one that it has no entry for."""
+    """Return welleng's argument for a code: the name, or the table of a code that welleng does not have."""
     return _set_b().get(code, code)
 
 
 def folder() -> Path:
-    """Where welleng keeps the files of its codes, ``SET/CODE.json``."""
+    """Return the folder in which welleng keeps the files of its codes, ``SET/CODE.json``."""
     import welleng
 
     return Path(str(welleng.__file__)).parent / "errors" / "iscwsa_json"
 
 
 def _index() -> list[str]:
-    """Short names that welleng's index has; its `get_error_models` reads the file anew each time."""
+    """Return the short names in welleng's index; its `get_error_models` reads the file again each time."""
     from welleng.error import ERROR_MODELS
 
     return list(ERROR_MODELS)
@@ -78,7 +78,7 @@ def _index() -> list[str]:
 
 @functools.cache
 def _set_b() -> dict[str, Any]:
-    """Models that welleng has files for but no entry in its index: OWSG set B, by short name."""
+    """Return the models for which welleng has files but no entry in its index: OWSG set B, by short name."""
     known = set(_index())
     models = {}
     for file in sorted(folder().glob("*/*.json")):
@@ -90,7 +90,7 @@ def _set_b() -> dict[str, Any]:
 
 def sensor_errors(code: str) -> SensorErrors:
     """
-    Per-axis errors of a code's magnitudes; terms it lacks are zero.
+    Return the errors of each axis from the magnitudes of a code; terms that the code lacks are zero.
 
     Raises ValueError for an unknown code, or for one without accelerometers and magnetometers (gyro, inclination only).
     """
@@ -121,10 +121,10 @@ def sensor_errors(code: str) -> SensorErrors:
 
 def reference_sigmas(code: str) -> dict[str, float]:
     """
-    Sigmas of the field a code is used with, by the names `Reference` has for them.
+    Return the sigmas of the field with which a code is used, by their names in `Reference`.
 
-    Strength and dip stand only in codes that correct by them (+AX); for another, those of its sibling that does are
-    taken. Raises ValueError for an unknown code.
+    Only codes that correct by strength and dip (+AX) state them; any other code gets those of the related +AX code.
+    Raises ValueError for an unknown code.
     """
     magnitude = _magnitudes(code)
     field = _magnitudes(_WITH_FIELD[next((word for word in _WITH_FIELD if word in code), "SRGM")])
@@ -141,14 +141,14 @@ def reference_sigmas(code: str) -> dict[str, float]:
 
 
 def reference_for(code: str, reference: Reference) -> Reference:
-    """The reference with the sigmas of the field model the code names. ValueError as `reference_sigmas`."""
+    """Return the reference with the sigmas of the field model that the code names. ValueError as `reference_sigmas`."""
     sigmas: dict[str, Any] = reference_sigmas(code)
     return replace(reference, **sigmas)
 
 
 @functools.lru_cache(maxsize=64)
 def _magnitudes(code: str) -> dict[str, float]:
-    """Term -> magnitude, in m/s^2, nT, rad, rad nT and plain numbers."""
+    """Return the magnitude of each term, in m/s^2, nT, rad, rad nT and plain numbers."""
     from welleng.survey import Survey, SurveyHeader
 
     check(code)

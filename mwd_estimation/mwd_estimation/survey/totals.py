@@ -28,10 +28,11 @@ from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 _CHI3_DOUBTFUL, _CHI3_REJECT = chi_square.limit(0.01, 3), chi_square.limit(0.001, 3)
 # Chi-square that a slip in the reference must explain: odds of 3e5, against one reference in a thousand with a slip.
 _SLIP = 25.0
-# Beyond these many sigma of the tool code a station is doubtful, rejected; beyond so many fixed limits rejected.
+# Multiples of the sigma of the tool code above which a station is doubtful or rejected, and multiple of the fixed
+# limits above which it is rejected.
 TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
 _REJECT = 1.5
-# So many sigma off local gravity is more than a tool shows that was calibrated by it.
+# Deviation from local gravity, in sigma, that a tool calibrated by local gravity does not show.
 _NOT_LOCAL = 2.0
 
 
@@ -56,7 +57,7 @@ def deviation_covariance(
     f_t: ArrayLike, b_t: ArrayLike, reference: Reference | None, covariance_s: ArrayLike, axial_sigma: float
 ) -> Array:
     """
-    Covariance of the totals against the reference, shape (3, 3): of (total gravity, total field, dip).
+    Return the covariance of the deviations of (total gravity, total field, dip) from the reference, shape (3, 3).
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def deviation_covariance(
 
 def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Derivatives of (total gravity, total field, dip) by (f_t, b_t).
+    Return the derivatives of (total gravity, total field, dip) by (f_t, b_t).
 
     f_t, b_t, shape (3,), m/s^2 and T, not parallel. Returns shape (3, 6).
     """
@@ -107,9 +108,9 @@ def deviations(
     has_field: bool,
 ) -> Deviations:
     """
-    How far a station's totals are from the reference; nan where one of both is not known.
+    Return the deviations of a station's totals from the reference; NaN where the total or the reference is unknown.
 
-    f_h, b_h, shape (3,), m/s^2 and T; covariance_s, shape (6, 6), of both; interference: axial field to take off, T.
+    f_h, b_h, shape (3,), m/s^2 and T; covariance_s, shape (6, 6), of both; interference: axial field to subtract, T.
     """
     g_total = float(np.linalg.norm(f_h))
     delta_g = math.nan
@@ -142,9 +143,9 @@ def deviations(
 
 def _by_standard(local: float, standard: float) -> float:
     """
-    Deviation from standard gravity where that is nearer than local gravity; none between the two.
+    Return the deviation from standard gravity if that is nearer than local gravity; 0 between the two.
 
-    What a tool called one g when it was calibrated may have been either, and then all its stations are off alike.
+    The tool may have been calibrated with local or with standard gravity; all its stations then have the same error.
     """
     if local * standard < 0.0:
         return 0.0
@@ -152,14 +153,14 @@ def _by_standard(local: float, standard: float) -> float:
 
 
 def gravity_faults(g_total: float) -> list[Reason]:
-    """What shows a wrong unit or a dead accelerometer; total in m/s^2."""
+    """Return the signs of a wrong unit or a dead accelerometer; total in m/s^2."""
     if 9.0 < g_total < 10.6:
         return []
     return [Reason(Code.GRAVITY_IN_G if 0.9 < g_total < 1.1 else Code.GRAVITY_NOT_EARTH, g_total)]
 
 
 def field_faults(b_total: float, dip: float, reference: Reference | None) -> list[Reason]:
-    """What shows a wrong unit, a dead magnetometer or a flipped sign; total in T, dip in rad."""
+    """Return the signs of a wrong unit, a dead magnetometer or a reversed axis; total in T, dip in rad."""
     found = []
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
         units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"), (1e3, "uT, taken as nT"))
@@ -200,7 +201,7 @@ def reference_slip(f_h: Array, b_h: Array, reference: Reference, covariance: Arr
 
 
 @dataclass(frozen=True)
-class Judgement:
+class TotalsJudgement:
     """A verdict and the reasons that made it."""
 
     verdict: str
@@ -209,7 +210,7 @@ class Judgement:
 
 def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
     """
-    Deviation of gravity, field and dip beyond which a station is doubtful, shape (3,): m/s^2, T, rad; nan: not judged.
+    Return the limits of gravity, m/s^2, field, T, and dip, rad, of a good station, shape (3,); NaN: not judged.
 
     Raises
     ------
@@ -221,9 +222,9 @@ def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
     return np.where(np.isfinite(deviations.values), found, math.nan)
 
 
-def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
+def judge(deviations: Deviations, quality: QualitySettings) -> TotalsJudgement:
     """
-    Verdict of the totals alone.
+    Return the verdict of the totals alone.
 
     Parameters
     ----------
@@ -253,11 +254,11 @@ def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
         if chi > _CHI3_DOUBTFUL:
             verdict = REJECT if chi > _CHI3_REJECT else DOUBTFUL
             reasons.append(Reason(Code.TOTALS_OFF_TOGETHER, chi, _CHI3_DOUBTFUL))
-    return Judgement(verdict, tuple(reasons))
+    return TotalsJudgement(verdict, tuple(reasons))
 
 
 def against_limits(deviations: Deviations, quality: QualitySettings) -> list[Reason]:
-    """Every deviation that is known, against its limit; those beyond it by themselves, the others in one reason."""
+    """Compare every known deviation with its limit; one reason for each above its limit, and one for all others."""
     values = deviations.values
     limit = bounds(deviations, quality)
     gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a turning string shows of its sensors: how accelerometers lie against magnetometers, and a field of the string.
+Estimate, from a turning string, the misalignment of accelerometers and magnetometers, and the field of the string.
 
 Gravity and the Earth's field stand still while the tool turns about the axis of the hole; roll phi is the integral of
 the gyro's own axial rate. With y + iz = c + G exp(-i phi) across the tool, a triad that has the axis of rotation at
@@ -27,23 +27,23 @@ from mwd_estimation.core.time_jumps import advances
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 
-# A window has so many bins, least and most, and the string turns so far in it, rad.
+# Smallest and largest number of bins of a window, and the angle by which the string turns in it, rad.
 _BINS, _MOST_BINS, _TURNED = 10, 120, 8.0 * math.pi
-# A string that turns by less in a bin, rad, does not begin a window; samples farther apart, s, end it.
+# Rotation in a bin, rad, below which no window begins, and time between samples, s, above which a window ends.
 _BEGINS, _APART_S = 0.5, 0.1
-# Fewer samples in a half second, or in a turn, which the fit follows to one and a half cycles, tell nothing.
+# Smallest number of samples in a half second and in a turn; the fit follows one and a half cycles per turn.
 _SAMPLES, _PER_TURN = 5, 4
 # Condition of the normal equations: 5 while the string turns evenly, 1000 where it turns for a tenth of the time;
 # beyond this the samples of a slow magnetometer leave most of the turn out.
 _WORST_CONDITION = 1e4
-# What every window shows alike, 1 sigma: motion along the hole in step with the turns, m (on a bottom that is a
-# millimetre higher on one side, a sound tool seems turned by 2 deg at 120 rpm), axes that calibration leaves skew,
-# rad, and fields of the electronics, T.
+# Errors that are the same in every window, 1 sigma: motion along the hole in step with the turns, m (on a bottom that
+# is a millimetre higher on one side, a sound tool seems misaligned by 2 deg at 120 rpm), misalignment of the axes after
+# calibration, rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
 # Columns of the fit: constant and drift, cosine and sine of the roll and their drift, the four that show noise, and two
 # of a delay behind the gyro where the speed changes; and how alike the columns may be for these two to count.
 _CONSTANT, _COS, _SIN, _NOISE, _LATE, _MOST_ALIKE = 0, 2, 3, slice(6, 10), 10, 100.0
-# A window shows its noise by so many numbers: four amplitudes of three axes.
+# Number of values from which a window's noise is estimated: four amplitudes of three axes.
 _NUMBERS = 12.0
 
 
@@ -57,7 +57,7 @@ class Across:
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """What the turns so far have shown, in tool axes."""
+    """Estimates from the turns so far, in tool axes."""
 
     mount: Across  #: where the accelerometers have the axis of rotation, less where the magnetometers have it, rad
     field: Across  #: field fixed in the tool, T
@@ -76,7 +76,7 @@ class _Triad:
     rate2: float = 0.0
 
     def add(self, columns: Array, values: Array, rate: float) -> None:
-        """Fit a window that can be; columns (n, 12) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
+        """Fit a window if possible; columns (n, 12) as in `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
         if not _tells(columns):
             # At an even speed, or in few short slips, nothing shows a delay; at an even speed it does no harm.
             columns = columns[:, :_LATE]
@@ -110,7 +110,7 @@ class _Triad:
         return self.noise / self.windows * numbers / (numbers - 2.0)
 
     def tilt(self, alike: float) -> tuple[complex, float]:
-        """Where the axis of rotation lies, rad, and the variance of each part; alike: 1 sigma of K in all windows."""
+        """Return the tilt of the axis of rotation, rad, and its variance; alike: 1 sigma of K in all windows."""
         if not self.weight > 0.0:
             return 0j, math.inf
         variance = self.mean_noise + alike**2 * self.windows
@@ -166,7 +166,7 @@ class TurningString:
         self._mag.add(stamps, field)
 
     def close(self, index: int) -> None:
-        """Fit what came up to the end of a half second; all samples of its time are there."""
+        """Fit the samples up to the end of a half second; all samples of its time have arrived."""
         start, end = index * BIN_NS, (index + 1) * BIN_NS
         stamps, values = self._imu.between(start, end)
         mag_stamps, field = self._mag.between(start, end)
@@ -196,7 +196,7 @@ class TurningString:
 
     @property
     def found(self) -> Turning | None:
-        """What the turns have shown; None before there were enough."""
+        """Return the estimates from the turns; None before there were enough."""
         in_step = _IN_STEP * self._force.rate2 / max(self._force.windows, 1)
         a_force, of_force = self._force.tilt(in_step)
         a_field, of_field = self._field.tilt(_ELECTRONICS)
@@ -230,7 +230,7 @@ def _tells(columns: Array) -> bool:
 
 
 def _columns(roll: Array, middle: float, faster: Array) -> Array:
-    """Columns of the fit of a window, shape (n, 12); roll, rad, that in its middle, and rate over mean rate less 1."""
+    """Return the columns of a window's fit, (n, 12); roll, middle: rad; faster: rate over mean rate, minus 1."""
     cos, sin, drift = np.cos(roll), np.sin(roll), (roll - middle) / _TURNED
     half, more = 0.5 * roll, 1.5 * roll
     noise = np.cos(half), np.sin(half), np.cos(more), np.sin(more)

@@ -3,8 +3,8 @@
 The verdict of a station, from top to bottom: posterior, sigma, limits, verdicts, the one headline reason.
 
 Each quantity has its own verdict. The inclination's follows from gravity; the azimuth's from its posterior: how
-probably it is far off, other azimuths that fit, and what most probably disturbs it. The totals beside their limits
-(`totals`) stand behind the reasons for people who read those. Nothing else changes a verdict.
+probably it is far off, other azimuths that fit, and what most probably disturbs it. For people who read totals, their
+values and limits (`totals`) follow the reasons. Nothing else changes a verdict.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _UNEXPLAINED = 21.1
 _HIGH_SIDE = math.radians(3.0)
 # A smaller correction of sag is not worth a word, rad.
 _LEAST_SAG = math.radians(0.005)
-# A smaller field, T, is no reading of the Earth's whatever disturbs it.
+# A smaller field, T, cannot be that of the Earth, whatever disturbs it.
 _NO_READING = 3e-6
 # A hypothesis with a smaller probability is not named.
 _NAMED = 0.02
@@ -66,16 +66,16 @@ def judged(
     measured: Measured, finding: Finding | None, settings: StationSettings, faults: tuple[Reason, ...] = ()
 ) -> Station:
     """
-    The station with its azimuth and verdicts.
+    Return the station with its azimuth and verdicts.
 
     Parameters
     ----------
     measured : Measured
     finding : Finding or None
-        None where nothing says anything of the azimuth.
+        None if there is no evidence of the azimuth.
     settings : StationSettings
     faults : tuple of Reason
-        What is known to be wrong with the readings: each rejects the station.
+        Faults of the readings; each rejects the station.
     """
     readings, station = measured.readings, measured.station
     if readings is None:
@@ -83,7 +83,7 @@ def judged(
     # The posterior: azimuth and sigma of its chief mode.
     if finding is not None:
         station = _as_found(station, finding)
-    # The limits: totals beside what they may deviate.
+    # Totals with their limits of deviation.
     station = _against_limits(station, readings, settings)
     # The verdicts.
     level = _of_inclination(station, finding, settings)
@@ -101,12 +101,12 @@ def judged(
 
 
 def _as_found(station: Station, finding: Finding) -> Station:
-    """The station with the azimuth of its posterior, and what a turned mount may add to its inclination."""
+    """Return the station with the azimuth of its posterior, and the inclination error of a turned mount."""
     found = finding.circle
     covariance = station.covariance.copy()
     covariance[0, 0] += finding.mount**2
     own = math.hypot(found.sigma, math.sqrt(float(station.alignment[1, 1])))
-    # What ties the azimuth to inclination and toolface is that of the reading, as far as it still goes.
+    # Keep the measured covariance between azimuth and the other angles, scaled down if the new sigma is smaller.
     tied = min(own / math.sqrt(covariance[1, 1]), 1.0) if covariance[1, 1] > 0.0 else 0.0
     covariance[1, :] *= tied
     covariance[:, 1] *= tied
@@ -130,7 +130,7 @@ def _as_found(station: Station, finding: Finding) -> Station:
 
 
 def _against_limits(station: Station, readings: Readings, settings: StationSettings) -> Station:
-    """The station with its totals off the reference and the limits of that."""
+    """Return the station with the deviations of its totals from the reference, and their limits."""
     # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
     taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
     apart = totals.deviations(
@@ -142,14 +142,14 @@ def _against_limits(station: Station, readings: Readings, settings: StationSetti
 
 
 def _widened(station: Station, found: Circle) -> Station:
-    """The station with the sigma of the whole mode, whose improbable part may be true where the azimuth is doubted."""
+    """Return the station with the sigma of the whole mode, because a doubted azimuth may lie in its improbable part."""
     covariance = station.covariance.copy()
     covariance[1, 1] = min(math.hypot(found.spread, math.sqrt(float(station.alignment[1, 1]))), math.pi) ** 2
     return replace(station, covariance=covariance, sigma_azimuth=math.sqrt(covariance[1, 1]))
 
 
 def _of_inclination(station: Station, finding: Finding | None, settings: StationSettings) -> _Findings:
-    """Gravity against its limits, and a turned accelerometer."""
+    """Judge gravity against its limits, and look for a turned accelerometer."""
     level, apart = _Findings(), station.deviations
     level.add(REJECT, *totals.gravity_faults(station.g_total))
     gravity = replace(apart, field=math.nan, dip=math.nan)
@@ -163,7 +163,7 @@ def _of_inclination(station: Station, finding: Finding | None, settings: Station
 def _of_azimuth(
     station: Station, measured: Measured, readings: Readings, finding: Finding | None, settings: StationSettings
 ) -> _Findings:
-    """The azimuth by its posterior."""
+    """Judge the azimuth by its posterior."""
     azimuth = _Findings()
     azimuth.add(DOUBTFUL, *measured.reasons)
     if readings.has_field:
@@ -199,7 +199,7 @@ def _of_slip(station: Station, readings: Readings) -> list[Reason]:
 
 
 def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
-    """How probably the azimuth is far off, and who contradicts it."""
+    """Judge the probability that the azimuth is far off, and name the sensors that contradict it."""
     far, quality, found = math.radians(settings.quality.far_deg), settings.quality, finding.circle
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
@@ -226,7 +226,7 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
 
 
 def _judge_field(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
-    """What disturbs the field."""
+    """Add the reasons to doubt or reject the azimuth because of the field."""
     if finding.misfit > _UNEXPLAINED:
         azimuth.add(REJECT, Reason(Code.FIELD_UNEXPLAINED, finding.misfit, _UNEXPLAINED))
     odds = finding.hypotheses
@@ -241,7 +241,7 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
 
 
 def _judge_totals(azimuth: _Findings, station: Station, settings: StationSettings) -> None:
-    """Field and dip against their limits."""
+    """Judge field and dip against their limits."""
     judgement = totals.judge(replace(station.deviations, gravity=math.nan), settings.quality)
     azimuth.add(judgement.verdict, *judgement.reasons)
 
@@ -251,7 +251,7 @@ def _upright(readings: Readings) -> bool:
 
 
 def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
-    """The likeliest cause of an azimuth that may be far off."""
+    """Return the most probable cause of an azimuth that may be far off."""
     odds = {name: value for name, value in finding.hypotheses.items() if name is not Hypothesis.CLEAN}
     if not odds:
         return Reason(Code.GYRO_ONLY_UNCERTAIN, risk, far)
@@ -276,7 +276,7 @@ def _finished(
     finding: Finding | None,
     settings: StationSettings,
 ) -> Station:
-    """The station with its verdicts; first the cause of all, a wrong place, then the gravest reason."""
+    """Return the station with its verdicts; a wrong place, which causes all others, is the first reason."""
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
@@ -305,7 +305,7 @@ def _finished(
 
 
 def _of_external_field(reference: Reference | None) -> list[Reason]:
-    """What is to be said of the external field in a reference of which an observatory was asked."""
+    """Return the reasons that concern the external field, if the reference uses an observatory."""
     if reference is None or not reference.observatory:
         return []
     external, names = reference.external, (reference.observatory,)
@@ -315,7 +315,7 @@ def _of_external_field(reference: Reference | None) -> list[Reason]:
 
 
 def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, inclination: bool) -> Station:
-    """The station with a verdict for faults of its sensors; inclination: whether they touch more than the azimuth."""
+    """Return the station judged by faults of its sensors; inclination: whether they affect it too."""
     of = station.verdicts
     quantities = Verdicts(
         worse(of.inclination, verdict) if inclination else of.inclination,
@@ -327,7 +327,7 @@ def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, 
 
 
 def without_toolface(station: Station, rotary_speed: float) -> Station:
-    """The station of an average in axes that do not turn with the string; rotary_speed, rad/s, for the record."""
+    """Return the station of an average in axes that do not turn; rotary_speed, rad/s, is recorded."""
     covariance = station.covariance.copy()
     covariance[2, :] = covariance[:, 2] = math.nan
     return replace(

@@ -94,7 +94,7 @@ def fit_magnetometer(
     )
 
 
-def fit_gyro(gyro: ArrayLike, at_rest: Rests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
+def fit_gyro(gyro: ArrayLike, at_rest: TumbleRests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
     Calibrate gyros: bias and its temperature slope from the rests, scale and misalignment from the rotations between.
 
@@ -191,7 +191,7 @@ def calibrate(
     return Calibration(fit_gyro(gyro, found, accelerometer, rate), accelerometer, magnetometer)
 
 
-def _turns(w: Array, at_rest: Rests, bias: Array, drift: Array, rate: float) -> Array:
+def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: float) -> Array:
     """
     Return the rotation vectors between rests in order of time, rad, shape (longest, rotations, 3).
 
@@ -202,7 +202,7 @@ def _turns(w: Array, at_rest: Rests, bias: Array, drift: Array, rate: float) -> 
     for k in range(len(drift)):
         a, z = int(at_rest.last[k]) - round(0.5 * rate), int(at_rest.first[k + 1]) + round(0.5 * rate)
         turns.append((w[a:z] - bias - drift[k]) / rate)
-    # All rotations are computed in parallel; short ones are padded with zeros, which are no rotation.
+    # All rotations are computed in parallel; short ones are padded with zeros, which stand for no rotation.
     steps = np.zeros((max(len(turn) for turn in turns), len(turns), 3))
     for k, turn in enumerate(turns):
         steps[: len(turn), k] = turn
@@ -231,7 +231,7 @@ MIN_POSES = 12
 
 
 @dataclasses.dataclass(frozen=True)
-class Rests:
+class TumbleRests:
     """
     Mean readings over intervals at rest.
 
@@ -262,7 +262,7 @@ def rests(
     seconds: float = 2.0,
     quiet_rate: float = 0.02,
     quiet_force: float = 0.15,
-) -> Rests:
+) -> TumbleRests:
     """
     Find the intervals at rest in a tumble run.
 
@@ -304,7 +304,7 @@ def rests(
         )
     means = [np.array([x[a:z].mean(axis=0) for a, z in pairs]) for x in (w, f, b, t)]
     first, last = (np.array(column, dtype=np.int64) for column in zip(*pairs, strict=True))
-    return Rests(first, last, means[0], means[1], means[2], means[3])
+    return TumbleRests(first, last, means[0], means[1], means[2], means[3])
 
 
 # Statistics of least-squares calibrations: effect of temperature, sigmas from residuals, check of the attitudes.

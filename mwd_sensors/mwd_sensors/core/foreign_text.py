@@ -67,7 +67,7 @@ def without_contents(path: Path | str, error: BaseException, advice: str = "") -
         return f"{path}: {getattr(cause, 'strerror', '') or 'cannot be read'}"
     line = re.search(r"\bline (\d{1,9})\b", str(error))
     more = f"; {advice} says why" if advice else ""
-    return f"{path}{f', line {line[1]}' if line else ''}: is not what it should be{more}"
+    return f"{path}{f', line {line[1]}' if line else ''}: does not have the expected content{more}"
 
 
 @contextlib.contextmanager

@@ -141,14 +141,14 @@ class NoiseWatch:
         }
 
 
-class Judged(NamedTuple):
+class JudgedNoise(NamedTuple):
     """Samples with absent vectors replaced, and for each vector the reason why its covariance is not used."""
 
     samples: Samples
     notes: dict[str, str]
 
 
-def judge(samples: Samples, type_name: str) -> Judged:
+def judge(samples: Samples, type_name: str) -> JudgedNoise:
     """
     Replace vectors that are declared absent by NaN, and report covariances that are not credible.
 
@@ -174,7 +174,7 @@ def judge(samples: Samples, type_name: str) -> Judged:
             credible = _credible_row(covariance[0].tobytes(), widest) if same else _credible(covariance, widest).all()
             if not credible:
                 notes[vector] = UNBELIEVABLE
-    return Judged(samples, notes)
+    return JudgedNoise(samples, notes)
 
 
 def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:

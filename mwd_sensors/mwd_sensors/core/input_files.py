@@ -216,7 +216,7 @@ def load_yaml(text: str) -> Any:
         return yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
     except (ValueError, OverflowError) as error:
         # A tag can ask for a number anywhere, and Python refuses some numbers.
-        raise yaml.YAMLError("a value is not what its form or tag says") from error
+        raise yaml.YAMLError("a value does not fit its notation or tag") from error
 
 
 class _Keys:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many times a node was started before, as its supervisor tells it through the environment."""
+"""Read the number of earlier starts of a node, which its supervisor sets in the environment."""
 
 from __future__ import annotations
 

@@ -339,7 +339,7 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[Reading]:
     return sorted(found, key=lambda one: one.topic == "imu/data_raw")
 
 
-class Received(NamedTuple):
+class ReplyValues(NamedTuple):
     """Values of a reply, SI, the time in ns; moment at which its request was sent, s."""
 
     values: dict[str, float]
@@ -394,7 +394,7 @@ class Master:
     def _poll(self) -> Poll:
         return self.frame.polls[self._turn]
 
-    def take(self, data: bytes, now_s: float) -> list[Received]:
+    def take(self, data: bytes, now_s: float) -> list[ReplyValues]:
         """Accept bytes from the line and return the reply that they complete."""
         if not data:
             return []
@@ -423,7 +423,7 @@ class Master:
                 sent_s = self._sent_s
                 self.counters.frames += 1
                 self._finish(now_s)
-                return [Received(found, sent_s)]
+                return [ReplyValues(found, sent_s)]
         return []
 
     def _drop_echo(self) -> None:

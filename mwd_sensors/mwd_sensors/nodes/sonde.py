@@ -65,22 +65,22 @@ class SondeSettings:
     """Parameters of the sonde node."""
 
     scenario: str = setting(
-        "default", "Scenario to run: a name from bags/scenarios or the path of a YAML file", fixed=True
+        "default", "Scenario to run: a name from bags/scenarios or the path of a YAML file.", fixed=True
     )
     seed: int = setting(
-        -1, "Seed of all random numbers; -1 uses the scenario's own", low=-1, high=2**31 - 1, fixed=True
+        -1, "Seed of all random numbers. -1 uses the seed of the scenario.", low=-1, high=2**31 - 1, fixed=True
     )
     rate: float = setting(
         1.0,
-        "Seconds of the scenario per second of wall time; 0 runs as fast as possible. Subscribers lose samples if they "
-        "cannot follow the rate",
+        "Seconds of the scenario per second of wall time; 0 runs as fast as possible. Subscribers lose samples if "
+        "they cannot follow the rate.",
         low=0.0,
         high=1000.0,
         fixed=True,
     )
     wait_for_listener_s: float = setting(
         0.0,
-        "Longest wait for subscribers before the scenario starts; 0 starts at once",
+        "Longest wait for subscribers before the scenario starts; 0 starts at once.",
         unit="s",
         low=0.0,
         high=600.0,
@@ -88,31 +88,34 @@ class SondeSettings:
     )
     wait_for_node: str = setting(
         "",
-        "Name of a node that must subscribe before the scenario starts, without a time limit. Use it for a node that "
-        "first compiles its filters and would miss the start. Empty: only wait_for_listener_s applies",
+        "Name of a node that must subscribe before the scenario starts, without a time limit. Use it for a node "
+        "that first compiles its filters and would miss the start. Empty: only wait_for_listener_s applies.",
         fixed=True,
     )
-    exit_at_end: bool = setting(False, "End the process when the scenario is over", fixed=True)
+    exit_at_end: bool = setting(False, "End the process when the scenario is over.", fixed=True)
     burst: int = setting(
         0,
-        "Samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and gyro/data_raw; 0 "
-        "sends one message per sample. For units beyond 1 kHz. Larger bursts cost less computing time and arrive later",
+        "Number of samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and "
+        "gyro/data_raw. 0 sends one message per sample. Raise it for units beyond 1 kHz: larger bursts cost less "
+        "computing time and arrive later.",
         low=0,
         high=burst.MOST,
         fixed=True,
     )
     thin: int = setting(
         1,
-        "Publish only every n-th sample of magnetometer and truth; above 1 for units beyond 1 kHz",
+        "Publish only every n-th sample of magnetometer and truth. Raise it for units beyond 1 kHz.",
         low=1,
         high=1000,
         fixed=True,
     )
-    fault_injection: bool = setting(False, "Allow the service inject_fault")
+    fault_injection: bool = setting(
+        False, "Allow the service inject_fault, which injects faults into the sensors of the running sonde."
+    )
     truth_file: str = setting(
         "",
         "CSV file for the truth, one row per second of the scenario, for runs where the surface receives only the "
-        "telemetry link. Empty writes no file",
+        "telemetry link. Empty writes no file.",
         fixed=True,
     )
 
@@ -146,7 +149,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self.settings.burst:
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
-        self._rig_commands = RigCommands(self, lambda: self._sonde, self.settings.rate)
+        self._rig_commands = SimulatedRigCommands(self, lambda: self._sonde, self.settings.rate)
         if self._scenario.steering is not None:
             self._quill = self.add_publisher(JointState, "rig/quill", qos.STATE)
         self._telemetry = None
@@ -324,7 +327,7 @@ class SondeNode(GraphNode[SondeSettings]):
             return Diagnostic("scenario", OK, "over", values=values)
         elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate
         if rate > 0.0 and (behind := elapsed - self._simulated_until / rate) > 1.0:
-            remedy = "lower the rate, or free the machine"
+            remedy = "lower the rate, or end other programs on this machine"
             return Diagnostic("scenario", ERROR, f"{behind:.1f} s behind the clock", remedy, values)
         message = f"{self._simulated_until:.0f} of {self._sonde.duration:.0f} s"
         return Diagnostic("scenario", OK, message, values=values)
@@ -382,7 +385,7 @@ class TruthFile:
 _WORDS = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
 
 
-class RigCommands:
+class SimulatedRigCommands:
     """
     Carries out the commands of the control authority on the simulated rig.
 

@@ -32,12 +32,22 @@ _BITS = {name: bit for bit, name in wire.SELF_TESTS.items()}
 class Battery(Pack):
     """Battery, consumption by duty, and self-tests of the sonde."""
 
-    cells: int = setting(8, "number of cells in series", low=1, high=100)
-    resistance_ohm: float = setting(1.5, "internal resistance at 25 degC", unit="ohm", low=0.0, high=1000.0)
-    counter_error: float = setting(0.02, "1 sigma of the scale of the charge counter", low=0.0, high=0.5)
-    run_h: float = setting(0.0, "run time of the electronics before the run", unit="h", low=0.0)
+    cells: int = setting(8, "Number of cells in series.", low=1, high=100)
+    resistance_ohm: float = setting(
+        1.5,
+        "Internal resistance of the battery at 25 degC. Raising it lowers the voltage under load.",
+        unit="ohm",
+        low=0.0,
+        high=1000.0,
+    )
+    counter_error: float = setting(
+        0.02, "1 sigma of the relative error of the charge counter, as a share.", low=0.0, high=0.5
+    )
+    run_h: float = setting(
+        0.0, "Run time of the electronics before the run. Raising it starts with an emptier battery.", unit="h", low=0.0
+    )
     failures: tuple[tuple[float, str], ...] = setting(
-        (), "self-tests that fail: rows of the time from which on (s) and the name of the test"
+        (), "Self-tests that fail. Each row has the time from which the test fails, s, and the name of the test."
     )
 
     def __post_init__(self) -> None:

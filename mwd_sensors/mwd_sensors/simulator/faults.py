@@ -77,23 +77,27 @@ class Fault:
 
     component: str = setting(doc="component that fails", choices=tuple(COMPONENTS))
     fault: str = setting(doc="kind of failure", choices=WORDS)
-    axis: str = setting("all", "axis that fails", choices=AXES)
-    start_s: float = setting(0.0, "time of the run at which the fault begins", unit="s", low=0.0, high=1e9)
-    seconds: float = setting(1e9, "duration of the fault", unit="s", low=0.0, high=1e9)
-    delay_s: float = setting(0.5, "age of delayed values", unit="s", low=0.0, high=30.0)
+    axis: str = setting("all", "Axis that fails.", choices=AXES)
+    start_s: float = setting(0.0, "Time of the run at which the fault begins.", unit="s", low=0.0, high=1e9)
+    seconds: float = setting(1e9, "Duration of the fault.", unit="s", low=0.0, high=1e9)
+    delay_s: float = setting(0.5, "Age of the values of a delayed sensor.", unit="s", low=0.0, high=30.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Link:
     """Losses and other faults of the messages between sensor and log."""
 
-    loss: float = setting(0.0, "share of samples lost", low=0.0, high=1.0)
-    burst_every_s: float = setting(0.0, "mean time between bursts of loss; 0 for none", unit="s", low=0.0, high=1e6)
-    burst_s: float = setting(0.5, "length of a burst", unit="s", low=0.0, high=600.0)
-    duplicates: float = setting(0.0, "share of samples sent twice", low=0.0, high=1.0)
-    reorder: float = setting(0.0, "share of samples that change places with the next", low=0.0, high=1.0)
-    clock_jump_at_s: float = setting(0.0, "time of a jump of the sonde's clock", unit="s", low=0.0, high=1e9)
-    clock_jump_s: float = setting(0.0, "size of the jump; 0 for none", unit="s", low=-1e9, high=1e9)
+    loss: float = setting(0.0, "Share of the samples that are lost.", low=0.0, high=1.0)
+    burst_every_s: float = setting(0.0, "Mean time between bursts of loss. 0: no bursts.", unit="s", low=0.0, high=1e6)
+    burst_s: float = setting(0.5, "Duration of a burst of loss.", unit="s", low=0.0, high=600.0)
+    duplicates: float = setting(0.0, "Share of the samples that are sent twice.", low=0.0, high=1.0)
+    reorder: float = setting(0.0, "Share of the samples that change places with the next sample.", low=0.0, high=1.0)
+    clock_jump_at_s: float = setting(
+        0.0, "Time of the run at which the sonde's clock jumps.", unit="s", low=0.0, high=1e9
+    )
+    clock_jump_s: float = setting(
+        0.0, "Size of the jump of the sonde's clock, forward if positive. 0: no jump.", unit="s", low=-1e9, high=1e9
+    )
 
 
 def check(fault: Fault) -> None:

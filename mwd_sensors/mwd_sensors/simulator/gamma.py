@@ -35,27 +35,62 @@ class Gamma:
     """Gamma detector and the rock that it sees."""
 
     formation: tuple[tuple[float, float], ...] = setting(
-        ((0.0, 60.0),), "layers: rows of depth of the top (m) and natural gamma (gAPI); the first also applies above"
+        ((0.0, 60.0),),
+        "Layers of rock. Each row has the depth of the top, m, and the natural gamma, gAPI; the first layer also "
+        "applies above its top.",
     )
     by: str = setting(
         "tvd",
-        "depth of the layers: tvd, horizontal layers by true vertical depth; md, along the hole",
+        "Depth by which the layers are given. tvd: true vertical depth, so the layers are horizontal. md: measured "
+        "depth along the hole.",
         choices=("tvd", "md"),
     )
-    sensor_to_bit_m: float = setting(15.0, "distance from the detector to the bit", unit="m", low=0.0, high=100.0)
-    tool_factor: float = setting(1.5, "API units of one count per second", low=1e-3, high=1e3)
-    dead_time_us: float = setting(20.0, "dead time after each counted pulse", unit="us", low=0.0, high=1e5)
+    sensor_to_bit_m: float = setting(
+        15.0, "Distance along the hole from the detector to the bit.", unit="m", low=0.0, high=100.0
+    )
+    tool_factor: float = setting(
+        1.5,
+        "API units of one count per second. Raising it lowers the count rate, so the log becomes noisier.",
+        low=1e-3,
+        high=1e3,
+    )
+    dead_time_us: float = setting(
+        20.0,
+        "Dead time of the detector after each counted pulse. Raising it loses more counts in radioactive rock.",
+        unit="us",
+        low=0.0,
+        high=1e5,
+    )
     window_deg: float = setting(
-        0.0, "angle of the window from the scribe line, clockwise looking down-hole", unit="deg", low=-360.0, high=360.0
+        0.0,
+        "Angle from the scribe line to the detector's window, clockwise looking down-hole.",
+        unit="deg",
+        low=-360.0,
+        high=360.0,
     )
     leak: float = setting(
-        0.1, "sensitivity of the shielded side relative to the window; 1: no shield", low=0.0, high=1.0
+        0.1,
+        "Sensitivity of the shielded side as a share of that of the window. 1: no shield, so the log does not "
+        "depend on the toolface.",
+        low=0.0,
+        high=1.0,
     )
-    hole_radius_m: float = setting(0.108, "radius of the hole", unit="m", low=0.01, high=1.0)
+    hole_radius_m: float = setting(0.108, "Radius of the hole.", unit="m", low=0.01, high=1.0)
     reach_m: float = setting(
-        0.12, "distance into the rock over which the sensitivity falls to 1/e", unit="m", low=0.01, high=2.0
+        0.12,
+        "Distance into the rock over which the sensitivity falls to 1/e. Raising it smooths the log at layer "
+        "boundaries.",
+        unit="m",
+        low=0.01,
+        high=2.0,
     )
-    half_length_m: float = setting(0.15, "half of the length of hole that it sees", unit="m", low=0.0, high=2.0)
+    half_length_m: float = setting(
+        0.15,
+        "Half of the length of hole over which the detector averages. Raising it smooths the log.",
+        unit="m",
+        low=0.0,
+        high=2.0,
+    )
 
     def __post_init__(self) -> None:
         """Raise ValueError if depths do not rise or a layer has no valid gamma."""

@@ -39,8 +39,8 @@ class OffsetWell:
     end_m: tuple[float, float, float] = setting(
         doc="other end of the well: north, east, down", unit="m", low=-1e5, high=1e5
     )
-    joint_m: float = setting(12.0, "length of a casing joint", unit="m", low=1.0, high=100.0)
-    strength_uwb: float = setting(100.0, "pole strength of a joint, 1 sigma", unit="uWb", low=0.0, high=1e5)
+    joint_m: float = setting(12.0, "Length of a casing joint.", unit="m", low=1.0, high=100.0)
+    strength_uwb: float = setting(100.0, "Magnetic pole strength of a joint, 1 sigma.", unit="uWb", low=0.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,9 +55,11 @@ class Anomaly:
 class ToolJoints:
     """Magnetised joints of the string around the sonde, passed one by one (a wireline probe inside the pipe)."""
 
-    spacing_m: float = setting(9.0, "distance between joints", unit="m", low=0.5, high=50.0)
-    axial_nt: float = setting(1500.0, "axial field at a joint", unit="nT", low=-1e6, high=1e6)
-    width_m: float = setting(0.4, "distance from a joint at which its field is halved", unit="m", low=0.01, high=10.0)
+    spacing_m: float = setting(9.0, "Distance between two joints.", unit="m", low=0.5, high=50.0)
+    axial_nt: float = setting(1500.0, "Field along the axis at a joint.", unit="nT", low=-1e6, high=1e6)
+    width_m: float = setting(
+        0.4, "Distance from a joint at which its field is half as strong.", unit="m", low=0.01, high=10.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,33 +67,39 @@ class Diurnal:
     """Daily variation of the Earth's field: a sine with a period of 24 h."""
 
     amplitude_nt: tuple[float, float, float] = setting(
-        (0.0, 0.0, 0.0), "amplitude: north, east, down", unit="nT", low=0.0, high=5000.0
+        (0.0, 0.0, 0.0), "Amplitude of the variation to the north, east and down.", unit="nT", low=0.0, high=5000.0
     )
-    peak_hour: float = setting(12.0, "universal time of the peak", unit="h", low=0.0, high=24.0)
+    peak_hour: float = setting(
+        12.0, "Hour of the day, UTC, at which the variation is largest.", unit="h", low=0.0, high=24.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Interference:
     """All magnetic disturbances of one run."""
 
-    axial_nt: float = setting(0.0, "drill-string field along the tool axis", unit="nT", low=-1e6, high=1e6)
+    axial_nt: float = setting(0.0, "Field of the drill string along the tool axis.", unit="nT", low=-1e6, high=1e6)
     axial_relative: float = setting(
-        0.0, "further axial field as a multiple of the local field (S0: 0.5, 1, 2)", low=-10.0, high=10.0
+        0.0,
+        "Further field along the tool axis, as a multiple of the local field. The study S0 uses 0.5, 1 and 2.",
+        low=-10.0,
+        high=10.0,
     )
     cross_nt: tuple[float, float] = setting(
-        (0.0, 0.0), "drill-string field across the tool: y, z", unit="nT", low=-1e6, high=1e6
+        (0.0, 0.0), "Field of the drill string across the tool, along y and z.", unit="nT", low=-1e6, high=1e6
     )
     soft_iron: tuple[tuple[float, float, float], ...] = setting(
         (),
-        "soft-iron matrix, three rows: induced field = rows times the field in tool axes; empty for none",
+        "Soft-iron matrix, three rows: the induced field is the matrix times the field in tool axes. Empty: no "
+        "soft iron.",
         low=-1.0,
         high=1.0,
     )
-    anomalies: tuple[Anomaly, ...] = setting((), "disturbances along the hole, in north, east, down")
-    poles: tuple[Pole, ...] = setting((), "magnetic poles in the ground")
-    offset_wells: tuple[OffsetWell, ...] = setting((), "cased wells nearby")
-    tool_joints: ToolJoints | None = setting(None, "magnetised joints that the sonde passes")
-    diurnal: Diurnal | None = setting(None, "daily variation of the Earth's field")
+    anomalies: tuple[Anomaly, ...] = setting((), "Disturbances along the hole, to the north, east and down.")
+    poles: tuple[Pole, ...] = setting((), "Magnetic poles in the ground.")
+    offset_wells: tuple[OffsetWell, ...] = setting((), "Cased wells nearby.")
+    tool_joints: ToolJoints | None = setting(None, "Magnetised joints that the sonde passes.")
+    diurnal: Diurnal | None = setting(None, "Daily variation of the Earth's field.")
 
     def __post_init__(self) -> None:
         """Check the values against each other."""

@@ -36,7 +36,7 @@ class OnAir(NamedTuple):
     start_s : float
         Time of the start, s of the run.
     edges_s, phases, octets : tuple of float, tuple of float, bytes
-        Content as in `telemetry.on_air.Signal`; only the one that belongs to the link is filled.
+        Content as in `telemetry.on_air.GroupSignal`; only the one that belongs to the link is filled.
     width_s : float
         Duration of a pulse or symbol.
     frequency_hz : float

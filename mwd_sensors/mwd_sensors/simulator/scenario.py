@@ -34,33 +34,37 @@ from mwd_sensors.simulator.vibration import Vibrations
 
 
 @dataclasses.dataclass(frozen=True)
-class Place:
+class ScenarioPlace:
     """Place of the well."""
 
-    latitude_deg: float = setting(38.0, "latitude, north positive", unit="deg", low=-90.0, high=90.0)
-    longitude_deg: float = setting(109.0, "longitude, east positive", unit="deg", low=-180.0, high=360.0)
-    height_m: float = setting(1100.0, "height of the wellhead above the ellipsoid", unit="m", low=-1000.0, high=9000.0)
+    latitude_deg: float = setting(38.0, "Latitude of the well, north positive.", unit="deg", low=-90.0, high=90.0)
+    longitude_deg: float = setting(109.0, "Longitude of the well, east positive.", unit="deg", low=-180.0, high=360.0)
+    height_m: float = setting(1100.0, "Height of the wellhead above the ellipsoid.", unit="m", low=-1000.0, high=9000.0)
 
 
 @dataclasses.dataclass(frozen=True)
-class Well:
+class ScenarioWell:
     """The hole, and the position in it at the start of the run."""
 
     convention: str = setting(
         AngleConvention.INCLINATION.value,
-        "vertical angle of the rows: inclination from the vertical, or dip from the horizontal, positive up or down",
+        "Vertical angle of the stations: inclination from the vertical, or dip from the horizontal, positive up or "
+        "down.",
         choices=CONVENTIONS,
     )
     stations: tuple[tuple[float, float, float], ...] = setting(
         ((0.0, 30.0, 45.0),),
-        "rows of measured depth (m), inclination or dip (deg, see convention), azimuth from true north (deg)",
+        "True path of the hole. Each row has the measured depth, m, the inclination or dip, deg (see convention), "
+        "and the azimuth from true north, deg.",
     )
     plan: tuple[tuple[float, float, float], ...] = setting(
-        (), "planned path, rows like `stations`, which `mwd run` loads; empty for no plan"
+        (), "Planned path, which `mwd run` loads. Rows as in `stations`; empty: no plan."
     )
-    bit_m: float = setting(30.0, "measured depth of the bit at the start", unit="m", low=0.0, high=20000.0)
-    sensor_to_bit_m: float = setting(3.0, "distance from the sonde to the bit", unit="m", low=0.0, high=100.0)
-    toolface_deg: float = setting(0.0, "gravity toolface at the start", unit="deg", low=-360.0, high=360.0)
+    bit_m: float = setting(30.0, "Measured depth of the bit at the start.", unit="m", low=0.0, high=20000.0)
+    sensor_to_bit_m: float = setting(
+        3.0, "Distance along the hole from the sonde to the bit.", unit="m", low=0.0, high=100.0
+    )
+    toolface_deg: float = setting(0.0, "Gravity toolface at the start.", unit="deg", low=-360.0, high=360.0)
 
     @property
     def hole(self) -> tuple[Array, Array, Array]:
@@ -73,13 +77,16 @@ class Well:
 class Unit:
     """One measuring unit of the sonde."""
 
-    grade: str = setting("mti3_calibrated", "name of the instrument grade")
-    changes: dict[str, Any] = setting({}, "figures of the grade to replace, structured as in its file")
+    grade: str = setting("mti3_calibrated", "Name of the instrument grade, which gives the errors of the unit.")
+    changes: dict[str, Any] = setting({}, "Figures that replace those of the grade, structured as in the grade's file.")
     lever_mm: tuple[float, float, float] = setting(
-        (0.0, 0.0, 0.0), "position on the tool: x down-hole, y, z", unit="mm", low=-10000.0, high=10000.0
+        (0.0, 0.0, 0.0), "Position of the unit in the tool: x down-hole, y, z.", unit="mm", low=-10000.0, high=10000.0
     )
     output: str = setting(
-        "integrated", "strapdown-integrated or point-sampled output", choices=("integrated", "sampled")
+        "integrated",
+        "Kind of output. integrated: mean over each sample interval (strapdown integration). sampled: value at one "
+        "moment.",
+        choices=("integrated", "sampled"),
     )
 
 
@@ -87,60 +94,78 @@ class Unit:
 class Temperature:
     """Temperature of the sensors."""
 
-    surface_c: float = setting(20.0, "temperature at the wellhead", unit="degC", low=-60.0, high=80.0)
-    gradient_c_km: float = setting(30.0, "temperature gradient of the rock", unit="degC/km", low=0.0, high=300.0)
-    warm_up_c: float = setting(0.0, "warm-up of the electronics after switch-on", unit="degC", low=-100.0, high=150.0)
-    warm_up_s: float = setting(120.0, "time constant of the warm-up", unit="s", low=1.0, high=1e5)
+    surface_c: float = setting(20.0, "Temperature at the wellhead.", unit="degC", low=-60.0, high=80.0)
+    gradient_c_km: float = setting(
+        30.0, "Rise of the rock temperature with vertical depth.", unit="degC/km", low=0.0, high=300.0
+    )
+    warm_up_c: float = setting(
+        0.0, "Rise of the temperature of the electronics after switch-on.", unit="degC", low=-100.0, high=150.0
+    )
+    warm_up_s: float = setting(120.0, "Time constant of the rise after switch-on.", unit="s", low=1.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
-class Clock:
+class ClockErrors:
     """Errors of the sonde's clock relative to the rig's."""
 
-    drift_ppm: float = setting(0.0, "drift; positive runs fast", unit="ppm", low=-1000.0, high=1000.0)
-    jitter_us: float = setting(0.0, "jitter of a stamp, 1 sigma", unit="us", low=0.0, high=1e5)
+    drift_ppm: float = setting(
+        0.0, "Drift of the clock. A clock with a positive drift runs fast.", unit="ppm", low=-1000.0, high=1000.0
+    )
+    jitter_us: float = setting(0.0, "Random error of each stamp, 1 sigma.", unit="us", low=0.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
     """Settings of one simulated run."""
 
-    name: str = setting("unnamed", "name of the scenario, one word")
-    about: str = setting("", "purpose of the scenario in one sentence")
-    seed: int = setting(1, "seed of all random numbers", low=0, high=2**62)
-    date: str = setting("2026-03-01", "start in universal time: 2026-03-01 or 2026-03-01T06:00:00")
-    model: str = setting("wmm2025", "magnetic field model", choices=("wmm2025", "igrf"))
+    name: str = setting("unnamed", "Name of the scenario, one word.")
+    about: str = setting("", "Purpose of the scenario in one sentence.")
+    seed: int = setting(1, "Seed of all random numbers. The same seed gives the same run.", low=0, high=2**62)
+    date: str = setting("2026-03-01", "Start of the run in universal time, such as 2026-03-01 or 2026-03-01T06:00:00.")
+    model: str = setting("wmm2025", "Model of the Earth's magnetic field.", choices=("wmm2025", "igrf"))
     field_override: tuple[float, float, float] | None = setting(
-        None, "field that replaces the model: total (nT), dip (deg), declination (deg)", low=-1e6, high=1e6
+        None, "Field that replaces the model: total (nT), dip (deg), declination (deg).", low=-1e6, high=1e6
     )
-    place: Place = setting(Place, "place of the well")
-    well: Well = setting(Well, "the hole")
-    schedule: tuple[Phase, ...] = setting((Phase(),), "phases of work of the rig")
-    cycles: int = setting(1, "number of times that the whole schedule is run", low=1, high=10000)
-    rig: Rig = setting(Rig, "properties of the rig")
-    vibration: Vibrations = setting(Vibrations, "vibration of the sonde")
+    place: ScenarioPlace = setting(ScenarioPlace, "Place of the well.")
+    well: ScenarioWell = setting(ScenarioWell, "The hole, and the start of the run in it.")
+    schedule: tuple[Phase, ...] = setting((Phase(),), "Work of the rig, phase by phase.")
+    cycles: int = setting(1, "Number of times that the whole schedule runs.", low=1, high=10000)
+    rig: Rig = setting(Rig, "Properties of the rig.")
+    vibration: Vibrations = setting(Vibrations, "Vibration of the sonde.")
     steering: Steering | None = setting(
-        None, "top drive that obeys commands and a string that winds up, sticks and slips"
+        None, "Top drive that obeys commands, and a string that winds up, sticks and slips."
     )
-    ahrs: Unit = setting(Unit, "conventional unit: gyros, accelerometers, magnetometers")
-    precision: Unit | None = setting(Unit(grade="tactical_north"), "high-precision unit: gyros, accelerometers")
-    gamma: Gamma | None = setting(None, "natural gamma detector and the rock around the hole; none: no detector")
-    battery: Battery | None = setting(None, "battery and self-tests of the sonde; none: it does not report them")
-    temperature: Temperature = setting(Temperature, "temperature of the sensors")
-    clock: Clock = setting(Clock, "errors of the sonde's clock")
+    ahrs: Unit = setting(Unit, "Conventional unit: gyros, accelerometers and magnetometers.")
+    precision: Unit | None = setting(Unit(grade="tactical_north"), "High-precision unit: gyros and accelerometers.")
+    gamma: Gamma | None = setting(None, "Natural gamma detector, and the rock around the hole. none: no detector.")
+    battery: Battery | None = setting(
+        None, "Battery and self-tests of the sonde. none: the sonde does not report them."
+    )
+    temperature: Temperature = setting(Temperature, "Temperature of the sensors.")
+    clock: ClockErrors = setting(ClockErrors, "Errors of the sonde's clock.")
     string: str = setting(
         "non_magnetic",
-        "kind of string around the sonde, as stated to the estimator (tool.string)",
+        "Kind of string around the sonde, as stated to the estimator (tool.string).",
         choices=("non_magnetic", "short", "steel"),
     )
-    interference: Interference = setting(Interference, "magnetic disturbances")
-    faults: tuple[Fault, ...] = setting((), "sensor faults with their times")
-    link: Link = setting(Link, "faults of the connection from the sensors")
-    surface: dict[str, Any] = setting({}, "parameters of the surface node when `mwd run` runs the scenario, by name")
-    telemetry: Telemetry | None = setting(None, "telemetry link to the surface: tool configuration and channel")
-    rate_hz: int = setting(100, "output rate of both units", unit="Hz", low=1, high=10000)
-    rig_hz: int = setting(5, "output rate of the rig's gauges", unit="Hz", low=1, high=100)
-    kinematics_hz: int = setting(2000, "rate at which the motion is evaluated", unit="Hz", low=100, high=32000)
+    interference: Interference = setting(Interference, "Magnetic disturbances.")
+    faults: tuple[Fault, ...] = setting((), "Sensor faults with their times.")
+    link: Link = setting(Link, "Faults of the connection from the sensors to the log.")
+    surface: dict[str, Any] = setting(
+        {}, "Parameters of the surface node, by name, that `mwd run` sets for the scenario."
+    )
+    telemetry: Telemetry | None = setting(None, "Telemetry link to the surface: tool configuration and channel.")
+    rate_hz: int = setting(
+        100, "Output rate of both units. Raising it costs computing time.", unit="Hz", low=1, high=10000
+    )
+    rig_hz: int = setting(5, "Output rate of the rig's gauges.", unit="Hz", low=1, high=100)
+    kinematics_hz: int = setting(
+        2000,
+        "Rate at which the motion is computed. Raising it represents faster vibration and costs computing time.",
+        unit="Hz",
+        low=100,
+        high=32000,
+    )
 
     def __post_init__(self) -> None:
         """Check the values against each other."""

@@ -27,45 +27,47 @@ STILL, SLIDING, ROTATING, TRIPPING = range(4)
 class Phase:
     """One phase of the schedule."""
 
-    kind: str = setting("drill", "kind of work", choices=KINDS)
+    kind: str = setting("drill", "Kind of work.", choices=KINDS)
     seconds: float = setting(
-        10.0, "duration; for a connection, the time without motion", unit="s", low=0.5, high=360000.0
+        10.0, "Duration of the phase; for a connection, the time without motion.", unit="s", low=0.5, high=360000.0
     )
-    rpm: float = setting(120.0, "rotary speed while drilling or circulating", unit="r/min", low=-600.0, high=600.0)
+    rpm: float = setting(120.0, "Rotary speed while drilling or circulating.", unit="r/min", low=-600.0, high=600.0)
     rop_m_h: float = setting(
-        30.0, "rate of penetration, or speed of a move (up is negative)", unit="m/h", low=-36000.0, high=36000.0
+        30.0, "Rate of penetration, or speed of a move (negative: upwards).", unit="m/h", low=-36000.0, high=36000.0
     )
     toolface_deg: float | None = setting(
-        None, "toolface of a slide; without it the toolface stays", unit="deg", low=-360.0, high=360.0
+        None, "Toolface of a slide. Without it the toolface stays as it is.", unit="deg", low=-360.0, high=360.0
     )
-    vibration: float = setting(1.0, "factor on all vibration while drilling or moving", low=0.0, high=10.0)
-    pumps: bool = setting(True, "whether the pumps run while still or moving")
-    repeat: int = setting(1, "number of times that the phase is repeated", low=1, high=10000)
+    vibration: float = setting(1.0, "Factor on all vibration while drilling or moving.", low=0.0, high=10.0)
+    pumps: bool = setting(True, "True if the pumps run while the string stands still or moves.")
+    repeat: int = setting(1, "Number of times that the phase runs.", low=1, high=10000)
 
 
 @dataclasses.dataclass(frozen=True)
 class Rig:
     """Properties of the rig."""
 
-    ramp_s: float = setting(3.0, "time to change rotation or feed", unit="s", low=0.0, high=60.0)
-    pump_ramp_s: float = setting(2.0, "time to start or stop the pumps", unit="s", low=0.1, high=120.0)
-    running_start: bool = setting(False, "whether the first phase is already under way at time zero")
-    pick_up_m: float = setting(0.5, "distance off bottom before a connection", unit="m", low=0.0, high=30.0)
-    stand_m: float = setting(9.0, "length added by a connection", unit="m", low=0.5, high=40.0)
-    flow_lpm: float = setting(1200.0, "drilling flow", unit="l/min", low=0.0, high=6000.0)
-    pressure_bar: float = setting(110.0, "standpipe pressure at drilling flow", unit="bar", low=0.0, high=600.0)
+    ramp_s: float = setting(3.0, "Time in which rotation or feed changes to a new value.", unit="s", low=0.0, high=60.0)
+    pump_ramp_s: float = setting(2.0, "Time in which the pumps start or stop.", unit="s", low=0.1, high=120.0)
+    running_start: bool = setting(False, "True if the first phase is already under way at time zero.")
+    pick_up_m: float = setting(
+        0.5, "Distance by which the bit is lifted off bottom before a connection.", unit="m", low=0.0, high=30.0
+    )
+    stand_m: float = setting(9.0, "Length of pipe that a connection adds.", unit="m", low=0.5, high=40.0)
+    flow_lpm: float = setting(1200.0, "Flow while drilling.", unit="l/min", low=0.0, high=6000.0)
+    pressure_bar: float = setting(110.0, "Standpipe pressure at the drilling flow.", unit="bar", low=0.0, high=600.0)
     time_lapse: float = setting(
         1.0,
-        "Factor by which the bit advances faster than the rate of penetration says, so that hours of drilling pass in "
-        "minutes. Rotation and vibration keep their own speed. Above 1 the hole bends faster than any real one",
+        "Factor by which the bit advances faster than the rate of penetration, so that hours of drilling pass in "
+        "minutes. Rotation and vibration keep their own speed. Above 1 the hole bends faster than any real one.",
         low=1.0,
         high=1000.0,
     )
-    string_kn: float = setting(450.0, "hookload with the string hanging free", unit="kN", low=1.0, high=5000.0)
-    block_kn: float = setting(60.0, "hookload of the empty hook", unit="kN", low=0.0, high=1000.0)
-    weight_on_bit_kn: float = setting(60.0, "weight on bit while drilling", unit="kN", low=0.0, high=1000.0)
-    torque_knm: float = setting(8.0, "torque while drilling with rotation", unit="kN m", low=0.0, high=200.0)
-    bottom_block_m: float = setting(2.0, "block height at a connection", unit="m", low=0.0, high=50.0)
+    string_kn: float = setting(450.0, "Hookload with the string hanging free.", unit="kN", low=1.0, high=5000.0)
+    block_kn: float = setting(60.0, "Hookload of the empty hook.", unit="kN", low=0.0, high=1000.0)
+    weight_on_bit_kn: float = setting(60.0, "Weight on bit while drilling.", unit="kN", low=0.0, high=1000.0)
+    torque_knm: float = setting(8.0, "Torque while drilling with rotation.", unit="kN m", low=0.0, high=200.0)
+    bottom_block_m: float = setting(2.0, "Block height at a connection.", unit="m", low=0.0, high=50.0)
 
 
 @dataclasses.dataclass(frozen=True)

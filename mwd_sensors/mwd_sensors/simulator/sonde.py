@@ -621,7 +621,8 @@ class MeasuringUnit:
         Parameters
         ----------
         rate_it, f_t : ndarray, shape (n, 3)
-            True rate and specific force at the unit, at the kinematic rate and with margins, rad/s and m/s^2.
+            True rate, rad/s, and specific force, m/s^2, at the unit, at the kinematic rate, with `margin` samples more
+            before the step.
         margin : int
             Number of samples before the step.
         stamps : ndarray, shape (m,)

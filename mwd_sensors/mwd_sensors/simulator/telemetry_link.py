@@ -43,12 +43,14 @@ _DEEPER_M = 10.0
 class Telemetry:
     """Telemetry links of a scenario; depth, flow and pressure of the channels are those of the run."""
 
-    tool: ToolConfiguration = setting(ToolConfiguration, "configuration of the tool's transmission")
-    second_tool: ToolConfiguration | None = setting(None, "configuration of a second, simultaneous link; null for none")
-    mud: MudChannel = setting(MudChannel, "mud channel of pulses or a siren: line, pumps, noise, valve")
-    earth: EarthChannel = setting(EarthChannel, "earth channel of an EM tool: ground, string, electrodes, noise")
-    coil: CoilChannel = setting(CoilChannel, "receiver of the field of a sonde: position, ground, noise")
-    serial: SerialChannel = setting(SerialChannel, "errors of the line of a wired tool")
+    tool: ToolConfiguration = setting(ToolConfiguration, "Configuration of the tool's transmission.")
+    second_tool: ToolConfiguration | None = setting(
+        None, "Configuration of a second, simultaneous link. null: one link."
+    )
+    mud: MudChannel = setting(MudChannel, "Mud channel of pulses or a siren: line, pumps, noise and valve.")
+    earth: EarthChannel = setting(EarthChannel, "Earth channel of an EM tool: ground, string, electrodes and noise.")
+    coil: CoilChannel = setting(CoilChannel, "Receiver of the field of a sonde: position, ground and noise.")
+    serial: SerialChannel = setting(SerialChannel, "Errors of the line of a wired tool.")
 
     def __post_init__(self) -> None:
         """

@@ -32,7 +32,7 @@ NO_TOOLFACE, INCOMPLETE, SATURATED, FROM_WORD, ONE_SIDED = 1, 2, 4, 8, 16
 SETTLE_S = 1.0
 
 
-class Source(NamedTuple):
+class ChannelSource(NamedTuple):
     """Source of a channel: its SI unit (or the unit of its field), its stream, and the field of the samples."""
 
     unit: str
@@ -41,21 +41,21 @@ class Source(NamedTuple):
 
 
 SOURCES = {
-    GAMMA: Source("gAPI", "counts", "counts"),
-    "inclination": Source("rad", "attitude", "inclination"),
-    "temperature": Source("degC", "temperature", "temperature"),
-    "lateral_vibration": Source("m/s^2", "dynamics", "lateral_rms"),
-    "axial_vibration": Source("m/s^2", "dynamics", "axial_rms"),
-    "rotary_speed": Source("rad/s", "dynamics", "rotary_speed"),
-    "stick_slip": Source("", "dynamics", "stick_slip_index"),
-    "shocks": Source("", "dynamics", "shocks"),
-    "shock_peak": Source("m/s^2", "dynamics", "shock_peak"),
-    BATTERY_VOLTAGE: Source("V", "status", "battery_voltage"),
-    "battery_current": Source("A", "status", "battery_current"),
-    "consumed_charge": Source("C", "status", "consumed_charge"),
-    "run_time": Source("s", "status", "run_time"),
-    "self_tests": Source(FLAGS, "status", "self_tests"),
-    "failed_self_tests": Source(FLAGS, "status", "failed_self_tests"),
+    GAMMA: ChannelSource("gAPI", "counts", "counts"),
+    "inclination": ChannelSource("rad", "attitude", "inclination"),
+    "temperature": ChannelSource("degC", "temperature", "temperature"),
+    "lateral_vibration": ChannelSource("m/s^2", "dynamics", "lateral_rms"),
+    "axial_vibration": ChannelSource("m/s^2", "dynamics", "axial_rms"),
+    "rotary_speed": ChannelSource("rad/s", "dynamics", "rotary_speed"),
+    "stick_slip": ChannelSource("", "dynamics", "stick_slip_index"),
+    "shocks": ChannelSource("", "dynamics", "shocks"),
+    "shock_peak": ChannelSource("m/s^2", "dynamics", "shock_peak"),
+    BATTERY_VOLTAGE: ChannelSource("V", "status", "battery_voltage"),
+    "battery_current": ChannelSource("A", "status", "battery_current"),
+    "consumed_charge": ChannelSource("C", "status", "consumed_charge"),
+    "run_time": ChannelSource("s", "status", "run_time"),
+    "self_tests": ChannelSource(FLAGS, "status", "self_tests"),
+    "failed_self_tests": ChannelSource(FLAGS, "status", "failed_self_tests"),
 }
 
 

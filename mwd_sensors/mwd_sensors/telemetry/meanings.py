@@ -9,7 +9,7 @@ from typing import NamedTuple
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
-class Meaning(NamedTuple):
+class WordMeaning(NamedTuple):
     """Measured quantity and its SI unit."""
 
     quantity: str
@@ -26,24 +26,24 @@ DOWNLINK = "downlink"
 
 # Key: name in lower case. Azimuths are relative to magnetic north, the only north that a tool knows.
 MEANINGS = {
-    "inc": Meaning(INCLINATION, "rad"),
-    "azm": Meaning(AZIMUTH, "rad"),
-    "dipa": Meaning(DIP, "rad"),
-    "temp": Meaning(TEMPERATURE, "degC"),
-    "grav": Meaning(G_TOTAL, "m/s^2"),
-    "magf": Meaning(B_TOTAL, "T"),
-    "sinc": Meaning(SIGMA_INCLINATION, "rad"),
-    "sazm": Meaning(SIGMA_AZIMUTH, "rad"),
-    "atfa": Meaning(TOOLFACE, "rad"),
-    "gtfa": Meaning(GRAVITY_TOOLFACE, "rad"),
-    "mtfa": Meaning(MAGNETIC_TOOLFACE, "rad"),
-    "rinc": Meaning(CONTINUOUS_INCLINATION, "rad"),
-    "razm": Meaning(CONTINUOUS_AZIMUTH, "rad"),
-    "lrms": Meaning(LATERAL_RMS, "m/s^2"),
-    "arms": Meaning(AXIAL_RMS, "m/s^2"),
-    "lmxg": Meaning(LATERAL_PEAK, "m/s^2"),
-    "amxg": Meaning(AXIAL_PEAK, "m/s^2"),
-    "dlnk": Meaning(DOWNLINK, ""),
+    "inc": WordMeaning(INCLINATION, "rad"),
+    "azm": WordMeaning(AZIMUTH, "rad"),
+    "dipa": WordMeaning(DIP, "rad"),
+    "temp": WordMeaning(TEMPERATURE, "degC"),
+    "grav": WordMeaning(G_TOTAL, "m/s^2"),
+    "magf": WordMeaning(B_TOTAL, "T"),
+    "sinc": WordMeaning(SIGMA_INCLINATION, "rad"),
+    "sazm": WordMeaning(SIGMA_AZIMUTH, "rad"),
+    "atfa": WordMeaning(TOOLFACE, "rad"),
+    "gtfa": WordMeaning(GRAVITY_TOOLFACE, "rad"),
+    "mtfa": WordMeaning(MAGNETIC_TOOLFACE, "rad"),
+    "rinc": WordMeaning(CONTINUOUS_INCLINATION, "rad"),
+    "razm": WordMeaning(CONTINUOUS_AZIMUTH, "rad"),
+    "lrms": WordMeaning(LATERAL_RMS, "m/s^2"),
+    "arms": WordMeaning(AXIAL_RMS, "m/s^2"),
+    "lmxg": WordMeaning(LATERAL_PEAK, "m/s^2"),
+    "amxg": WordMeaning(AXIAL_PEAK, "m/s^2"),
+    "dlnk": WordMeaning(DOWNLINK, ""),
 }
 TOOLFACES = (TOOLFACE, GRAVITY_TOOLFACE, MAGNETIC_TOOLFACE)
 # Units of words with a meaning -> (SI unit, SI value of 1 in the unit). Other units (V, cps, s) are used unchanged.

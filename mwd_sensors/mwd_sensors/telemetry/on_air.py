@@ -23,7 +23,7 @@ class Group(NamedTuple):
     items: tuple[SequenceItem, ...]
 
 
-class Signal(NamedTuple):
+class GroupSignal(NamedTuple):
     """
     Signal of a group of words, on the clock of the tool.
 
@@ -70,7 +70,7 @@ def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]
     return tuple(Group(kind, number, place, part) for place, part in enumerate(parts))
 
 
-def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: int = 0) -> Signal:
+def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: int = 0) -> GroupSignal:
     """
     Return the signal of a group.
 
@@ -88,24 +88,24 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
         name = BlockName(group.kind, group.number, group.place)
         bits = carrier.block_bits(tool.carrier, name, sent, lengths, tool.table_check)
         phases = np.angle(carrier.symbols(tool.carrier, bits)) % (2.0 * np.pi)
-        return Signal(tool.carrier.block_s, tool.carrier.block_s, phases=tuple(phases.tolist()))
+        return GroupSignal(tool.carrier.block_s, tool.carrier.block_s, phases=tuple(phases.tolist()))
     if tool.code == "serial":
         octets = _frame(tool, group, sent, counter)
         on_line = len(octets) * serial_frames.BITS_PER_BYTE / tool.serial.baud
-        return Signal(on_line, max(on_line, tool.serial.period_s), octets=octets)
+        return GroupSignal(on_line, max(on_line, tool.serial.period_s), octets=octets)
     edges: list[float] = []
     at = 0
     for code, length in zip(sent, lengths, strict=True):
         one = tool.pulses(code, length)
         edges += [(at + edge) * tool.tu_s for edge in one.edges]
         at += one.length
-    return Signal(at * tool.tu_s, at * tool.tu_s, edges_s=tuple(edges))
+    return GroupSignal(at * tool.tu_s, at * tool.tu_s, edges_s=tuple(edges))
 
 
-def sync(tool: ToolConfiguration) -> Signal:
+def sync(tool: ToolConfiguration) -> GroupSignal:
     """Return the sync that starts a transmission in pulses."""
     duration = tool.sync.length_tu * tool.tu_s
-    return Signal(duration, duration, edges_s=tuple(edge * tool.tu_s for edge in tool.sync.edges_tu))
+    return GroupSignal(duration, duration, edges_s=tuple(edge * tool.tu_s for edge in tool.sync.edges_tu))
 
 
 def _frame(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: int) -> bytes:

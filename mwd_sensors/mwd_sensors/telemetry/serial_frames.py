@@ -40,7 +40,7 @@ class SerialLine:
     period_s: float = setting(1.0, "Time from one frame to the next.", unit="s", low=0.0, high=3600.0)
 
 
-class Frame(NamedTuple):
+class SerialFrame(NamedTuple):
     """Content of a binary frame with a valid check: kind and number of the sequence, counter, packed words."""
 
     kind: str
@@ -122,7 +122,7 @@ def encode(
     return cobs(signed(bytes([first, counter & 0xFF, size]) + words, start)) + bytes([END])
 
 
-def read(data: bytes, start: int = START) -> Frame | None:
+def read(data: bytes, start: int = START) -> SerialFrame | None:
     """Decode the bytes between two ends; return None if COBS, check, pattern or length is not valid."""
     plain = uncobs(data)
     if plain is None or not holds(plain, start) or len(plain) < _HEADER_BYTES + CRC_BYTES + 1:
@@ -131,7 +131,7 @@ def read(data: bytes, start: int = START) -> Frame | None:
     words = plain[_HEADER_BYTES:-CRC_BYTES]
     if first & 15 != _PATTERN or size != len(words):
         return None
-    return Frame(KINDS[first >> 7], first >> 4 & 7, counter, words)
+    return SerialFrame(KINDS[first >> 7], first >> 4 & 7, counter, words)
 
 
 def written(item: SequenceItem, word: Word, code: int) -> str:

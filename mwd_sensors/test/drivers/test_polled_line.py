@@ -240,6 +240,6 @@ def test_a_unit_is_converted_to_si(unit, one):
 @pytest.mark.parametrize("text", ["s3cret-token", "- s3cret", "a: 1\ns3cret: [", "-----BEGIN KEY-----\ns3cret"])
 def test_a_file_that_is_no_frame_is_not_quoted(tmp_path, text):
     (tmp_path / "token").write_text(text)
-    with pytest.raises(ValueError, match=r"token.*is not what it should be") as caught:
+    with pytest.raises(ValueError, match=r"token.*does not have the expected content") as caught:
         polled_line.read(tmp_path / "token", polled_line.PROBE_QUANTITIES)
     assert "s3cret" not in str(caught.value)

@@ -108,9 +108,9 @@ class SampleDecoder:
 
     def _from_vectors(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
         """
-        Return samples of an IMU or a magnetometer from messages of one vector.
+        Return samples of an IMU or a magnetometer from messages that hold one vector.
 
-        The other vector is marked as absent.
+        The vector of the IMU that the messages do not hold is marked as absent.
         """
         quantity = self._topics[name].quantity
         log_ns, vectors = self._from_messages(name, wire.VECTOR, part, None)

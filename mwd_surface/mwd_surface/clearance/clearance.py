@@ -55,31 +55,39 @@ class ClearanceRule:
     """The separation rule and its levels; the defaults are the paper's for wells where a collision endangers people."""
 
     k: float = setting(
-        3.5, "Factor on the combined 1 sigma of both wells. Raising it keeps wells farther apart", low=1.0, high=10.0
+        3.5, "Factor on the combined 1 sigma of both wells. Raising it keeps wells farther apart.", low=1.0, high=10.0
     )
     surface_margin_m: float = setting(
-        0.3, "Distance that is kept even if both positions are exact", unit="m", low=0.0, high=10.0
+        0.3,
+        "Distance that is kept even if both positions are exact. Raising it keeps wells farther apart.",
+        unit="m",
+        low=0.0,
+        high=10.0,
     )
     projection_sigma_m: float = setting(
-        0.5, "1 sigma of the hole ahead of the last survey until the next one", unit="m", low=0.0, high=10.0
+        0.5,
+        "1 sigma of the hole ahead of the last survey until the next one. Raising it keeps wells farther apart.",
+        unit="m",
+        low=0.0,
+        high=10.0,
     )
     warning_factor: float = setting(
-        1.25, "Separation factor below which a warning is raised. Raising it warns earlier", low=1.0, high=20.0
+        1.25, "Separation factor below which a warning is raised. Raising it warns earlier.", low=1.0, high=20.0
     )
     stop_factor: float = setting(
-        1.0, "Separation factor below which drilling must stop; the rule allows no less than 1", low=1.0, high=20.0
+        1.0, "Separation factor below which drilling must stop. The rule allows no less than 1.", low=1.0, high=20.0
     )
     farthest_km: float = setting(
         10.0,
-        "Distance between two wells, or of the first station from its wellhead, above which positions count as wrong. "
-        "Raise it to confirm that the wells really are so far apart",
+        "Distance between two wells, or of the first station from its wellhead, above which positions count as "
+        "wrong. Raise it to confirm that the wells really are so far apart.",
         unit="km",
         low=1.0,
         high=1e5,
     )
     largest_dogleg_deg_30m: float = setting(
         30.0,
-        "Dogleg severity above which a list counts as wrong. Raise it to confirm a hole that really turns so sharply",
+        "Dogleg severity above which a list counts as wrong. Raise it to confirm a hole that really turns so sharply.",
         unit="deg/30 m",
         low=5.0,
         high=540.0,

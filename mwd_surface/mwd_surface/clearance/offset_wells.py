@@ -57,24 +57,52 @@ class OffsetWell(ListSettings):
     file: str
     north_m: float | None = setting(
         None,
-        "wellhead of the offset well north of this wellhead; if left out, from the map coordinates of both lists, or 0",
+        "Distance of the offset well's wellhead north of the wellhead of this well. If left out, it follows from "
+        "the map coordinates of both lists; without map coordinates it is 0.",
         unit="m",
     )
-    east_m: float | None = setting(None, "wellhead of the offset well east of this wellhead; see north_m", unit="m")
-    tvd_m: float = setting(0.0, "depth datum of the offset well below that of this one", unit="m")
-    hole_diameter_m: float = setting(
-        0.31, "diameter of its hole, or of its casing if there is one", unit="m", low=0.0, high=5.0
+    east_m: float | None = setting(
+        None,
+        "Distance of the offset well's wellhead east of the wellhead of this well. If left out, it follows as for "
+        "north_m.",
+        unit="m",
     )
-    code: str = setting("MWD+SRGM", "tool code of the whole well")
-    programme: str = setting("", "file of its survey programme; it replaces code")
+    tvd_m: float = setting(
+        0.0,
+        "Height of the depth datum of this well above that of the offset well. It is added to the vertical depths "
+        "of the offset well.",
+        unit="m",
+    )
+    hole_diameter_m: float = setting(
+        0.31,
+        "Diameter of the hole of the offset well, or of its casing if it is cased. Raising it lowers the "
+        "separation factor.",
+        unit="m",
+        low=0.0,
+        high=5.0,
+    )
+    code: str = setting(
+        "MWD+SRGM", "Tool code of the surveys of the whole offset well, which gives the uncertainty of its position."
+    )
+    programme: str = setting("", "File of the survey programme of the offset well. If given, it replaces code.")
     wellhead_sigma_m: float = setting(
-        0.0, "1 sigma of its wellhead relative to this one, in north and east", unit="m", low=0.0
+        0.0,
+        "1 sigma of the position of the offset wellhead relative to this one, in north and in east. Raising it "
+        "lowers the separation factor.",
+        unit="m",
+        low=0.0,
     )
     planned: bool = setting(
-        False, "whether the file is a plan: its errors are those of surveys every 30 m, not at the stations of the plan"
+        False,
+        "True if the file is a plan that has not been drilled. Its uncertainty is then that of surveys every 30 m, "
+        "instead of surveys at the stations of the file.",
     )
     shared_to_m: float | None = setting(
-        None, "measured depth down to which both wells are the same hole, for a sidetrack", unit="m", low=0.0
+        None,
+        "Measured depth down to which both wells are the same hole, for a sidetrack. Above it the wells are not "
+        "compared.",
+        unit="m",
+        low=0.0,
     )
 
 
@@ -87,11 +115,18 @@ class OffsetWells:
     """
 
     wells: tuple[OffsetWell, ...]
-    rule: ClearanceRule = setting(ClearanceRule, "the separation rule and its levels")
-    hole_diameter_m: float = setting(0.31, "diameter of the hole that is drilled", unit="m", low=0.0, high=5.0)
+    rule: ClearanceRule = setting(ClearanceRule, "The separation rule and its levels.")
+    hole_diameter_m: float = setting(
+        0.31,
+        "Diameter of the hole that is being drilled. Raising it lowers the separation factor.",
+        unit="m",
+        low=0.0,
+        high=5.0,
+    )
     ahead_m: float = setting(
         300.0,
-        "length of plan ahead of the bit that is compared; raising it takes longer",
+        "Length of the plan ahead of the bit that is compared with the offset wells. Raising it warns earlier and "
+        "takes more computing time.",
         unit="m",
         low=0.0,
         high=20000.0,

@@ -54,6 +54,7 @@ def clearance(
     from mwd_surface.clearance.well_clearance import well_clearance
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import read_plan_option
+    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences
@@ -73,9 +74,9 @@ def clearance(
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")
     files: dict[str, str | bytes] = {
         "clearance.csv": clearance_csv(near.found),
-        "ladder.png": png(ladder(near.found)),
-        "travelling_cylinder.png": png(travelling_cylinder(near.found)),
-        "plan_view.png": png(plan_view(near)),
+        "ladder.png": png(spoken_figure(ladder(near.found))),
+        "travelling_cylinder.png": png(spoken_figure(travelling_cylinder(near.found))),
+        "plan_view.png": png(spoken_figure(plan_view(near))),
     }
     _show(near.found)
     for one in near.ahead()[:1]:

@@ -76,14 +76,16 @@ def compare(
 
 
 def _picture(run: Path, expected: Path) -> bytes:
+    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.plots import run_comparison
+    from mwd_surface.plots.drawing import png
     from mwd_surface.processing import run_folder
 
     ours, theirs = (
         run_comparison.Run(path.resolve().name, run_folder.attitude(path), run_folder.surveys(path))
         for path in (run, expected)
     )
-    return run_comparison.picture(ours, theirs)
+    return png(spoken_figure(run_comparison.picture(ours, theirs)))
 
 
 def _limits(given: list[str] | None) -> dict[str, float]:

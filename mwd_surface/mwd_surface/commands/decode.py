@@ -106,6 +106,8 @@ def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array])
 def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, got: Reception) -> str:
     """Write the tables, and a plot unless it is a serial line; return the names of the files."""
     from mwd_sensors.core.output_files import write_whole
+    from mwd_surface.commands.speech import spoken_figure
+    from mwd_surface.plots.drawing import png
     from mwd_surface.receiver import picture, word_files
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -114,8 +116,8 @@ def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, g
     if configuration.code == "serial":
         return "words.csv, surveys.csv"
     quantity = picture.VOLTAGE if configuration.medium in ("earth", "coil") else picture.PRESSURE
-    drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration, quantity=quantity)
-    write_whole(folder / "picture.png", drawn)
+    drawn = picture.figure_of(read.time_s, read.pressure_pa, got.words, configuration, quantity)
+    write_whole(folder / "picture.png", png(spoken_figure(drawn), 110))
     return "words.csv, surveys.csv, picture.png"
 
 

@@ -193,7 +193,7 @@ def _table(
         terminal.warn(note)
     found = run_logs(source, surveys.well.sensor_offset) if with_logs else None
     if found is not None:
-        made = (health_section(found[1]), log_section(found[0].curves()))
+        made = (health_section(found[1], surveys.well.display), log_section(found[0].curves(), surveys.well.display))
         sections = (*sections, *(one for one in made if one is not None))
     table = survey_table(
         surveys,

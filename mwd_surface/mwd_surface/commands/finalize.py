@@ -186,7 +186,13 @@ def _show(final: FinalList, distance: float, md: float, key: Path | None) -> Non
     records = final.surveys.records
     revised = sum(record.replaced is not None for record in records)
     lines = [
-        ("surveys", f"{sum(r.in_use for r in records)} in use of {len(records)}; {revised} revised by the run"),
+        (
+            "surveys",
+            (
+                f"{sum(r.in_use for r in records)} in use of {len(records)}; "
+                f"{revised} revised with later surveys of the run"
+            ),
+        ),
         *(
             (
                 "overlap",

@@ -63,6 +63,7 @@ def forecast(
 
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import list_settings
+    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
     from mwd_surface.list_files.remark import sentences
@@ -91,7 +92,8 @@ def forecast(
     found = work_out(planned, from_north, code, reference, latitude, axial=axial * 1e-9, most=math.radians(limit))
     chart = correction_map(code, reference, latitude) if corrected_sibling(code) else None
     _show(found)
-    terminal.write(output, {"forecast.csv": forecast_csv(found), "forecast.png": png(forecast_figure(found, chart))})
+    drawn = spoken_figure(forecast_figure(found, chart))
+    terminal.write(output, {"forecast.csv": forecast_csv(found), "forecast.png": png(drawn)})
 
 
 def _show(found: Forecast) -> None:

@@ -96,7 +96,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
             self.write("".join(f"{indent}{' ' * first}{line}\n" for line in lines[1:]))
 
     def _room(self) -> int:
-        # A closing mark may stand in the last column.
+        # Keep the last column free for a punctuation mark, which must not begin a line.
         return int(self.width) - int(self.current_indent) - 1
 
 

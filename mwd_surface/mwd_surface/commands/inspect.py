@@ -101,7 +101,7 @@ def inspect(
         ("settings", recorded.source or "none in the recording"),
     ]
     if links:
-        lines.append(("telemetry", f"{', '.join(links)}: `{decoding}` gives the words that came up"))
+        lines.append(("telemetry", f"{', '.join(links)}: `{decoding}` decodes the words that the surface received"))
     if others:
         lines.append(("not used", _not_used(others)))
     lines += [("missing", f"for {result}: {need}") for result, need in found.missing]
@@ -116,7 +116,7 @@ def inspect(
 
 
 def _not_used(topics: list[TopicInfo]) -> str:
-    """Return the topics that are no input: those of other programs by name, those of this program as a number."""
+    """Return the topics that are not inputs: those of other programs by name, those of this program as a number."""
     foreign = [f"{topic.name} ({topic.type_name})" for topic in topics if not topic.type_name.startswith("mwd_msgs/")]
     own = len(topics) - len(foreign)
     return ", ".join([*foreign, *([f"{own} of this program's own topics (see `mwd bag info`)"] if own else [])])

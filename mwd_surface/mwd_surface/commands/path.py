@@ -257,8 +257,10 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     """Return the files of the comparison of a path with that of another list, from the same north."""
     import dataclasses
 
+    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.comparison_csv import comparison_csv
-    from mwd_surface.plots.path_comparison import picture
+    from mwd_surface.plots.drawing import png
+    from mwd_surface.plots.path_comparison import figure_of
     from mwd_surface.trajectory.list_comparison import difference
 
     well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)
@@ -271,7 +273,7 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     second = _table(turned)
     found = difference(table.path, second.path, (table.covariance, second.covariance))
     _show_difference(found, names)
-    return {"comparison.csv": comparison_csv(found), "comparison.png": picture(found, *names)}
+    return {"comparison.csv": comparison_csv(found), "comparison.png": png(spoken_figure(figure_of(found, *names)))}
 
 
 def _show(table: SurveyTable) -> None:

@@ -41,6 +41,7 @@ def plot(
     from mwd_sensors.core.output_files import write_whole
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.plots import bag_plots
     from mwd_surface.plots.plot_data import gather
     from mwd_surface.plots.traces import WHAT
@@ -56,7 +57,7 @@ def plot(
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
         data = gather(opened, words, given, topic or (), progress=progress)
         notes = list(dict.fromkeys(opened.notes))
-    picture = bag_plots.image(bag_plots.figure(data, words), kind)
+    picture = bag_plots.image(spoken_figure(bag_plots.figure(data, words)), kind)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, picture)
     for note in [*notes, *data.remarks]:

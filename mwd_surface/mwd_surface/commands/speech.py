@@ -9,8 +9,12 @@ from __future__ import annotations
 
 import os
 import re
+from typing import TYPE_CHECKING
 
 from mwd_surface.language.language import Language, language, language_of_commands
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Marks and spaces around the words of a piece of a line.
 _AROUND = re.compile(r"([\s:;,.(→•-]*)(.*?)([\s:;,.)]*)", re.DOTALL)
@@ -42,6 +46,13 @@ def say(text: str) -> str:
     if not said.entries:
         return text
     return "\n".join(_line(said, line) for line in text.split("\n"))
+
+
+def spoken_figure(figure: Figure) -> Figure:
+    """Translate the texts of a figure into the language, and return it."""
+    from mwd_surface.plots.drawing import translate
+
+    return translate(figure, say) if spoken().entries else figure
 
 
 def _line(said: Language, line: str) -> str:

@@ -72,9 +72,11 @@ def trajectory(
     options = locals()  # must be first: only the options, by name
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import assigned, list_settings
+    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.list_settings import ListSettings
+    from mwd_surface.plots.drawing import png
     from mwd_surface.plots.trajectory_plot import trajectory_plot
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
     from mwd_surface.trajectory.dense_trajectory import dense_trajectory
@@ -108,7 +110,7 @@ def trajectory(
     files: dict[str, str | bytes] = {
         "trajectory.csv": trajectory_csv(found, path),
         "trajectory.las": trajectory_las(found, surveys),
-        "trajectory.png": trajectory_plot(found),
+        "trajectory.png": png(spoken_figure(trajectory_plot(found))),
     }
     terminal.write(output, files)
 

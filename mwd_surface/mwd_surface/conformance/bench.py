@@ -66,7 +66,7 @@ class Point:
     valid_for: float = 60.0
 
 
-class Peer(Protocol):
+class AuthorityClient(Protocol):
     """One client of an interface, which the authority can distinguish from all others."""
 
     def ask(self, wish: Wish) -> Answer:
@@ -86,7 +86,7 @@ class Interface(Protocol):
     largest: int  # largest set-point number that the interface can send
     lag_s: float  # time after which `view` shows the last action
 
-    def peer(self, number: int) -> Peer:
+    def peer(self, number: int) -> AuthorityClient:
         """Return a client; the same number gives the same client."""
 
     def view(self) -> View:
@@ -124,7 +124,7 @@ class Bench:
 
     def __init__(self, interface: Interface, person: Person | None, heartbeat_s: float) -> None:
         self.interface, self._person, self.heartbeat_s = interface, person, heartbeat_s
-        self._held: list[tuple[Peer, int]] = []
+        self._held: list[tuple[AuthorityClient, int]] = []
 
     @property
     def person(self) -> Person:
@@ -133,11 +133,11 @@ class Bench:
             raise NotPossibleError("nobody can decide at the rig; add --ros NAMESPACE")
         return self._person
 
-    def one(self) -> Peer:
+    def one(self) -> AuthorityClient:
         """Return the client that gets control first."""
         return self.interface.peer(0)
 
-    def other(self) -> Peer:
+    def other(self) -> AuthorityClient:
         """Return another client of the same interface."""
         return self.interface.peer(1)
 
@@ -146,14 +146,14 @@ class Bench:
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 
-    def ask(self, peer: Peer, **wish: object) -> Answer:
+    def ask(self, peer: AuthorityClient, **wish: object) -> Answer:
         """Ask for control without a grant by a person."""
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))
         return answer
 
-    def take(self, peer: Peer, **wish: object) -> int:
+    def take(self, peer: AuthorityClient, **wish: object) -> int:
         """Ask for control, have the request granted, and return the lease."""
         answer = self.ask(peer, **wish)
         if answer.permission == Permission.PENDING:
@@ -164,7 +164,7 @@ class Bench:
             raise CaseError(f"control was not granted: {answer.message or 'permission 0'}")
         return answer.lease
 
-    def turning(self, peer: Peer, lease: int, sequence: int = 1, **point: object) -> None:
+    def turning(self, peer: AuthorityClient, lease: int, sequence: int = 1, **point: object) -> None:
         """Let the owner send a set-point, and check that it comes into force."""
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
@@ -185,7 +185,7 @@ class Bench:
             time.sleep(0.05)
         return True
 
-    def lives(self, peer: Peer, lease: int, seconds: float) -> None:
+    def lives(self, peer: AuthorityClient, lease: int, seconds: float) -> None:
         """Send heartbeats of a controller for some time, s."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:

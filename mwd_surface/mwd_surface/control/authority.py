@@ -295,7 +295,7 @@ class ControlAuthority:
                 holder = "nobody has control" if owner is None else f"{owner.name} has control"
                 return False, f"lease {point.lease} is not in force: {holder}"
             if sender != owner.sender:
-                # The lease number is no proof of identity, because every client can read it.
+                # The lease number does not prove the identity, because every client can read it.
                 self.refused += 1
                 return False, f"lease {point.lease} belongs to {owner.name}; only {owner.name} can command under it"
             if point.sequence == 0:

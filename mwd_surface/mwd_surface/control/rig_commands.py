@@ -22,7 +22,7 @@ _LONGEST_STEP = 0.2
 
 
 @dataclasses.dataclass
-class _Channel:
+class _DriveChannel:
     """
     State of the top drive or of the pumps.
 
@@ -51,7 +51,7 @@ class RigCommands:
 
     def __init__(self, *, returns: bool) -> None:
         self._returns = returns
-        self._drive, self._pump = _Channel(), _Channel()
+        self._drive, self._pump = _DriveChannel(), _DriveChannel()
         self._speed = self._ramp_at = 0.0
         self._limits = LeaseLimits()
         self._sets = self._counter = 0
@@ -174,7 +174,7 @@ class RigCommands:
         """Return the controller's number for a command that the rig answers; 0 if nobody waits for the answer."""
         return self._unanswered.pop(number, 0)
 
-    def _set(self, channel: _Channel, point: SetPoint, lapses: float) -> None:
+    def _set(self, channel: _DriveChannel, point: SetPoint, lapses: float) -> None:
         self._sets += 1
         channel.point, channel.lapses, channel.set = point, lapses, self._sets
 

@@ -15,41 +15,47 @@ class ControlSettings:
     """Settings of who may command top drive and pumps, and within which limits."""
 
     enabled: bool = setting(
-        False, "Let controllers take control of top drive and pumps. If false, every request is denied", fixed=True
+        False, "Let controllers take control of top drive and pumps. If false, every request is denied.", fixed=True
     )
     grant: str = setting(
         "operator",
-        "Who grants control. operator: a person grants each request, on the page or by judge_control; automatic: the "
-        "first request is granted, a higher priority takes over. Use automatic only if every controller is trusted",
+        "Who grants control. operator: a person grants each request, on the page or by the service judge_control. "
+        "automatic: the first request is granted, and a request of higher priority takes over. Use automatic only "
+        "if every controller is trusted.",
         choices=("operator", "automatic"),
         fixed=True,
     )
     heartbeat_s: float = setting(
         2.0,
-        "Time without a command of the owner after which it counts as dead. Raising it lets the string turn longer "
-        "without a living controller; lowering it ends the leases of slow clients",
+        "Time without a command of the owner after which the owner counts as dead. Raising it lets the string turn "
+        "longer without a living controller; lowering it ends the leases of slow clients.",
         unit="s",
         low=0.2,
         high=30.0,
         fixed=True,
     )
     pending_s: float = setting(
-        120.0, "Time after which a waiting request lapses", unit="s", low=1.0, high=3600.0, fixed=True
+        120.0,
+        "Time after which a request that nobody has granted expires. Raising it gives the operator more time.",
+        unit="s",
+        low=1.0,
+        high=3600.0,
+        fixed=True,
     )
     longest_s: float = setting(
         3600.0,
-        "Longest lease; the owner renews it by asking again. Lowering it ends a forgotten lease sooner",
+        "Longest lease; the owner renews it by a new request. Lowering it ends a forgotten lease sooner.",
         unit="s",
         low=1.0,
         high=86400.0,
         fixed=True,
     )
     speed_rpm: float = setting(
-        120.0, "Highest speed that may be commanded to the top drive", unit="r/min", low=0.1, high=600.0, fixed=True
+        120.0, "Highest speed that may be commanded to the top drive.", unit="r/min", low=0.1, high=600.0, fixed=True
     )
     speed_rate_rpm_s: float = setting(
         10.0,
-        "Largest change of the commanded speed. Raising it excites stick-slip",
+        "Largest change of the commanded speed. Raising it excites stick-slip.",
         unit="r/min/s",
         low=0.1,
         high=1000.0,
@@ -57,17 +63,17 @@ class ControlSettings:
     )
     torque_nm: float = setting(
         30000.0,
-        "Measured torque above which control ends and the string is held. Set it below the string's make-up torque",
+        "Measured torque above which control ends and the string is held. Set it below the string's make-up torque.",
         unit="N m",
         low=100.0,
         high=2e5,
         fixed=True,
     )
-    turn_deg: float = setting(720.0, "Largest turn in one command", unit="deg", low=1.0, high=36000.0, fixed=True)
+    turn_deg: float = setting(720.0, "Largest turn in one command.", unit="deg", low=1.0, high=36000.0, fixed=True)
     left_speed_rpm: float = setting(
         0.0,
         "Highest counter-clockwise speed, looking downhole, that may be commanded. Left-hand rotation can unscrew "
-        "the string; 0 refuses it",
+        "the string; 0 refuses it.",
         unit="r/min",
         low=0.0,
         high=600.0,
@@ -75,35 +81,40 @@ class ControlSettings:
     )
     left_turn_deg: float = setting(
         0.0,
-        "Largest counter-clockwise turn in one command; 0 refuses it. A controller that rocks the string or corrects a "
-        "toolface to the left needs it",
+        "Largest counter-clockwise turn in one command; 0 refuses it. A controller that rocks the string, or "
+        "corrects a toolface to the left, needs a value above 0.",
         unit="deg",
         low=0.0,
         high=36000.0,
         fixed=True,
     )
     flow_lpm: float = setting(
-        4000.0, "Highest flow that may be commanded to the pumps", unit="L/min", low=1.0, high=20000.0, fixed=True
+        4000.0, "Highest flow that may be commanded to the pumps.", unit="L/min", low=1.0, high=20000.0, fixed=True
     )
     controller_lost_sliding: str = setting(
         "hold",
-        "Reaction to a dead controller while sliding. hold: stop turning and hold the string; release: return to the "
-        "driller's settings; keep: keep the last set-point until a person ends it",
+        "Reaction to a dead controller while sliding. hold: stop turning and hold the string; release: return to "
+        "the driller's settings; keep: keep the last set-point until a person ends it.",
         choices=REACTIONS,
         fixed=True,
     )
     controller_lost_rotating: str = setting(
         "release",
-        "Reaction to a dead controller while rotating: hold, release or keep, as for sliding",
+        "Reaction to a dead controller while rotating: hold, release or keep, as for sliding.",
         choices=REACTIONS,
         fixed=True,
     )
     mwd_lost_sliding: str = setting(
         "hold",
-        "Reaction to a dead MWD while sliding. Except for keep, ORIENT set-points are refused until the MWD is back",
+        "Reaction while sliding if attitude and toolface stop arriving: hold, release or keep, as for "
+        "controller_lost_sliding. Except for keep, ORIENT set-points are refused until they arrive again.",
         choices=REACTIONS,
         fixed=True,
     )
     mwd_lost_rotating: str = setting(
-        "keep", "Reaction to a dead MWD while rotating. Rotating needs no toolface", choices=REACTIONS, fixed=True
+        "keep",
+        "Reaction while rotating if attitude and toolface stop arriving: keep, hold or release. Rotating needs no "
+        "toolface.",
+        choices=REACTIONS,
+        fixed=True,
     )

@@ -86,7 +86,7 @@ class Transition(NamedTuple):
     now: float
 
 
-class Request(NamedTuple):
+class DownlinkRequest(NamedTuple):
     """A requested command, with the name and value that the person gave."""
 
     frame: Frame
@@ -136,7 +136,7 @@ class Machine:
         self._proves = False
         self.state, self.number = DownlinkState.IDLE, number
         self.reason = self.decided_by = ""
-        self.request: Request | None = None
+        self.request: DownlinkRequest | None = None
         self.blocked_by: tuple[str, ...] = ()
         self.base: float | None = None
         self.set_point: float | None = None
@@ -169,7 +169,7 @@ class Machine:
         frame, _ = self.echo.numbered(Frame(1, number, argument), self.counter)
         # Check that the command fits together with the earlier commands.
         tool_commands.applied(self.tool, self.in_force.after(frame))
-        self.request, self.programme = Request(frame, name, value, by.strip()), programme(frame, self.downlink)
+        self.request, self.programme = DownlinkRequest(frame, name, value, by.strip()), programme(frame, self.downlink)
         self.number += 1
         self.decided_by, self.base, self.blocked_by = "", None, ()
         text = (

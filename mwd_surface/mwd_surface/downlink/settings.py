@@ -14,8 +14,8 @@ class DownlinkSettings:
 
     tool_file: str = setting(
         "",
-        "Tool configuration (tool.yaml) whose `downlink` section says how the tool accepts commands. Empty: "
-        "no downlink. Tool and receiver need the same file",
+        "Tool configuration (tool.yaml) whose section `downlink` says how the tool accepts commands. Tool and "
+        "receiver need the same file. Empty: no downlink.",
         fixed=True,
     )
     speed_low_rpm: float = setting(
@@ -43,16 +43,16 @@ class DownlinkSettings:
     )
     stall_share: float = setting(
         0.25,
-        "Rise of the pressure over its usual value at the same flow, as a share, that counts as a motor stall. Raise "
-        "it where the differential pressure varies much; a stall is then noticed later",
+        "Rise of the pressure above its usual value at the same flow, as a share, that counts as a motor stall. "
+        "Raise it where the differential pressure varies much; a stall is then noticed later.",
         low=0.02,
         high=2.0,
         expert=True,
     )
     tolerance: float = setting(
         0.08,
-        "Deviation of flow or rotation from the set-point, as a share of the drilling value, that counts as operator "
-        "input after 2 s. Raise it where the rig's gauges are inaccurate",
+        "Deviation of flow or rotation from the set-point, as a share of the drilling value, that counts as "
+        "operator input after 2 s. Raise it where the rig's gauges are inaccurate.",
         low=0.01,
         high=0.5,
         expert=True,

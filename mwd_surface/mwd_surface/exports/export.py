@@ -166,7 +166,7 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
 
         moment = utc(table.made_ns)[:19].replace(":", "").replace("-", "") + "Z"
         # The time and the word must survive a long name.
-        stem = safe_name(safe_name(table.surveys.well.wellbore_name)[:48], made.word, moment)
+        stem = safe_name(safe_name(table.surveys.well.wellbore_name, longest=48), made.word, moment)
     path = Path(folder) / (stem + made.ending)
     data = made.make(table)
     try:

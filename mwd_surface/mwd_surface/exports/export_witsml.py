@@ -201,7 +201,7 @@ def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
 
 
 def _norths(s: Survey, tags: tuple[str, str]) -> list[str]:
-    """Return the known ones of declination and convergence of a survey under these tags."""
+    """Return declination and convergence of a survey as elements with these tags; unknown angles are left out."""
     pairs = zip(tags, (s.declination, s.convergence), strict=True)
     return [_measure(tag, degrees(angle, 4), "dega") for tag, angle in pairs if math.isfinite(angle)]
 

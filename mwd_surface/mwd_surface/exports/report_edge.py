@@ -17,6 +17,7 @@ import numpy as np
 
 from mwd_surface.exports.report_section import Drawing, Section, Sheet
 from mwd_surface.language.language import Language
+from mwd_surface.plots.drawing import translate
 from mwd_surface.signals.cells import Printed, Typed, fixed
 from mwd_surface.signals.units import FIELD, FOOT, UNITS, Scale
 
@@ -35,7 +36,7 @@ _IN_TEXT = re.compile(r"(?<![\w.])(-?\d+(?:[.,](\d+))?) ?(m|(?:deg|°)/30 m)(?![
 
 
 class Edge(NamedTuple):
-    """Language and units of a report."""
+    """Conversion of texts and numbers to the language and units of a report."""
 
     language: Language
     field: bool
@@ -126,7 +127,7 @@ def _drawer(edge: Edge, draw: Callable[[], Figure]) -> Callable[[], Figure]:
     def drawn() -> Figure:
         figure = draw()
         if edge.language.entries:
-            _translate(figure, edge)
+            translate(figure, edge.drawn)
         for axes in figure.axes if edge.field else ():
             _in_feet(axes)
         return figure
@@ -150,15 +151,3 @@ def _in_feet(axes: Any) -> None:
             axis.set_label_text(f"{label[:-1]}ft")
             axis.set_major_locator(Feet(nbins=8, steps=[1, 2, 2.5, 5, 10]))
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value / FOOT, 6):g}"))
-
-
-def _translate(figure: Figure, edge: Edge) -> None:
-    """Translate the texts of a figure; a text stays English if no font has its characters."""
-    from matplotlib.text import Text
-
-    from mwd_surface.plots.fonts import lacking
-
-    for item in figure.findobj(Text):
-        said = edge.drawn(item.get_text())
-        if not lacking((said,)):
-            item.set_text(said)

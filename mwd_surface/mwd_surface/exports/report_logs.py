@@ -12,7 +12,8 @@ import numpy as np
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, sheet_of
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.logs.tool_health import ToolHealth
-from mwd_surface.signals.units import UNITS
+from mwd_surface.signals.signal import Display
+from mwd_surface.signals.units import UNITS, Scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +30,8 @@ _TRACKS = {
 }
 
 
-def health_section(health: ToolHealth) -> Section | None:
-    """Return the summary of the tool's run; None where nothing is known of the tool."""
+def health_section(health: ToolHealth, display: Display) -> Section | None:
+    """Return the summary of the tool's run, in the units of the well; None where nothing is known of the tool."""
     if not health.stamp_ns and not health.parts:
         return None
     text, sheets = [f"{one}." for one in health.remarks], []
@@ -60,13 +61,14 @@ def health_section(health: ToolHealth) -> Section | None:
         levels = [
             (
                 one.source.replace("_", " "),
-                one.unit,
-                _number(one.largest),
-                _number(one.limit),
+                scale.symbol,
+                _number(scale.of(one.largest)),
+                _number(scale.of(one.limit)),
                 _number(one.observed / _HOUR_S),
                 _number(100.0 * one.dose),
             )
             for one in health.exposures
+            for scale in (_scale(one.unit, display),)
         ]
         tints = {
             (k, 5): REJECT if one.dose >= 1.0 else DOUBTFUL if one.dose >= _WARNING else GOOD
@@ -85,37 +87,39 @@ def health_section(health: ToolHealth) -> Section | None:
     return Section("Health of the tool", tuple(text), tuple(sheets))
 
 
-def log_section(curves: Sequence[Curve]) -> Section | None:
-    """Return the logs as depth tracks; None without any."""
+def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
+    """Return the logs as depth tracks, in the units and with the vertical angle of the well; None without any."""
     by_name = {curve.channel: curve for curve in curves if len(curve.depth) and np.isfinite(curve.value).any()}
     shown = [by_name[name] for name in _TRACKS if name in by_name]
     if not shown:
         return None
     caption = "Logs over measured depth, first pass, each with its 1 sigma; sectors from the high side, clockwise."
-    return Section("Logs", drawings=(Drawing(caption, lambda: tracks(shown), wide=True),), page=True)
+    return Section("Logs", drawings=(Drawing(caption, lambda: tracks(shown, display), wide=True),))
 
 
-def tracks(curves: Sequence[Curve]) -> Figure:
+def tracks(curves: Sequence[Curve], display: Display) -> Figure:
     """Return a figure with a track for each curve, and an image for its sectors."""
     from matplotlib.figure import Figure
 
     images = [curve for curve in curves if np.isfinite(curve.sectors).any()]
-    figure = Figure(figsize=(11.0, 7.4), layout="constrained")
+    figure = Figure(figsize=(11.0, 5.6), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(curves) + len(images), sharey=True))
     place = iter(axes)
     for curve in curves:
         axis = next(place)
-        scale = UNITS[curve.unit].people if curve.unit in UNITS else None
-        factor, offset = (1.0, 0.0) if scale is None else (scale.factor, scale.offset)
-        value, sigma = curve.value * factor + offset, curve.sigma * factor
+        scale = _scale(curve.unit, display)
+        title, values = _TRACKS[curve.channel], curve.value
+        if curve.channel == "inclination" and display.angles.points:
+            title, values = display.angles.heading, display.angles.shown(values)
+        value, sigma = values * scale.factor + scale.offset, curve.sigma * scale.factor
         axis.fill_betweenx(curve.depth, value - sigma, value + sigma, alpha=0.25, linewidth=0.0)
         axis.plot(value, curve.depth, linewidth=0.7, marker=".", markersize=1.5)
-        axis.set_title(f"{_TRACKS[curve.channel]}\n{curve.unit if scale is None else scale.symbol}", fontsize=8)
+        axis.set_title(f"{title}\n{scale.symbol}", fontsize=8)
         axis.tick_params(labelsize=7)
         axis.grid(linewidth=0.3)
         if curve in images:
             _image(next(place), curve)
-    axes[0].set_ylabel("m", fontsize=8)
+    axes[0].set_ylabel("measured depth, m", fontsize=8)
     axes[0].invert_yaxis()
     return figure
 
@@ -128,6 +132,10 @@ def _image(axis: object, curve: Curve) -> None:
     quarter = curve.sectors.shape[1] / 4.0
     axis.set_xticks([0.5 + k * quarter for k in range(4)], ["U", "R", "D", "L"], fontsize=7)  # type: ignore[attr-defined]
     axis.set_title("sectors", fontsize=8)  # type: ignore[attr-defined]
+
+
+def _scale(unit: str, display: Display) -> Scale:
+    return UNITS[unit].shown_in(display.units) if unit in UNITS else Scale(unit, 1.0)
 
 
 def _number(value: float) -> str:

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import io
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mwd_surface.exports.report_content import Content, content, printed_logo
@@ -18,13 +19,20 @@ from mwd_surface.plots import fonts
 from mwd_surface.plots.drawing import png
 
 if TYPE_CHECKING:
+    from fpdf.fonts import FontFace
     from matplotlib.figure import Figure
 
 _FONT, _SPARE = "text", "spare"
 _GAP = 18.0  # mm between two signatures
 _MARK = (255, 243, 224)
+_STROKE = 0.03  # width of the outlines of bold texts where there is no bold weight, of the size of the letters
 # Heights, mm: title at the top of a page, heading of a section, caption of a drawing. Width of one of two drawings.
 _TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
+# Heading of a table, and the least of a table that stays with its headings: two lines of titles and three rows.
+_SHEET, _BEGINNING = 7.0, 21.0
+_ROWS = (4.2, 3.7)  # heights of the rows of a table: usual, and closer where the last rows would be alone on a page
+_ALONE = 4  # rows
+_SMALLER = 0.6  # least size of a wide drawing, of its usual one, that keeps it on the page of its heading
 _NARROW = 134.0
 
 
@@ -46,8 +54,21 @@ def report_pdf(table: SurveyTable) -> bytes:
     if without := fonts.lacking((report.certificate,)):
         raise ValueError(f"well.language: no font has the characters {without[:20]} of the report: {fonts.HOW}")
 
+    # Of the font with Chinese characters there is only the regular weight: bold texts have thicker outlines.
+    wide = fonts.needs_wide(report.words())
+
     class Page(FPDF):  # type: ignore[misc]
         """Pages with the title and the page number."""
+
+        @contextlib.contextmanager
+        def use_font_face(self, font_face: FontFace) -> Iterator[None]:
+            """Print with a font face, bold also if the font has no bold weight."""
+            with contextlib.ExitStack() as stack:
+                if wide and font_face and font_face.emphasis:
+                    width = _STROKE * (font_face.size_pt or self.font_size_pt) / self.k
+                    stack.enter_context(self.local_context(text_mode="FILL_STROKE", line_width=width, draw_color=0))
+                stack.enter_context(super().use_font_face(font_face))
+                yield
 
         def header(self) -> None:
             if self.page_no() > 1:
@@ -61,14 +82,14 @@ def report_pdf(table: SurveyTable) -> bytes:
 
     pdf = Page(orientation="landscape", format="A4")
     main, bold = fonts.main_font(), fonts.main_font(bold=True)
-    if fonts.needs_wide(report.words()):
+    if wide:
         # One font for all texts: fpdf2 2.8 mixes up the glyphs where a cell of two lines changes the font.
-        wide, *others = fonts.wide_fonts()
+        first, *others = fonts.wide_fonts()
         spares = {f"{_SPARE}{k}": path for k, path in enumerate((main, *others))}
         for name, path in spares.items():
             pdf.add_font(name, "", path)
         pdf.set_fallback_fonts([*spares], exact_match=False)
-        main = bold = wide
+        main = bold = first
     pdf.add_font(_FONT, "", main)
     pdf.add_font(_FONT, "B", bold)
     pdf.set_creation_date(dt.datetime.fromtimestamp(table.made_ns // 10**9, tz=dt.UTC))
@@ -86,8 +107,9 @@ def report_pdf(table: SurveyTable) -> bytes:
     logo, _ = printed_logo(well.logo)
     if logo:
         pdf.image(io.BytesIO(logo), x=247, y=6, w=40, h=14, keep_aspect_ratio=True)
-    pdf.set_font(_FONT, "B", 15)
-    pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
+    pdf.set_font(_FONT, "", 8)
+    with pdf.use_font_face(_bold(15)):
+        pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
     _head(pdf, report)
     for section in report.sections:
         _section(pdf, section)
@@ -119,17 +141,28 @@ def _head(pdf: Any, report: Content) -> None:
 def _section(pdf: Any, section: Section) -> None:
     drawings = [_Placed(one, one.draw(), _room(pdf)) for one in section.drawings]
     # A heading stays on the page of what follows it.
-    follows = 22.0 if section.text or section.sheets or not drawings else drawings[0].height
+    text = bool(section.text or section.sheets or not drawings)
+    follows = _SHEET + _BEGINNING if text else drawings[0].height * (_SMALLER if drawings[0].drawing.wide else 1.0)
     if section.page or pdf.will_page_break(_HEADING + follows):
         pdf.add_page()
-    pdf.set_font(_FONT, "B", 11)
-    pdf.cell(0, _HEADING, section.heading, new_x="LMARGIN", new_y="NEXT")
+    _heading(pdf, section.heading, _HEADING, 11)
     for text in section.text:
         pdf.set_font(_FONT, "", 8)
         pdf.multi_cell(0, 4.6, text, new_x="LMARGIN", new_y="NEXT")
     for sheet in section.sheets:
         _sheet(pdf, sheet, sheet.heading if sheet.heading != section.heading else "")
     _drawings(pdf, drawings)
+
+
+def _bold(size: float) -> FontFace:
+    from fpdf.fonts import FontFace
+
+    return FontFace(emphasis="BOLD", size_pt=size)
+
+
+def _heading(pdf: Any, text: str, height: float, size: float) -> None:
+    with pdf.use_font_face(_bold(size)):
+        pdf.cell(0, height, text, new_x="LMARGIN", new_y="NEXT")
 
 
 def _room(pdf: Any) -> float:
@@ -143,8 +176,18 @@ class _Placed:
     def __init__(self, drawing: Drawing, figure: Figure, room: float) -> None:
         ratio = figure.get_figheight() / figure.get_figwidth()
         self.drawing, self.figure = drawing, figure
-        self.width = min(225.0 if drawing.wide else _NARROW, (room - _CAPTION) / ratio)
-        self.height = self.width * ratio + _CAPTION
+        self._ratio = ratio
+        self.width = 225.0 if drawing.wide else _NARROW
+        self.fit(room)
+
+    @property
+    def height(self) -> float:
+        """Height with the caption, mm."""
+        return self.width * self._ratio + _CAPTION
+
+    def fit(self, height: float) -> None:
+        """Make the drawing no higher than this, mm."""
+        self.width = min(self.width, (height - _CAPTION) / self._ratio)
 
 
 def _drawings(pdf: Any, placed: Sequence[_Placed]) -> None:
@@ -154,7 +197,10 @@ def _drawings(pdf: Any, placed: Sequence[_Placed]) -> None:
         wide = one.drawing.wide
         if column == 0 or wide:
             column = 0
-            if pdf.will_page_break(one.height):
+            room = pdf.page_break_trigger - pdf.get_y()
+            if wide and one.height > room >= _SMALLER * one.height:
+                one.fit(room - 1.0)
+            elif pdf.will_page_break(one.height):
                 pdf.add_page()
             top = pdf.get_y()
         pdf.set_xy(10.0 + column * (_NARROW + 8.0), top)
@@ -170,10 +216,9 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     from fpdf.fonts import FontFace
 
     if heading:
-        if pdf.will_page_break(24):
+        if pdf.will_page_break(_SHEET + _BEGINNING):
             pdf.add_page()
-        pdf.set_font(_FONT, "B", 9)
-        pdf.cell(0, 7, heading, new_x="LMARGIN", new_y="NEXT")
+        _heading(pdf, heading, _SHEET, 9)
     pdf.set_font(_FONT, "", 6.5)
     # Column widths in proportion to the longest text, up to 40 characters.
     lengths = (
@@ -188,7 +233,7 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     with pdf.table(
         col_widths=tuple(n + 3 for n in lengths),
         text_align=align,
-        line_height=4.2,
+        line_height=_row_height(pdf, len(sheet.rows)),
         borders_layout="HORIZONTAL_LINES",
         headings_style=FontFace(emphasis="BOLD", fill_color=(238, 242, 245)),
     ) as grid:
@@ -204,6 +249,17 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     pdf.ln(3)
 
 
+def _row_height(pdf: Any, rows: int) -> float:
+    """Return the height of the rows of a table, mm, at which few rows are not left for a last page."""
+
+    def last(height: float) -> int:
+        """Return the number of rows on the last page of a table that continues on further pages, or all."""
+        here, page = (int(room / height) - 2 for room in (pdf.page_break_trigger - pdf.get_y(), _room(pdf) + _HEADING))
+        return rows if rows <= here else (rows - here) % page or page
+
+    return next((height for height in _ROWS if last(height) > min(_ALONE, rows - 1)), _ROWS[0])
+
+
 def _width(text: str) -> int:
     """Return the width of a text in letters; a Chinese character is as wide as two."""
     return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
@@ -212,8 +268,7 @@ def _width(text: str) -> int:
 def _certificate(pdf: Any, report: Content, say: Callable[[str], str]) -> None:
     if pdf.will_page_break(40):
         pdf.add_page()
-    pdf.set_font(_FONT, "B", 11)
-    pdf.cell(0, 8, say("Certificate"), new_x="LMARGIN", new_y="NEXT")
+    _heading(pdf, say("Certificate"), _HEADING, 11)
     pdf.set_font(_FONT, "", 8)
     pdf.multi_cell(0, 5, report.certificate, new_x="LMARGIN", new_y="NEXT")
     pdf.ln(14)

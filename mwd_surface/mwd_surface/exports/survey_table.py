@@ -44,7 +44,7 @@ _FEW = 12  # largest count of numbers listed in a sentence
 
 
 @dataclasses.dataclass(frozen=True)
-class Column:
+class TableColumn:
     """
     One column of numbers: its signal, its place in files, and one value per station, None if unknown.
 
@@ -85,7 +85,7 @@ class SurveyTable:
     surveys: SurveyList
     path: Definitive
     records: tuple[SurveyRecord | None, ...]
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     header: tuple[tuple[str, str], ...]
     covariance: Array | None
     covariance_note: str
@@ -122,7 +122,7 @@ class SurveyTable:
         columns = _columns(self.path, self.covariance, self.plan, display)
         return dataclasses.replace(self, columns=columns, display=display)
 
-    def column(self, key: str) -> Column:
+    def column(self, key: str) -> TableColumn:
         """Return the column of that name in the signal table; KeyError if there is none."""
         for column in self.columns:
             if column.signal.listed is not None and column.signal.listed.key == key:
@@ -214,7 +214,9 @@ def table_of(
     )
 
 
-def _columns(path: Definitive, covariance: Array | None, plan: Plan | None, display: Display) -> tuple[Column, ...]:
+def _columns(
+    path: Definitive, covariance: Array | None, plan: Plan | None, display: Display
+) -> tuple[TableColumn, ...]:
     """Return the columns of the signal table whose source is available."""
     stations = range(len(path.md))
     sources: dict[str, Sequence[Any]] = {
@@ -222,7 +224,7 @@ def _columns(path: Definitive, covariance: Array | None, plan: Plan | None, disp
         **beside_path(path, covariance, plan),
     }
     return tuple(
-        Column(
+        TableColumn(
             signal,
             signal.column_for_people(listed, display),
             tuple(_people(signal, one.get(signal.field), display) for one in sources[signal.source]),

@@ -36,7 +36,7 @@ _BATCH = 3600
 _S = 10**9
 
 
-class Quantity(NamedTuple):
+class SeriesQuantity(NamedTuple):
     """One column: its name, source field, display unit, decimals, and the value at which it wraps (360)."""
 
     key: str
@@ -46,9 +46,9 @@ class Quantity(NamedTuple):
     wrap: float = 0.0
 
 
-def _quantities(source: str) -> tuple[Quantity, ...]:
+def _quantities(source: str) -> tuple[SeriesQuantity, ...]:
     return tuple(
-        Quantity(column.key, one.field, one.people, column.decimals, one.wrap)
+        SeriesQuantity(column.key, one.field, one.people, column.decimals, one.wrap)
         for one, column in SERIES
         if one.source == source
     )
@@ -62,7 +62,7 @@ COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
+class SeriesRow:
     """A whole second, s since the epoch, its known values by column, and the north of the azimuth."""
 
     second: int
@@ -101,7 +101,7 @@ def rows(
     well: str = "",
     given: InputSettings | None = None,
     progress: Callable[[float], None] = lambda _share: None,
-) -> Iterator[Row]:
+) -> Iterator[SeriesRow]:
     """
     Yield the rows of a recording, in order of time.
 
@@ -137,7 +137,7 @@ def rows(
             f"{bag.path} has neither attitude nor rig data" + (f" of {well}" if well else ""),
             "record the attitude, or the IMU that it is computed from",
         )
-    waiting: dict[int, Row] = {}
+    waiting: dict[int, SeriesRow] = {}
     done = -(2**62)
     stream = SampleStream(bag, written.topics, given)
     for block in filter(None, stream.blocks()):
@@ -186,7 +186,7 @@ def write(
         raise ValueError(f"{path}: the ending of a time series must be {' or '.join(writers)}")
     written = Written()
 
-    def counted() -> Iterator[Row]:
+    def counted() -> Iterator[SeriesRow]:
         for row in rows(bag, written, well, given, progress):
             written.rows += 1
             yield row
@@ -202,7 +202,7 @@ def write(
     return written
 
 
-def _write_csv(path: Path, lines: Iterator[Row]) -> None:
+def _write_csv(path: Path, lines: Iterator[SeriesRow]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(COLUMNS) + "\n")
         for row in lines:
@@ -210,7 +210,7 @@ def _write_csv(path: Path, lines: Iterator[Row]) -> None:
             file.write(",".join((row.time, *cells, row.north)) + "\n")
 
 
-def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
+def _write_parquet(path: Path, lines: Iterator[SeriesRow]) -> None:
     # Imported here because it takes longer to load than most exports take to write.
     import pyarrow as arrow
     from pyarrow import parquet
@@ -238,13 +238,13 @@ def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
         flush()
 
 
-def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
+def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, SeriesRow]) -> None:
     for quantity in _RIG_QUANTITIES:
         known = (samples["valid"] & wire.RIG_VALID[quantity.field]) != 0
         _take(samples, seconds, known, (quantity,), waiting)
 
 
-def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
+def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, SeriesRow]) -> None:
     for angle, doubt in zip(_ANGLES, _SIGMAS, strict=True):
         known = np.isfinite(samples[doubt.field])
         which = _take(samples, seconds, known, (angle, doubt), waiting)
@@ -259,8 +259,8 @@ def _take(
     samples: Samples,
     seconds: NDArray[np.int64],
     known: NDArray[np.bool_],
-    quantities: Sequence[Quantity],
-    waiting: dict[int, Row],
+    quantities: Sequence[SeriesQuantity],
+    waiting: dict[int, SeriesRow],
 ) -> list[int]:
     """Put the last known sample of each second into its row; return their indices."""
     for quantity in quantities:
@@ -270,7 +270,7 @@ def _take(
     _, first = np.unique(seconds[where][::-1], return_index=True)
     places = [int(k) for k in where[::-1][first]]
     for k in places:
-        row = waiting.setdefault(int(seconds[k]), Row(int(seconds[k]), {}, ""))
+        row = waiting.setdefault(int(seconds[k]), SeriesRow(int(seconds[k]), {}, ""))
         for quantity in quantities:
             row.values[quantity.key] = quantity.unit.of(float(samples[quantity.field][k]))
     return places

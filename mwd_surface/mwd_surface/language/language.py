@@ -104,7 +104,7 @@ class _Template(NamedTuple):
             yield other
 
 
-class _Reading(NamedTuple):
+class _Translation(NamedTuple):
     """Translation of a text, with the number of its letters that no template explains."""
 
     text: str
@@ -163,8 +163,8 @@ class Language:
         """Return the number of letters of a sentence that the catalogue does not explain: names, paths, other texts."""
         return self._read(text).unknown
 
-    def _read(self, text: str) -> _Reading:
-        return _Reader(self).read(text, _DEPTH)
+    def _read(self, text: str) -> _Translation:
+        return _TemplateSearch(self).read(text, _DEPTH)
 
     def number(self, text: str) -> str:
         """Return a number, written with a point, with the decimal mark of this language."""
@@ -180,23 +180,23 @@ class Language:
         }
 
 
-class _Reader:
+class _TemplateSearch:
     """Search for the translation of one text, with a limit of its work."""
 
     def __init__(self, language: Language) -> None:
         self._language = language
-        self._known: dict[tuple[str, int], _Reading] = {}
+        self._known: dict[tuple[str, int], _Translation] = {}
         self._work = _WORK
 
-    def read(self, text: str, depth: int) -> _Reading:
+    def read(self, text: str, depth: int) -> _Translation:
         """Return the translation of a text, which is a sentence within others down to `depth`."""
         entries = self._language.entries
         if text in entries:
-            return _Reading(entries[text], 0, float("inf"))
+            return _Translation(entries[text], 0, float("inf"))
         if _QUANTITY.match(text):
-            return _Reading(self._language.number(re.sub(r" deg$", "°", text).replace(" sigma", "σ")), 0, 0)
+            return _Translation(self._language.number(re.sub(r" deg$", "°", text).replace(" sigma", "σ")), 0, 0)
         # A single letter is the name of an axis.
-        unread = _Reading(text, _letters(text) if len(text) > 1 else 0, 0)
+        unread = _Translation(text, _letters(text) if len(text) > 1 else 0, 0)
         if not unread.unknown or not depth:
             return unread
         if (text, depth) not in self._known:
@@ -207,7 +207,7 @@ class _Reader:
             self._known[text, depth] = self._by_parts(text, depth, best) if best.unknown else best
         return self._known[text, depth]
 
-    def _by_template(self, text: str, depth: int, best: _Reading) -> _Reading:
+    def _by_template(self, text: str, depth: int, best: _Translation) -> _Translation:
         """Return the reading by the template that explains most of the text, and of such the one of most letters."""
         for template in [one for one in self._language.templates if one.longest in text]:
             for values in template.readings(text):
@@ -218,18 +218,18 @@ class _Reader:
                     continue
                 if (-unknown, template.known) > (-best.unknown, best.known):
                     filled = _filled(template.translated, {name: part.text for name, part in read.items()})
-                    best = _Reading(filled, unknown, template.known)
+                    best = _Translation(filled, unknown, template.known)
                 if not unknown:
                     return best
         return best
 
-    def _value(self, name: str, value: str, depth: int, template: _Template) -> _Reading:
+    def _value(self, name: str, value: str, depth: int, template: _Template) -> _Translation:
         if name in TYPED:
-            return _Reading(value, 0 if template.known >= _LEAST else _letters(value), 0)
+            return _Translation(value, 0 if template.known >= _LEAST else _letters(value), 0)
         return self.read(value, depth - 1)
 
-    def _by_parts(self, text: str, depth: int, best: _Reading) -> _Reading:
-        """Return the reading of a list; a text of which one part is unknown is no list, but a name or other words."""
+    def _by_parts(self, text: str, depth: int, best: _Translation) -> _Translation:
+        """Return the reading of a list; a text with an unknown part is not a list, but a name or other words."""
         for mark in MARKS:
             if mark not in text:
                 continue
@@ -239,7 +239,7 @@ class _Reader:
                 if read[-1].unknown:
                     break
             else:
-                return _Reading(self._language.entries.get(mark, mark).join(piece.text for piece in read), 0, 0)
+                return _Translation(self._language.entries.get(mark, mark).join(piece.text for piece in read), 0, 0)
         return best
 
 

@@ -23,6 +23,7 @@ from mwd_surface.list_files.station_list import POSITION
 DEEPEST = 20_000.0  # m; the longest hole so far has 15.2 km
 _ARC = 60.0  # m; stations farther apart than this skip other stations
 _IMPOSSIBLE = 100_000.0  # m; the caller cannot confirm a greater depth
+_FARTHEST = 4.1e7  # m; no coordinate of a map is larger than the circumference of the Earth
 # Dogleg that no usual hole exceeds, rad/m; short radius drilling does, and the caller then confirms the dogleg.
 _DOGLEG = math.radians(30.0) / 30.0
 # A misfit of north and east above _NOTICED, m, is explained by mixed units if these leave less than the share _CLEARLY
@@ -120,8 +121,14 @@ def check_positions(name: str, columns: tuple[Array, Array, Array], positions: A
     Raises
     ------
     ListFileError
-        Listed and computed positions differ too much; the message names the likely cause.
+        A position is not on the Earth, or listed and computed positions differ too much; the message names the likely
+        cause.
     """
+    for k, axis in zip(*np.nonzero(np.abs(positions) > _FARTHEST), strict=True):
+        raise ListFileError(
+            f"{at[k]}: {POSITION[axis]} {positions[k, axis]:g} m is farther away than any place on the Earth; check the"
+            " unit and the decimal mark"
+        )
     try:
         difference = misfit(columns, positions)
     except ValueError as error:

@@ -82,7 +82,7 @@ _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
 
 
 @dataclasses.dataclass(frozen=True)
-class _Station:
+class _ListedStation:
     """One station of the file: its place, its numbers in m and rad, and its texts."""
 
     at: str
@@ -90,7 +90,7 @@ class _Station:
     texts: dict[str, str]
 
 
-def _verdict(row: _Station) -> str:
+def _verdict(row: _ListedStation) -> str:
     """Return the verdict of a station; exports of this program mark the stations in use themselves, whoever decided."""
     if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
         return "accept"
@@ -176,7 +176,7 @@ def _stations(table: Table, given: Given) -> StationList:
         columns = Columns({**of, "dip": turned}, columns.unread)
     if columns.missing:
         raise ListFileError(_missing(table, columns))
-    reader = _Reader(table, columns, head, given, provenance)
+    reader = _ListReader(table, columns, head, given, provenance)
     stations = reader.stations()
     return reader.list_of(stations)
 
@@ -201,7 +201,7 @@ def _roughly(cell: number_cells.Cell) -> float:
         return math.nan
 
 
-class _Reader:
+class _ListReader:
     """
     Reader of one list: its table, the meaning of its columns and head, and the remarks so far.
 
@@ -244,7 +244,8 @@ class _Reader:
         depth = needed[0].number
         kept: list[Row] = []
         notes: list[Row] = []
-        announced = marked = 0  # rows kept before a note that announces a projection; marked rows at the end
+        # Number of rows kept before a note such as "projected to the bit", and of rows at the end that are marked so.
+        announced = marked = 0
         for row in rows:
             cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
             numbers = [number_cells.looks_like_number(cell) for cell in cells]
@@ -538,7 +539,7 @@ class _Reader:
 
     # Stations
 
-    def stations(self) -> list[_Station]:
+    def stations(self) -> list[_ListedStation]:
         """
         Return the rows as stations in m and rad, in order of depth.
 
@@ -565,7 +566,7 @@ class _Reader:
             if "md" not in numbers or angle not in numbers:
                 empty.append(row)
                 continue
-            found.append(_Station(row.at, numbers, said))
+            found.append(_ListedStation(row.at, numbers, said))
         if empty:
             shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:_FEW])
             text = f"{self.name}: {len(empty)} rows without depth or inclination are left out: {shown}"
@@ -579,7 +580,7 @@ class _Reader:
             found = self._from_horizontal(found)
         return self._increasing(self._of_one_leg(found))
 
-    def _of_one_leg(self, found: list[_Station]) -> list[_Station]:
+    def _of_one_leg(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """
         Sort the surveys of this program's raw log by depth.
 
@@ -621,7 +622,7 @@ class _Reader:
                 " they may be radians; say it with --angle-unit rad or --angle-unit deg"
             )
 
-    def _from_horizontal(self, found: list[_Station]) -> list[_Station]:
+    def _from_horizontal(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """Convert angles from the horizontal to inclinations; the vertical depths or the caller decide their sign."""
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])
@@ -669,9 +670,9 @@ class _Reader:
             for one, inc in zip(found, ways[way], strict=True)
         ]
 
-    def _increasing(self, rows: list[_Station]) -> list[_Station]:
+    def _increasing(self, rows: list[_ListedStation]) -> list[_ListedStation]:
         """Check that angles are in range and depths increase; a repeated station is kept once."""
-        kept: list[_Station] = []
+        kept: list[_ListedStation] = []
         for row in rows:
             md, inclination, azimuth = (row.numbers.get(what, math.nan) for what in NEEDED)
             if not -1e-9 <= inclination <= math.pi + 1e-9:
@@ -695,7 +696,7 @@ class _Reader:
 
     # The list
 
-    def list_of(self, rows: list[_Station]) -> StationList:
+    def list_of(self, rows: list[_ListedStation]) -> StationList:
         """Return the checked list of stations."""
 
         def column(what: str) -> Array:
@@ -744,7 +745,7 @@ class _Reader:
         known = frozenset() if self.provenance is None else self.provenance.confirmed
         self.remarks += [one for one in confirmed if not known & set(one.values)]
 
-    def _start(self, rows: Sequence[_Station]) -> Start | None:
+    def _start(self, rows: Sequence[_ListedStation]) -> Start | None:
         """Return the start of the path of an export of this program; None if the list does not state it."""
         if self.provenance is not None:
             return self.provenance.start
@@ -771,7 +772,7 @@ class _Reader:
         known = {} if self.provenance is None else self.provenance.reference
         return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
-    def _north(self, rows: Sequence[_Station]) -> str:
+    def _north(self, rows: Sequence[_ListedStation]) -> str:
         """Return the north of the azimuths, as stated by the caller, the rows, the column or the head."""
         if self.given.north:
             stated = {list_columns.north_of(row.texts.get("azimuth_reference", "")) for row in rows}

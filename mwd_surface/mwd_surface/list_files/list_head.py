@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the head of a list says of its table: north, units, whether angles count from the horizontal, the wellhead.
+Read the head of a list: north, units, whether angles count from the horizontal, and the wellhead.
 
 The head is what stands above the names of the columns or in comments: "North Reference: Grid", "Depth Unit: ft",
 "# WELL HEAD X-COORDINATE: 431200.000 (m)". A north or unit that is stated in words that nobody understands is kept

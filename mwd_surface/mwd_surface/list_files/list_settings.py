@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How a list is read where its file does not say so: one set of words for commands, settings of the node and YAML files.
+Facts about a list that its file does not state, under the same names in commands, node settings and YAML files.
 
 A question of the reader names an option of `mwd path`, such as "--confirm dogleg". Where the list is named elsewhere,
 as a plan or an offset well, `asked` puts the same word as it is written there.
@@ -29,21 +29,38 @@ OFFSET_WELL, NODE = "{}: {} in the entry of the offset well", "plan.{}={}"
 class ListSettings:
     """Facts about a list that the caller states; each replaces the statement of the file."""
 
-    columns: str = setting("", "columns of the list by quantity, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
-    length_unit: str = setting("", "unit of the lengths where the list does not state it: m, ft or ftus")
-    angle_unit: str = setting("", "unit of the angles where the list does not state it: deg, rad or grad")
+    columns: str = setting(
+        "",
+        "Columns of the list by quantity, for example md=DEPTH,inclination=DEV,azimuth=HAZI. Set it if the names "
+        "of the columns are not recognised.",
+    )
+    length_unit: str = setting(
+        "", "Unit of the lengths if the list does not state it: m, ft (international feet) or ftus (US survey feet)."
+    )
+    angle_unit: str = setting("", "Unit of the angles if the list does not state it: deg, rad or grad.")
     north: str = setting(
         "",
-        "north of the azimuths where the list does not state it; empty: the north that the list states",
+        "North reference of the azimuths if the list does not state it. Empty: the north that the list states.",
         choices=("", *NORTHS),
     )
-    decimal: str = setting("", "decimal mark where 1,000 may be either", choices=("", "point", "comma"))
-    dip: str = setting("", "where positive angles from the horizontal point", choices=("", *DIPS))
+    decimal: str = setting(
+        "",
+        "Decimal mark of the list: point or comma. Set it if a number such as 1,000 can be read in two ways.",
+        choices=("", "point", "comma"),
+    )
+    dip: str = setting(
+        "",
+        "Direction of positive angles from the horizontal: down or up. Set it for a list that gives the dip of the "
+        "hole.",
+        choices=("", *DIPS),
+    )
     wellhead: str = setting(
-        "", "northing and easting of the wellhead in the map coordinates of the list, m, e.g. 6478300,431200"
+        "", "Northing and easting of the wellhead in the map coordinates of the list, in m, for example 6478300,431200."
     )
     confirm: str = setting(
-        "", "values of the list that are correct although they look implausible: dogleg, wellhead, depth"
+        "",
+        "Implausible values of the list that are correct, separated by commas: dogleg, wellhead, depth. Without "
+        "confirmation such a list is refused.",
     )
 
     def given(self) -> Given:

@@ -37,7 +37,7 @@ class TableRow:
     f_t: Array
     b_t: Array
     reference: Reference | None
-    faults: tuple[Reason, ...] = ()  #: why the row is no station
+    faults: tuple[Reason, ...] = ()  #: why the row is not a station
     #: `inclination`, `azimuth`: as the table itself has them, rad, from magnetic north; nan where it has none.
     inclination: float = math.nan
     azimuth: float = math.nan
@@ -184,7 +184,7 @@ def _printed(
         turn, azimuth = north_correction(reference, north), of(f"azimuth_{north}")
         if turn is not None and math.isfinite(azimuth):
             return of("inclination"), azimuth - turn
-    # Of an unnamed north: the one that the reference leads to. A declination is no other hand.
+    # Of an unnamed north: the one that the reference leads to. A declination does not change this.
     return of("inclination"), of("azimuth") - (north_correction(reference, best_north(reference)) or 0.0)
 
 

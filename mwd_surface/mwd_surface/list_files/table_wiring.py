@@ -25,7 +25,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import inclination, wrap_pi
 
-# Rows that are looked at: so many of a longer run, evenly spread.
+# Largest number of rows that are examined; of a longer run, rows at equal intervals.
 _LOOKED_AT = 60
 # Reading and reference agree within this share of the total: gravity; field, which interference disturbs.
 _GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
@@ -61,7 +61,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Expected:
-    """What the rows should show, shape (n,); rad; nan: unknown."""
+    """Expected values of the rows, shape (n,), rad; NaN if unknown."""
 
     dip: Array
     inclination: Array  #: as the table has it
@@ -108,7 +108,7 @@ def wiring_faults(force: Sensor, field: Sensor, expected: Expected) -> tuple[Rea
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
     """Return the unit in which the readings have the right total, where that is another one than was read."""
     ratio = float(np.median(np.linalg.norm(values, axis=1))) / sensor.total
-    # A factor of two is no unit: without a usable reference, or with a strange total, nothing is said.
+    # A factor of two is not a unit: without a usable reference, or with a strange total, nothing is said.
     if not math.isfinite(ratio) or 0.5 < ratio < 2.0:
         return None
     return next(
@@ -122,7 +122,7 @@ def _dead(sensor: Sensor, values: Array) -> int | None:
         return None
     moved = np.ptp(values, axis=0) / sensor.total
     off = np.abs(np.linalg.norm(values, axis=1) / sensor.total - 1.0)
-    # Fewer rows off their total may be beside steel.
+    # Fewer rows with a wrong total may be near steel.
     if np.mean(off > _OFF_SHARE * sensor.share) < _FEW:
         return None
     for axis in range(3):

@@ -73,7 +73,7 @@ def witsml_table(text: str, name: str) -> Table:
     title = _text(trajectory, "name") or _text(trajectory, "title") or name
     head = [f"azimuth reference: {reference}"] if reference else []
     for custom in _children(trajectory, "customdata"):
-        # Exports of this program carry the provenance of their list here.
+        # Exports of this program store the provenance of their list in this element.
         head += [str(one.text or "") for one in custom if _tag(one) == "provenance"]
     return Table(title, name, names, units, tuple(rows), tuple(head), tuple(remarks))
 

@@ -47,7 +47,7 @@ class AlarmLog:
         return self._stamp()
 
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:
-        """Log an event that is no alarm."""
+        """Log an event that is not an alarm."""
         self.book.note(source, text, self.now_ns(), severity)
         self._tell(printable(f"{source}: {text}"), Severity.INFO)
 

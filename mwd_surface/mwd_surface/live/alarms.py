@@ -191,7 +191,7 @@ class AlarmBook:
         return True, f"{operator_name} acknowledged {', '.join(wanted)}"
 
     def note(self, source: str, text: str, stamp_ns: int, severity: Severity | int = Severity.INFO) -> Event:
-        """Write a line in the log that is no alarm: a survey taken, a recording started, who accepted what."""
+        """Write a line in the log that is not an alarm: a survey taken, a recording started, who accepted what."""
         event = Event(stamp_ns, "note", source, text, int(Severity(severity)))
         self._log(event)
         self.version += 1

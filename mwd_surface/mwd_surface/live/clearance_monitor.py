@@ -72,7 +72,7 @@ class ClearanceMonitor:
             return
         ahead = near.ahead()
         self._live.show(self._clock.now, clearance=tuple(ahead), clearance_remarks=tuple(near.remarks))
-        # An assumption stands on the page; only what was not compared may hide a well.
+        # Assumptions are shown on the page. Only a well that was not compared raises an alarm, because it may be near.
         self._report_file(sentences(near.not_compared))
         if near.level == Level.CLEAR:
             if not near.refused:
@@ -92,12 +92,12 @@ class ClearanceMonitor:
 
 
 def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> WellClearance | str | None:
-    """Compare, or say in a sentence why not; None where there are no offset wells."""
+    """Compare the well with its offset wells; return a sentence if that fails, None if there are no offset wells."""
     try:
         try:
             offsets = offset_wells_of(surveys)
         except (ValueError, OSError) as error:
-            # The alarm is on a page that needs no login.
+            # Do not quote the file, because the alarm is shown on a page that needs no login.
             return without_contents(surveys.well.offset_wells, error, "`mwd clearance`")
         return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth, quoting=False)
     except (CovarianceUnavailableError, ValueError) as error:

@@ -37,7 +37,7 @@ class Clock(enum.IntEnum):
 
 
 class Role(enum.IntEnum):
-    """Of an input's depth; the numbers of InputState."""
+    """Role of an input's depth, with the numbers of the message InputState."""
 
     NO_DEPTH = 0
     STANDBY = 1

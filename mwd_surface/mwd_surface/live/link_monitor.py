@@ -52,7 +52,7 @@ class LinkMonitor:
         self._picture: PressurePicture | None = None
 
     def _collector(self, link: str) -> LinkCollector | None:
-        """What collects the words of a link; None where it is not one that is in use."""
+        """Return the collector of the words of a link; None if the link is not in use."""
         return self._collectors.setdefault(link, LinkCollector()) if self._source in (link, "best") else None
 
     def on_word(self, word: Any) -> None:

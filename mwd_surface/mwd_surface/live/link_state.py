@@ -25,7 +25,7 @@ class LinkHealth(enum.IntEnum):
 
 
 class WordStatus(enum.IntEnum):
-    """How far a received word can be trusted, as in mwd_msgs/LinkWord."""
+    """Reliability of a received word, with the numbers of mwd_msgs/LinkWord."""
 
     BELIEVED = 0
     ERASED = 1
@@ -183,7 +183,7 @@ _ORDER = (LOCKED, DOUBTFUL, SEARCHING, NO_FLOW, NO_INPUT)
 
 def best_link(links: Mapping[str, LinkStatus], shown: str = "") -> str:
     """
-    Name of the link to show: the one with the best state, and of equal ones that with the youngest toolface.
+    Return the name of the link to show: the link with the best state or, between equal states, the newest toolface.
 
     shown: the one shown so far, which stays while no other has a better state or a toolface half as old.
     """

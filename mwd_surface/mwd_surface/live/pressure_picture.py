@@ -17,8 +17,8 @@ WINDOW = 512  # samples of a spectrum: 20 s
 BINS = 120  # of 0.0488 Hz and twice that, so that the picture ends near 11.7 Hz
 STEP_S = 4.0
 COLUMNS = 45
-# The line is drawn about the median of so many seconds: pulses of 2 s, at most a quarter of the time on air, stand out
-# of it, pumps that start or change their strokes do not hide them.
+# The line is drawn relative to the median over this time, s. Pulses of 2 s, which fill at most a quarter of the time,
+# stand out from it, and pumps that start or change their strokes do not hide them.
 _BASE_S = 10.0
 
 
@@ -62,7 +62,7 @@ class PressureHistory:
         """
         Take a burst; returns whether there is a new spectrum.
 
-        Samples are averaged to `RATE_HZ`; a rate that is no multiple of it is rounded to one.
+        Samples are averaged to `RATE_HZ`; a rate that is not a multiple of it is rounded to a multiple.
         """
         if start_ns < self._end_ns - round(1e9 * STEP_S):
             self._samples, self._spectra = np.zeros(0), []

@@ -18,15 +18,15 @@ class SourceRules:
 
     priority: list[str] = setting(
         ["rig_floor", OPCUA, WITS, MODBUS],
-        "Sources of rig data, the best first, by the frame of their messages without prefix: rig_floor is a ROS "
-        "publisher, the others are our rig interfaces. A source that is not named is used only where none of these "
-        "speaks, and an alarm names it",
+        "Sources of rig data, the preferred one first. A source is named by the frame of its messages without "
+        "prefix: rig_floor is a ROS publisher, the others are our rig interfaces. A source that is not in the list "
+        "is used only while none of these sends, and an alarm names it.",
         fixed=True,
     )
     silent_after: float = setting(
         5.0,
-        "Silence after which a source gives way to the next; raise it for a source that sends less often, which "
-        "delays the change",
+        "Time without data after which the next source replaces this one. Raise it for a source that sends less "
+        "often; the change of source is then later.",
         unit="s",
         low=0.5,
         high=600.0,
@@ -34,8 +34,8 @@ class SourceRules:
     )
     settle: float = setting(
         10.0,
-        "Time a better source must speak without such a silence before it takes over; raise it where a source comes "
-        "and goes",
+        "Time for which a preferred source must send without such a gap before it is used again. Raise it where a "
+        "source comes and goes.",
         unit="s",
         low=0.0,
         high=3600.0,
@@ -43,8 +43,8 @@ class SourceRules:
     )
     hand_hold: float = setting(
         600.0,
-        "Longest time a depth set by hand goes before that of a source that contradicts it; a source that agrees is "
-        "used at once. Raise it where the rig's depth is known to be wrong",
+        "Time for which a depth set by hand is used although a source contradicts it. A source that agrees is used "
+        "at once. Raise it where the rig's depth is known to be wrong.",
         unit="s",
         low=0.0,
         high=86400.0,

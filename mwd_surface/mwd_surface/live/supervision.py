@@ -20,7 +20,7 @@ Causes = dict[str, tuple[int, str, str]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
+class SupervisionRow:
     """
     One thing that is watched.
 
@@ -61,7 +61,7 @@ _OTHERS = {
 }
 _GONE = "values turn stale and are withheld from the rig"
 TABLE = (
-    Row(
+    SupervisionRow(
         "input.imu/data_raw",
         "sonde",
         "no data from the sonde for more than {limit:.0f} s",
@@ -72,7 +72,7 @@ TABLE = (
         _GONE,
         "survey list, path and recording go on",
     ),
-    Row(
+    SupervisionRow(
         "input.attitude",
         "estimator",
         "no attitude from the estimator for more than {limit:.0f} s",
@@ -83,7 +83,7 @@ TABLE = (
         _GONE,
         "raw data are recorded; `mwd process` gives the surveys afterwards",
     ),
-    Row(
+    SupervisionRow(
         "input.rig/standpipe",
         "pressure gauge",
         "no pressure from the gauge for more than {limit:.0f} s",
@@ -94,7 +94,7 @@ TABLE = (
         "values of the link age and are withheld",
         "survey list, path and recording go on",
     ),
-    Row(
+    SupervisionRow(
         "input.link/quality",
         "receiver",
         "nothing from the receiver for more than {limit:.0f} s",
@@ -105,7 +105,7 @@ TABLE = (
         "its supervisor starts it again where it has ended",
         "the pressure is recorded; `mwd decode` gives the words afterwards",
     ),
-    Row(
+    SupervisionRow(
         "input.rig/state",
         "rig data",
         "no rig data for more than {limit:.0f} s",
@@ -116,7 +116,7 @@ TABLE = (
         "surveys wait for a depth",
         "attitude and toolface go on; a depth can be set by hand",
     ),
-    Row(
+    SupervisionRow(
         "clock.sonde",
         "sonde",
         "the clock of the sonde has stood still for more than {limit:.0f} s",
@@ -127,7 +127,7 @@ TABLE = (
         "samples that do not advance are not used",
         "the last survey stays; the recording goes on",
     ),
-    Row(
+    SupervisionRow(
         "clock.rig",
         "rig data",
         "the clocks of rig and sonde differ by {value:.0f} s",
@@ -138,7 +138,7 @@ TABLE = (
         "no depth is paired with surveys",
         "attitude and toolface go on; a depth can be set by hand",
     ),
-    Row(
+    SupervisionRow(
         "depth.sources",
         "rig data",
         "the depth of another source is {value:.1f} m from the one in force",
@@ -150,7 +150,7 @@ TABLE = (
         "surveys get the depth in force",
     ),
     *(
-        Row(
+        SupervisionRow(
             f"heartbeat.{node}",
             node,
             f"no heartbeat of the {node} for more than {{limit:.0f}} s",
@@ -164,21 +164,21 @@ TABLE = (
         for node, degraded in _OTHERS.items()
     ),
     *(
-        Row(
+        SupervisionRow(
             f"callback.{node}",
             node,
             f"a callback of the {node} took {{value:.1f}} s",
             1.0,
             3.0,
             Severity.WARNING,
-            "free the machine; read the node's log",
+            "end other programs on this machine; read the node's log",
             "messages wait in bounded queues, the oldest are dropped and counted",
             "everything, late",
         )
         for node in (*_OTHERS, "surface")
     ),
     *(
-        Row(
+        SupervisionRow(
             f"memory.{node}",
             node,
             f"the {node} uses {{value:.0f}} MB of memory, more than {{limit:.0f}} MB",
@@ -191,7 +191,7 @@ TABLE = (
         )
         for node in (*_OTHERS, "surface")
     ),
-    Row(
+    SupervisionRow(
         "disk.low",
         "surface",
         "less than 1 GB is free on the disk of the recordings",
@@ -202,7 +202,7 @@ TABLE = (
         "recording pauses at recorder.min_free_bytes and resumes by itself",
         "survey list, page and rig interfaces go on",
     ),
-    Row(
+    SupervisionRow(
         "queue.recorder",
         "surface",
         "{value:.0f} % of the recorder's queue wait for the disk",
@@ -219,7 +219,7 @@ TABLE = (
 class Supervision:
     """Judges readings by the table; `prefixes` are the beginnings of its alarms' ids, each to be set as a whole."""
 
-    def __init__(self, table: Iterable[Row] = TABLE) -> None:
+    def __init__(self, table: Iterable[SupervisionRow] = TABLE) -> None:
         self._table = tuple(table)
         self.prefixes = sorted({f"{row.alarm.partition('.')[0]}." for row in self._table})
         self._since: dict[str, float] = {}

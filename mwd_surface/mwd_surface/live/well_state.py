@@ -271,7 +271,7 @@ class Chart:
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """How often a part of the state was set, and when it last was, s of the steady clock."""
+    """Number of times that a part of the state was set, and the last time, s of the steady clock."""
 
     count: int = 0
     at: float | None = None

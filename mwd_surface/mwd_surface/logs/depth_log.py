@@ -149,7 +149,7 @@ class _Cell:
                 self.sector_common[known] += errors
 
 
-class _Channel:
+class _DepthChannel:
     """One channel: its cells by pass, and the deepest depth of its sensor."""
 
     def __init__(self, sample: LogSample) -> None:
@@ -224,7 +224,7 @@ class DepthLog:
 
     def _begin_anew(self) -> None:
         self.unplaced: dict[str, int] = {}
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, _DepthChannel] = {}
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -332,7 +332,7 @@ class DepthLog:
     def _place(self, sample: LogSample) -> None:
         if sample.unit == FLAGS or not any(map(math.isfinite, (sample.value, *sample.sectors))):
             return
-        channel = self._channels.setdefault(sample.channel, _Channel(sample))
+        channel = self._channels.setdefault(sample.channel, _DepthChannel(sample))
         channel.newest_ns = max(channel.newest_ns, sample.stamp_ns)
         offset = self.sensor_to_bit if math.isnan(sample.sensor_to_bit) else sample.sensor_to_bit
         channel.offset = offset
@@ -422,7 +422,7 @@ class DepthLog:
                 gaps=self._gaps(found, which),
             )
 
-    def _gaps(self, channel: _Channel, which: str) -> tuple[tuple[float, float], ...]:
+    def _gaps(self, channel: _DepthChannel, which: str) -> tuple[tuple[float, float], ...]:
         """Return the intervals of depth without a value, m: in the whole well, and below a channel that stopped."""
         steps = channel.filled[which]
         filled = np.sort(np.fromiter(steps, dtype=float, count=len(steps)))

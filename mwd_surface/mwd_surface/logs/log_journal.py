@@ -167,7 +167,7 @@ class LogJournal:
             self._write_line({_SUMS: _written(self._health.sums())})
 
     def _bound(self) -> None:
-        """Drop older lines if the file is too long, so that half of its largest size is left, and write the sums."""
+        """If the file is too long, drop the oldest lines down to half of the largest size, and write the sums again."""
         if self._size <= self._most_bytes:
             return
         self.close()

@@ -32,7 +32,7 @@ _FROM_MEMORY = "its readings are those of the tool's memory"
 @dataclasses.dataclass(frozen=True)
 class Improvement:
     """
-    What the memory adds to one channel.
+    Improvement of one channel by the memory.
 
     Attributes
     ----------

@@ -29,8 +29,8 @@ _HOUR_S = 3600.0
 # are normal. The gap for temperature may be longer, because a tool warms slowly.
 _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
 # A sample that is older than the end of its series by more than this comes from a clock that was set back, or the end
-# from a wrong stamp: the series begins again there. Likewise, a longer step forward is no run time. Later than that a
-# link delivers nothing; `DepthLog` follows the same idea with a shorter time.
+# from a wrong stamp: the series begins again there. A longer step forward does not count as run time. No link
+# delivers a sample later than this; `DepthLog` uses the same rule with a shorter time.
 _JUMP_NS = 3600 * NANOSECONDS
 _FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are known not to change, s
 # A longer gap is a silence, over which the charge is assumed: at first that of the last known state, s, then that of
@@ -310,7 +310,7 @@ class HealthLedger:
 
     def _count_charge(self, sample: LogSample) -> None:
         if self._count is None:
-            # The counter holds what was used before the run, at temperatures that nobody knows.
+            # The counter starts with the charge used before the run, at temperatures that are not known.
             self._counted.use(sample.value, 0.0, _ROOM_C)
         else:
             step_ns = sample.stamp_ns - self._count[0]
@@ -411,7 +411,9 @@ class HealthLedger:
         if self._count is None:
             charge, scale = self._by_duty, item.current_sigma
             if self._flow is None:
-                assumed.append("neither the charge nor the flow is known: pumps on since the first sample")
+                assumed.append(
+                    "neither the charge nor the flow is known: the pumps are assumed to run since the first sample"
+                )
                 charge = _Charge(item)
                 charge.use(item.active_a * (0.0 if math.isnan(since_s) else since_s), since_s, temperature)
             silent = self._silence

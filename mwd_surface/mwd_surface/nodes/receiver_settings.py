@@ -17,33 +17,34 @@ class ReceiverSettings:
 
     tool_file: str = setting(
         "",
-        "Tool configuration (tool.yaml) of the transmitting tool. A wrong file gives no words, and the reason says so",
+        "Tool configuration (tool.yaml) of the transmitting tool. With a wrong file no word is received, and the "
+        "status of the link names the reason.",
         fixed=True,
     )
     second_tool_file: str = setting(
         "",
         "Tool configuration of a second link, such as EM in addition to mud pulses. Surveys and attitude come from "
-        "both, from the better word first. Empty: one link",
+        "both links; the better word is used. Empty: one link.",
         fixed=True,
     )
     serial_port: str = setting(
         "",
-        "Port of the surface unit of a wired tool, such as /dev/ttyUSB0; its bytes are published on rig/serial. Empty: "
-        "the bytes arrive on rig/serial",
+        "Serial port of the surface unit of a wired tool, such as /dev/ttyUSB0. Its bytes are published on "
+        "rig/serial. Empty: another node publishes the bytes on rig/serial.",
         fixed=True,
     )
     gauge: int = setting(
         1,
-        "Gauge of a link through mud: 1 reads rig/standpipe, 2 rig/standpipe_2",
+        "Gauge of a link through mud: 1 reads rig/standpipe, 2 rig/standpipe_2.",
         low=1,
         high=2,
         fixed=True,
     )
     tool_code: str = setting(
         "",
-        "ISCWSA / OWSG tool code for the sigma of surveys, used if the tool sends no sigma. Empty: ordinary MWD",
+        "ISCWSA / OWSG tool code that gives the sigma of surveys if the tool sends none. Empty: an ordinary MWD.",
         fixed=True,
     )
-    place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as in the estimator")
-    verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as in the estimator")
-    ages: AgeRules = setting(AgeRules, "How values age between words")
+    place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as in the estimator.")
+    verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as in the estimator.")
+    ages: AgeRules = setting(AgeRules, "How a received value ages: its sigma grows, and an old toolface is withheld.")

@@ -28,14 +28,16 @@ from mwd_surface.trajectory.slide_sheet import SlideRules
 class RecordSettings:
     """Parameters of the recording."""
 
-    enabled: bool = setting(True, "Start a recording when the node is activated", fixed=True)
+    enabled: bool = setting(True, "Start a recording when the node is activated.", fixed=True)
     name: str = setting(
-        "", "Folder name of the recording; a number is added if it is in use. Empty: date and time", fixed=True
+        "",
+        "Folder name of the recording; a number is added if a folder of this name exists. Empty: date and time.",
+        fixed=True,
     )
     topics: list[str] = setting(
         list(TOPICS),
-        "Topics to record, relative to the well or absolute. A topic that does not exist yet is recorded as soon as it "
-        "does. Each topic costs disk space; leave the list as it is unless a topic is to be added",
+        "Topics to record, relative to the well or absolute. A topic that does not exist yet is recorded as soon "
+        "as it does. Each topic costs disk space; leave the list as it is unless a topic is to be added.",
         fixed=True,
     )
 
@@ -45,35 +47,35 @@ class SurfaceSettings:
     """Parameters of the surface node."""
 
     folder: str = setting(
-        "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it", fixed=True
+        "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it.", fixed=True
     )
-    serve_page: bool = setting(True, "Serve the live page", fixed=True)
+    serve_page: bool = setting(True, "Serve the live page.", fixed=True)
     strict: bool = setting(
         False,
-        "Refuse to start if the page cannot be served; false: raise an alarm and try again every 5 s",
+        "Refuse to start if the page cannot be served; false: raise an alarm and try again every 5 s.",
         fixed=True,
     )
     tool_file: str = setting(
         "",
-        "Tool configuration (tool.yaml) whose section `health` states battery, limits and parts of the tool. Empty: "
-        "figures of a usual kit, shown as assumed",
+        "Tool configuration (tool.yaml) whose section `health` states battery, limits and parts of the tool. "
+        "Empty: figures of a usual kit, shown as assumed.",
         fixed=True,
     )
-    link: LinkSettings = setting(LinkSettings, "How the surface receives the tool")
-    well: Well = setting(Well, "The well")
-    plan: PlanSettings = setting(PlanSettings, "The planned well path")
-    advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering")
-    rules: ListRules = setting(ListRules, "Rules of the survey list")
-    leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool")
-    depth: DepthRules = setting(DepthRules, "Depth of a survey")
-    rods: RodSettings = setting(RodSettings, "Depth by counting rods")
-    rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data")
-    slides: SlideRules = setting(SlideRules, "The slide sheet")
-    record: RecordSettings = setting(RecordSettings, "What is recorded")
-    recorder: RecorderSettings = setting(RecorderSettings, "How recordings are written")
-    page: PageSettings = setting(PageSettings, "The live page")
-    live: LiveSettings = setting(LiveSettings, "Values and limits of the page")
-    foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove")
-    rig: RigSettings = setting(RigSettings, "Rig interfaces")
-    control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps")
-    downlink: DownlinkSettings = setting(DownlinkSettings, "Commands to the tool by flow or rotation")
+    link: LinkSettings = setting(LinkSettings, "How the surface receives the tool.")
+    well: Well = setting(Well, "The well.")
+    plan: PlanSettings = setting(PlanSettings, "The planned well path.")
+    advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering.")
+    rules: ListRules = setting(ListRules, "Rules of the survey list.")
+    leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool.")
+    depth: DepthRules = setting(DepthRules, "Depth of a survey.")
+    rods: RodSettings = setting(RodSettings, "Depth by counting rods.")
+    rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data.")
+    slides: SlideRules = setting(SlideRules, "The slide sheet.")
+    record: RecordSettings = setting(RecordSettings, "What is recorded.")
+    recorder: RecorderSettings = setting(RecorderSettings, "How recordings are written.")
+    page: PageSettings = setting(PageSettings, "The live page.")
+    live: LiveSettings = setting(LiveSettings, "Values and limits of the page.")
+    foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove.")
+    rig: RigSettings = setting(RigSettings, "Rig interfaces.")
+    control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps.")
+    downlink: DownlinkSettings = setting(DownlinkSettings, "Commands to the tool by flow or rotation.")

@@ -294,6 +294,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         """Carry out a request of page or rig in the thread of the node."""
         if name == "count_rods":
             return self._rods.count(**arguments)
+        if name == "use_leg":
+            return self._surveys.use_leg(**arguments)
         if name != "take_survey":
             return call_service(self._service_callbacks, name, arguments)
         if self._survey_client is None:

@@ -8,6 +8,7 @@ The list is stored on disk.
 from __future__ import annotations
 
 import concurrent.futures
+import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -15,9 +16,11 @@ from typing import Any
 
 from mwd_msgs import msg, srv
 from nav_msgs.msg import Path as PathMessage
+from rclpy.parameter import Parameter
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.messages import make, unknown
@@ -32,6 +35,7 @@ from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.ros.worker import Answer
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_message, trajectory_message
@@ -121,6 +125,32 @@ class SurveyListServer(SurveyBook):
         else:
             self._alarm_log.clear_alarm("surveys.settings")
         return surveys
+
+    def use_leg(self, *, leg: str, operator_name: str, kick_off_depth: float | None = None) -> Answer:
+        """
+        Let the next surveys belong to a leg by the operator's decision, with the parameters of the node.
+
+        leg: an earlier leg, or the name of a new one, which leaves the present leg at kick_off_depth, m. Returns
+        whether it was done, and the outcome in words.
+        """
+        name, earlier = leg.strip(), {one.name for one in self.surveys.legs}
+        if not name or (name not in earlier and kick_off_depth is None):
+            return False, "a new leg needs a name, and the depth at which it leaves the present one"
+        given: dict[str, Any] = {"name": name, "kick_off_depth": kick_off_depth, "parent": ""}
+        try:
+            arranged(self.surveys, dataclasses.replace(self._node.settings.leg, **given))
+        except ValueError as error:
+            return False, str(error)
+        given["kick_off_depth"] = or_nan(kick_off_depth)
+        result = self._node.set_parameters_atomically([Parameter(f"leg.{key}", value=given[key]) for key in given])
+        if not result.successful:
+            return False, result.reason
+        if name in earlier:
+            text = f"the next surveys belong to leg {name}, by {operator_name}"
+        else:
+            text = f"leg {name} leaves {self.surveys.leg} at {kick_off_depth:.2f} m, by {operator_name}"
+        self._alarm_log.log_event("survey list", text)
+        return True, text
 
     def _alarm_settings(self, error: ValueError) -> None:
         self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, f"survey list: settings not changed: {error}")

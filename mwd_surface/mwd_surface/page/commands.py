@@ -27,6 +27,7 @@ COMMANDS: dict[str, dict[str, tuple[type | range, bool]]] = {
     "reject_survey": {"sequence": (_UINT32, False), "operator_name": (str, False), "reason": (str, True)},
     "draft_downlink": {"command": (str, False), "value": (float, True), "operator_name": (str, False)},
     "decide_downlink": {"decision": (_UINT8, False), "operator_name": (str, False), "number": (_UINT32, True)},
+    "use_leg": {"leg": (str, False), "kick_off_depth": (float, True), "operator_name": (str, False)},
     "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
     "count_rods": {
         "operator_name": (str, False),

@@ -29,16 +29,19 @@ class FoxgloveSettings:
     """Settings of the live server for Foxglove."""
 
     enabled: bool = setting(
-        False, "Serve the topics live to Foxglove; needs the extra package foxglove-sdk", fixed=True
+        False, "Serve the topics live to Foxglove. Needs the extra package foxglove-sdk.", fixed=True
     )
-    host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
-    port: int = setting(8765, "TCP port; 0 selects a free port", low=0, high=65535, fixed=True)
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.", fixed=True)
+    port: int = setting(8765, "TCP port of the server. 0 selects a free port.", low=0, high=65535, fixed=True)
     allow_network: bool = setting(
-        False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
+        False,
+        "Allow a host that other machines can reach. Without it only loopback addresses are accepted.",
+        fixed=True,
     )
     backlog: int = setting(
         1024,
-        "most messages waiting for one client; beyond it the oldest are dropped. Raise it for a slow network",
+        "Largest number of messages that wait for one client; beyond it the oldest are dropped. Raise it for a "
+        "slow network; it costs memory.",
         low=16,
         high=1_000_000,
         fixed=True,

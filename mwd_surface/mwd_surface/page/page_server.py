@@ -23,6 +23,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from aiohttp import WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
@@ -526,7 +527,7 @@ def add_export_routes(router: web.UrlDispatcher, folder: Path, allowed: Allowed)
         path = folder / name
         if not_a_file_name(name) or name.startswith(".") or path.is_symlink() or not path.is_file():
             raise web.HTTPNotFound(text=f"{name[:60]!r} is not one of the exported files")
-        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+        headers = {"Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}", "Cache-Control": "no-store"}
         return web.FileResponse(path, headers=headers)
 
     router.add_get("/exports", listed)

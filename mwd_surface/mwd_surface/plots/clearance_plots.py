@@ -134,7 +134,7 @@ def _dense(well: UncertainWell) -> tuple[Array, Array]:
 
 
 def _at(well: UncertainWell, md: float) -> tuple[Array, Array]:
-    """Return position, m, shape (3,), and covariance, m^2, shape (3, 3), of a depth; that of the station before it."""
+    """Return the position at a depth, m, shape (3,), and the covariance of the station above, m^2, shape (3, 3)."""
     place = minimum_curvature.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)[2]
     station = max(int(np.searchsorted(well.md, md + 1e-6)) - 1, 0)
     return place, well.covariance()[station]

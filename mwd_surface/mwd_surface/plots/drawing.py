@@ -51,6 +51,19 @@ def with_fonts(figure: Figure) -> Figure:
     return figure
 
 
+def translate(figure: Figure, say: Callable[[str], str]) -> Figure:
+    """Translate the texts of a figure, and return it; a text stays as it is if no font has its characters."""
+    from matplotlib.text import Text
+
+    from mwd_surface.plots.fonts import lacking
+
+    for item in figure.findobj(Text):
+        said = say(item.get_text())
+        if not lacking((said,)):
+            item.set_text(said)
+    return figure
+
+
 def png(figure: Figure, dots_per_inch: int = 130) -> bytes:
     """Return the figure as PNG bytes; the same figure gives the same bytes."""
     out = io.BytesIO()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes, png
+from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes
 from mwd_surface.trajectory.list_comparison import PathDifference
 
 if TYPE_CHECKING:
@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BAND = 2.0  # sigmas
-
-
-def picture(found: PathDifference, first: str, second: str) -> bytes:
-    """Return `figure_of` as a PNG."""
-    return png(figure_of(found, first, second), 110)
 
 
 def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str]) -> Figure:

@@ -534,7 +534,7 @@ class LongAllan:
 
     def curve(self) -> AllanCurve:
         """
-        Return the deviation over averaging times up to a fifth of the record; its axes are the columns.
+        Return the Allan deviation of each column, for averaging times up to a fifth of the record.
 
         Raises
         ------

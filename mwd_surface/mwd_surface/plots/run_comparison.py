@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import SERIES, finish_axes, png, time_unit
+from mwd_surface.plots.drawing import SERIES, finish_axes, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _MOST = 6000  # largest number of rows drawn of each run
 _ANGLES = ("inclination_deg", "azimuth_deg")
@@ -47,8 +48,8 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     return {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in kept.items()}
 
 
-def picture(ours: Run, expected: Run) -> bytes:
-    """Return a PNG of two runs."""
+def picture(ours: Run, expected: Run) -> Figure:
+    """Draw two runs."""
     from matplotlib.figure import Figure
 
     runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
@@ -75,7 +76,7 @@ def picture(ours: Run, expected: Run) -> bytes:
     ):
         _finish(ax, label)
     lower.set_xlabel(unit, fontsize=9)
-    return png(figure, 110)
+    return figure
 
 
 def _stations(surveys: list[dict[str, str]], angle: str, begin: int, unit_s: float) -> tuple[list[float], list[float]]:

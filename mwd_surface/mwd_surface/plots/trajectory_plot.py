@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes, png
+from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes
 from mwd_surface.trajectory.dense_trajectory import STATION, DenseTrajectory
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def trajectory_plot(found: DenseTrajectory) -> bytes:
-    """Return a PNG of the inclination, with the stations marked, and of the position minus minimum curvature."""
+
+def trajectory_plot(found: DenseTrajectory) -> Figure:
+    """Draw the inclination, with the stations marked, and of the position minus minimum curvature."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 8.0), layout="constrained")
@@ -28,4 +33,4 @@ def trajectory_plot(found: DenseTrajectory) -> bytes:
     for ax in (upper, lower):
         finish_axes(ax)
         ax.legend(fontsize=8, frameon=False)
-    return png(figure, 110)
+    return figure

@@ -75,29 +75,31 @@ class InputSettings:
     """Choice of the input from a bag, and how to read it."""
 
     imu_topic: str = setting(
-        "", "Topic of the IMU or its gyro; empty: the topic ending in imu/data_raw, or the only one"
+        "", "Topic of the IMU or its gyro; empty: the topic ending in imu/data_raw, or the only one."
     )
-    accel_topic: str = setting("", "Topic of the accelerometer if imu_topic is only the gyro; empty: found by its name")
-    mag_topic: str = setting("", "Topic of its magnetometer; empty: imu/mag next to it, or the only one")
-    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw next to the IMU")
-    temperature_topic: str = setting("", "Topic of the IMU's temperature; empty: imu/temperature next to it")
-    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state next to the IMU, or the only one")
-    accel_unit: str = setting("m/s2", "Unit of the specific force", choices=tuple(units.FACTORS["acceleration"]))
-    gyro_unit: str = setting("rad/s", "Unit of the angular rate", choices=tuple(units.FACTORS["rate"]))
-    mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
-    start_s: float = setting(0.0, "Begin this long after the first message", unit="s", low=0.0)
-    end_s: float = setting(math.inf, "End this long after the first message", unit="s", low=0.0)
-    partial: bool = setting(False, "Use the readable part of a bag that is cut off or damaged")
+    accel_topic: str = setting(
+        "", "Topic of the accelerometer if imu_topic is only the gyro; empty: found by its name."
+    )
+    mag_topic: str = setting("", "Topic of the magnetometer; empty: imu/mag next to the IMU, or the only one.")
+    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw next to the IMU.")
+    temperature_topic: str = setting("", "Topic of the IMU's temperature; empty: imu/temperature next to it.")
+    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state next to the IMU, or the only one.")
+    accel_unit: str = setting("m/s2", "Unit of the specific force.", choices=tuple(units.FACTORS["acceleration"]))
+    gyro_unit: str = setting("rad/s", "Unit of the angular rate.", choices=tuple(units.FACTORS["rate"]))
+    mag_unit: str = setting("T", "Unit of the magnetic field.", choices=tuple(units.FACTORS["field"]))
+    start_s: float = setting(0.0, "Begin this long after the first message.", unit="s", low=0.0)
+    end_s: float = setting(math.inf, "End this long after the first message.", unit="s", low=0.0)
+    partial: bool = setting(False, "Use the readable part of a bag that is cut off or damaged.")
     sensor_to_bit_m: float | None = setting(
-        None, "Distance from sonde to bit; nan: from the recording, else 0", unit="m", low=0.0, high=100.0
+        None, "Distance from sonde to bit; nan: from the recording, else 0.", unit="m", low=0.0, high=100.0
     )
     stamps: str = setting(
         "header",
         "Times of the samples: header uses the stamps of the messages; recording converts them to the clock of the "
-        "recorder, for sensors whose clocks disagree or were not set",
+        "recorder, for sensors whose clocks disagree or were not set.",
         choices=("header", "recording"),
     )
-    depths: str = setting("", "Table of depths, CSV; empty: the depths of the rig in the recording")
+    depths: str = setting("", "Table of depths, CSV; empty: the depths of the rig in the recording.")
 
 
 def option_of(name: str) -> str:

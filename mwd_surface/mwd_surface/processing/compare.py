@@ -56,7 +56,7 @@ class StationDifference:
 
 
 @dataclasses.dataclass(frozen=True)
-class Statistics:
+class DifferenceStatistics:
     """Differences of one quantity over the samples in which both runs have it, deg."""
 
     name: str
@@ -89,7 +89,7 @@ class Comparison:
     stations: tuple[StationDifference, ...]
     missing: tuple[str, ...]
     extra: tuple[str, ...]
-    statistics: tuple[Statistics, ...]
+    statistics: tuple[DifferenceStatistics, ...]
     rows: int
     rows_missing: int
     rows_extra: int
@@ -285,13 +285,13 @@ class _Walk:
         self._sums[name] += len(known), known.sum(), np.square(known).sum()
         self._largest[name] = max(self._largest[name], float(np.abs(known).max(initial=0.0)))
 
-    def statistics(self) -> tuple[Statistics, ...]:
+    def statistics(self) -> tuple[DifferenceStatistics, ...]:
         """Return the statistics of each quantity."""
         found = []
         for name, (count, total, squares) in self._sums.items():
             mean = total / count if count else math.nan
             rms = math.sqrt(squares / count) if count else math.nan
-            found.append(Statistics(name, int(count), mean, rms, self._largest[name], self._alone[name]))
+            found.append(DifferenceStatistics(name, int(count), mean, rms, self._largest[name], self._alone[name]))
         return tuple(found)
 
 

@@ -25,7 +25,7 @@ _KEPT_EVERY_NS = 1_000_000_000
 
 
 def is_golden(folder: Path) -> bool:
-    """Return whether the folder is a golden folder."""
+    """Return whether the folder holds a golden recording: a bag and the limits of its results."""
     return (folder / "bag").is_dir() and (folder / "limits.yaml").is_file()
 
 

@@ -100,11 +100,11 @@ class SampleStream:
         return [
             *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
             *(
-                f"{name}: {_samples(count)} a second time, as from two publishers, and left out"
+                f"{name}: {_samples(count)} were left out because they came twice, as from two publishers"
                 for name, count in self.repeated.items()
             ),
             *(
-                f"{name}: {_samples(count)} without a time, although others have one, and left out"
+                f"{name}: {_samples(count)} were left out because they have no time, which other samples have"
                 for name, count in self.undated.items()
             ),
         ]

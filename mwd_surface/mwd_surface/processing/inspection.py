@@ -114,7 +114,7 @@ class Inspection:
 
 
 @dataclasses.dataclass
-class _Reading:
+class _InspectionPass:
     """
     One pass over the recording: how the samples were read, and the findings.
 
@@ -221,7 +221,7 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
     return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given, estimator.place))
 
 
-def _processed(bag: Bag, reading: _Reading) -> tuple[Summary | None, str]:
+def _processed(bag: Bag, reading: _InspectionPass) -> tuple[Summary | None, str]:
     """Return the summary of `mwd process` for the recording; None and the reason if it refuses the recording."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     day = _day(reading, find_topics(bag, given).imu)
@@ -253,13 +253,13 @@ def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings
 
 def _read(
     bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings, progress: Callable[[float], None]
-) -> _Reading:
+) -> _InspectionPass:
     """Pass all samples through the checks of the sensors."""
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
     state, gate = monitor.initial(), InputGate(derivation.input_ranges(estimator))
     rests = Rests(estimator.survey)
-    reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
+    reading = _InspectionPass(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     stream = InputStream(bag, topics, given)
     first, absent = True, set[int]()
     for block in stream.blocks():
@@ -306,7 +306,7 @@ def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
 
-def _note_turns(reading: _Reading, imu: Samples) -> None:
+def _note_turns(reading: _InspectionPass, imu: Samples) -> None:
     """Note which axis of the unit points down-hole, from each three seconds in which the string turned."""
     stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
     dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
@@ -321,7 +321,7 @@ def _note_turns(reading: _Reading, imu: Samples) -> None:
             reading.turned += net
 
 
-def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | None:
+def _corrected(reading: _InspectionPass) -> tuple[InputSettings, EstimatorSettings] | None:
     """Return corrected settings from the first fault that suggests a correction; None if no fault does."""
     before, given = reading.estimator.tool.mount, reading.given
     for fault in sorted(reading.faults, key=lambda one: one.since_ns):
@@ -351,7 +351,7 @@ def _mount_words(mount: Mount, topics: Topics) -> str:
     return words + (", accelerometer reads gravity (down)" if mount.reversed_accelerometer else "")
 
 
-def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettings) -> list[str]:
+def _remarks(bag: Bag, topics: Topics, reading: _InspectionPass, start: EstimatorSettings) -> list[str]:
     """Return sentences on anything unusual about topics, times and sensors."""
     remarks = guesses(bag, topics, reading.given)
     if reading.estimator.tool.mount.imu not in (start.tool.mount.imu, *mounts.PRESETS):
@@ -363,7 +363,7 @@ def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettin
     return remarks
 
 
-def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> list[tuple[str, str]]:
+def _missing(topics: Topics, reading: _InspectionPass, mount: Mount, reason: str) -> list[tuple[str, str]]:
     """Return for each missing result what the recording would need."""
     place, missing = reading.estimator.place, []
     if reason:
@@ -387,7 +387,7 @@ def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> li
     return missing
 
 
-def _day(reading: _Reading, imu: str) -> str:
+def _day(reading: _InspectionPass, imu: str) -> str:
     """Return the date for the field model: the given one, else that of the first sample; "" if there is none."""
     place, first = reading.estimator.place, reading.times[imu].first_ns
     if not place.model or place.date or first < CLOCK_SET_NS:
@@ -404,7 +404,7 @@ def _other_place(given: Place, recorded: Place) -> str:
     return ", ".join(f"{name} {one} instead of {other}" for name, one, other in pairs if one != other)
 
 
-def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path, own: EstimatorSettings) -> str:
+def _command(bag: Bag, topics: Topics, reading: _InspectionPass, output: Path, own: EstimatorSettings) -> str:
     """Return the command that processes the bag as it was read; own: settings that it uses without options."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
     for name, usual in vars(InputSettings()).items():

@@ -93,7 +93,7 @@ class Merger:
             picked = self._thinner(stamps)
             self._add("attitude", output.attitude[picked], log_ns[picked])
             self._add("gravity", output.gravity[picked], log_ns[picked])
-            # Log these samples at the log time of the IMU sample of their time, or of the next IMU sample.
+            # Give these samples the log time of the IMU sample with the same stamp, or of the next IMU sample.
             newest = np.maximum.accumulate(stamps)
             for relative, samples in (("interference", output.interference), ("dynamics", output.dynamics)):
                 at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)

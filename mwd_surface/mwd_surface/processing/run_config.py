@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import day_of
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.processing.bag_input import InputSettings, Topics
@@ -94,11 +95,16 @@ def estimator_config(path: Path) -> EstimatorSettings:
     Raises
     ------
     SettingsError
-        The file is not YAML, is not a table of settings, or names an unknown setting.
+        The file is not YAML, is not a table of settings, names an unknown setting, or has a day that does not exist.
     OSError
         The file cannot be read.
     """
-    return settings_of.from_mapping(EstimatorSettings, read_config(path))
+    try:
+        found = settings_of.from_mapping(EstimatorSettings, read_config(path))
+        day_of(found.place)
+    except ValueError as error:
+        raise settings_of.SettingsError(f"{path}: {error}") from error
+    return found
 
 
 def read_config(path: Path) -> dict[str, Any]:

@@ -34,11 +34,11 @@ FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind",
 class OutputSettings:
     """Choice of the output."""
 
-    format: str = setting("csv", "File of the attitude", choices=FORMATS)
+    format: str = setting("csv", "Format of the attitude file.", choices=FORMATS)
     rate_hz: float = setting(
-        0.0, "Largest number of rows per second; 0: one row for every IMU message", unit="Hz", low=0.0
+        0.0, "Largest number of rows per second; 0: one row for every IMU message.", unit="Hz", low=0.0
     )
-    smooth: bool = setting(False, "Smooth gravity with later samples; method bounded only")
+    smooth: bool = setting(False, "Smooth gravity with later samples. Works with the method bounded only.")
 
 
 def results_in(folder: Path) -> list[Path]:

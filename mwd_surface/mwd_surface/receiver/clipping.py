@@ -2,13 +2,16 @@
 """
 Samples at a limit of the gauge or its converter, replaced by the most probable pressure beyond the limit.
 
-A clipped sample is a bound: the pressure was at the limit or beyond it. The samples of a block follow an autoregressive
-model, and the clipped ones are those that make the block most probable without crossing the bound back (J. Tobin,
-Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986) 317, for the
-interpolation). Model and samples are estimated in turn. The blocks depend on the positions of the samples only.
+A clipped sample is a bound: the pressure was at the limit or beyond it. The samples of some seconds follow an
+autoregressive model, and the clipped ones are those that make these seconds most probable without crossing the bound
+back (J. Tobin, Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986) 317,
+for the interpolation). Model and samples are estimated in turn. A limit is a value that occurs often and is hardly ever
+exceeded. All lengths are times, and a gap in the times separates models.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from scipy import linalg
@@ -17,88 +20,139 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.whitening import prediction_error_filter
 
-# Samples of a block, and samples before it that belong to its model: 20 s and 10 s at 50 Hz.
-_BLOCK, _BEFORE = 1024, 512
-# The order covers a stroke of a pump: with 48 the error of the replaced samples is a quarter larger than with 80.
-_ORDER, _FLOOR = 80, 1e-6
-# A limit is known after this number of samples at it. A highest sample that noise reaches by chance does no harm,
-# because the pressure there is near it.
-_VISITS = 8
+# Clipped samples of a block are replaced together, when the time `_AHEAD_S` after it has passed, because a crest needs
+# both of its flanks: without it the error is three times larger. The model also describes the time before. All three
+# together hold at most about `_MOST` samples, for the cost.
+_BLOCK_S, _AHEAD_S, _BEFORE_S, _MOST = 5.0, 2.0, 25.0, 2048
+# The order covers a stroke of a pump, up to 80 samples: with 48 at 50 Hz the error of the replaced samples is a quarter
+# larger.
+_ORDER_S, _MOST_ORDER, _FLOOR = 1.6, 80, 1e-6
+# A value is a limit after this number of samples at it, if it has more samples than this multiple of those beyond it.
+# A value that noise reaches by chance does no harm, because the pressure there is near it.
+_VISITS, _EXCEEDED = 8.0, 8.0
+# Number of extreme values whose samples are counted, and time over which the counts are forgotten: longer than a
+# connection, so that the limit is still known after it.
+_LEVELS, _FORGOTTEN_S = 8, 1800.0
 # A limit at less than this share of the largest value is the zero of a gauge while the pumps are off.
 _ZERO = 0.05
-# A longer run at a limit holds no sample of the pressure; it stays as it is.
-_LONGEST = 150
+# A longer run at a limit, s, holds no sample of the pressure; it stays as it is.
+_LONGEST_S = 3.0
+# A longer interval between samples, relative to the usual one, is a gap.
+_GAP = 4.0
 # Rounds of model and samples, and of bounds that hold.
 _ROUNDS, _BOUNDS = 3, 6
 
 
 class Declipper:
-    """Replacement of clipped samples in a stream; only samples from a clipped one to the end of its block are late."""
+    """
+    Replacement of clipped samples in a stream; only samples from a clipped one to the end of its block are late.
 
-    def __init__(self) -> None:
-        self._before = np.zeros(0)
-        self._open = np.zeros((2, 0))
-        self._sides = np.zeros(0)
-        # Lowest and highest value, and how many samples have had it.
-        self._limits = np.array([np.inf, 0.0, -np.inf, 0.0])
+    Parameters
+    ----------
+    spacing : float
+        Usual time between samples, s.
+    """
+
+    def __init__(self, spacing: float) -> None:
+        self._spacing = spacing
+        self._order = min(math.ceil(_ORDER_S / spacing), _MOST_ORDER)
+        self._longest = math.ceil(_LONGEST_S / spacing)
+        share = min(1.0, _MOST * spacing / (_BLOCK_S + _AHEAD_S + _BEFORE_S))
+        self._block_s, self._ahead_s = share * _BLOCK_S, share * _AHEAD_S
+        self._history = math.ceil(share * _BEFORE_S / spacing)
+        # Samples and sides before those that are not yet returned; their clipped ones are estimated anew in each block.
+        self._before = np.zeros((2, 0))
+        self._last_s = -math.inf
+        # Times, samples and sides that are not yet returned.
+        self._open = np.zeros((3, 0))
+        # Extreme values of both sides from the outermost on, and the numbers of samples at them and beyond them.
+        self._levels = np.zeros((2, _LEVELS, 3))
+        self._levels[:, :, 0] = -np.inf
 
     def push(self, time: Array, value: Array) -> tuple[Array, Array]:
         """Add rising times, s, and samples, shape (n,); return those that are complete."""
-        sides = np.empty(len(value))
-        _mark(value, self._limits, sides)
-        if not self._sides.size and not sides.any():
-            self._before = np.concatenate([self._before, value[-_BEFORE:]])[-_BEFORE:]
-            return time, value
-        self._open = np.concatenate([self._open, np.stack([time, value])], axis=1)
-        self._sides = np.concatenate([self._sides, sides])
-        return self._released(_BLOCK)
+        more = np.stack([time, value, np.zeros(len(value))])
+        _mark(more[1], self._levels, math.exp(-self._spacing / _FORGOTTEN_S), more[2])
+        self._open = np.concatenate([self._open, more], axis=1) if self._open.size else more
+        return self._released(False)
 
     def finish(self) -> tuple[Array, Array]:
         """Return the samples that are left."""
-        return self._released(0)
+        return self._released(True)
 
-    def _released(self, block: int) -> tuple[Array, Array]:
-        """Return what is complete: samples before a clipped one, and blocks of this length from a clipped one on."""
-        count = self._open.shape[1]
-        clipped = np.append(np.flatnonzero(self._sides), count)
+    def _released(self, finished: bool) -> tuple[Array, Array]:
+        """Return what is complete: samples before a clipped one, and blocks from a clipped one on."""
+        time, value, sides = self._open
+        count, done = len(time), value.copy() if sides.any() else value
+        gaps = np.append(np.flatnonzero(np.diff(time, prepend=self._last_s) > _GAP * self._spacing), count)
+        clipped = np.append(np.flatnonzero(sides), count)
         begin = 0
         while begin < count:
-            first = int(clipped[np.searchsorted(clipped, begin)])
-            if first == begin:
-                if count - begin < block:
+            if gaps[0] == begin:
+                self._before, gaps = np.zeros((2, 0)), gaps[1:]
+            after = int(gaps[0])
+            end = min(after, int(clipped[np.searchsorted(clipped, begin)]))
+            if end == begin:
+                stops = np.searchsorted(time, time[begin] + np.cumsum([self._block_s, self._ahead_s]))
+                if stops[1] == after == count and not finished:
                     break
-                first = min(begin + _BLOCK, count)
-                self._replace(begin, first)
-            self._before = np.concatenate([self._before, self._open[1, max(begin, first - _BEFORE) : first]])[-_BEFORE:]
-            begin = first
-        done, self._open, self._sides = self._open[:, :begin], self._open[:, begin:].copy(), self._sides[begin:].copy()
-        return done[0], done[1]
-
-    def _replace(self, begin: int, end: int) -> None:
-        """Replace the clipped samples of a block."""
-        start = len(self._before)
-        value = np.concatenate([self._before, self._open[1, begin:end]])
-        sides = np.concatenate([np.zeros(start), self._sides[begin:end]])
-        self._open[1, begin:end] = unclipped(value, sides)[start:]
+                end, known = np.minimum(stops, after).tolist()
+                seen, bounds = np.concatenate([self._before, self._open[1:, begin:known]], axis=1)
+                replaced = unclipped(seen, _short(bounds, self._longest), self._order)
+                done[begin:end] = replaced[len(replaced) - (known - begin) :][: end - begin]
+            recent = self._open[1:, max(begin, end - self._history) : end]
+            self._before = np.concatenate([self._before, recent], axis=1)[:, -self._history :]
+            self._last_s = float(time[end - 1])
+            begin = end
+        self._open = self._open[:, begin:].copy()
+        return time[:begin], done[:begin]
 
 
 @compiled
-def _mark(value: Array, limits: Array, sides: Array) -> None:
-    """Fill the side of each sample: 1 at the upper limit, -1 at the lower, else 0; limits: as in `Declipper`."""
+def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
+    """
+    Fill the side of each sample: 1 at the upper limit, -1 at the lower, else 0.
+
+    levels: as in `Declipper`; kept: share of the counts that is kept from sample to sample.
+    """
     for k in range(len(value)):
-        sides[k] = 0.0
         for side in range(2):
             sign = 2.0 * side - 1.0
-            if sign * value[k] > sign * limits[2 * side]:
-                limits[2 * side], limits[2 * side + 1] = value[k], 0.0
-            if value[k] == limits[2 * side]:
-                limits[2 * side + 1] += 1.0
-                zero = abs(value[k]) < _ZERO * max(abs(limits[0]), abs(limits[2]))
-                if limits[2 * side + 1] > _VISITS and not zero:
-                    sides[k] = sign
+            x, rows = sign * value[k], levels[side]
+            rows[:, 1:] *= kept
+            _count(x, rows)
+            largest = max(abs(levels[0, 0, 0]), abs(levels[1, 0, 0]))
+            for level in rows:
+                if level[1] > max(_VISITS, _EXCEEDED * level[2]):
+                    if x == level[0] and abs(x) >= _ZERO * largest:
+                        sides[k] = sign
+                    break
 
 
-def unclipped(value: Array, sides: Array) -> Array:
+@compiled
+def _count(x: float, rows: Array) -> None:
+    """Count a sample at a value; a new extreme value displaces the one with the fewest samples."""
+    fewest, known = 0, False
+    for j in range(len(rows)):
+        if x > rows[j, 0]:
+            rows[j, 2] += 1.0
+        elif x == rows[j, 0]:
+            rows[j, 1] += 1.0
+            known = True
+        if rows[j, 1] <= rows[fewest, 1]:
+            fewest = j
+    if known or x < rows[-1, 0]:
+        return
+    for j in range(fewest, len(rows) - 1):
+        rows[j] = rows[j + 1]
+    at = len(rows) - 1
+    while at > 0 and rows[at - 1, 0] < x:
+        rows[at] = rows[at - 1]
+        at -= 1
+    rows[at, 0], rows[at, 1], rows[at, 2] = x, 1.0, 0.0
+
+
+def unclipped(value: Array, sides: Array, order: int) -> Array:
     """
     Return samples in which the clipped ones have their most probable values.
 
@@ -107,25 +161,27 @@ def unclipped(value: Array, sides: Array) -> Array:
     value : ndarray, shape (n,)
     sides : ndarray, shape (n,)
         1 where the true value is the sample or more, -1 where it is the sample or less, else 0.
+    order : int
+        Highest order of the autoregressive model.
     """
-    at = np.flatnonzero(_short(sides))
+    at = np.flatnonzero(sides)
     out = value.copy()
-    if not at.size or len(value) - at.size < 4 * _ORDER:
+    if not at.size or len(value) - at.size < 4 * order:
         return out
-    taps, ones = np.empty(_ORDER + 2), np.ones(len(value))
+    taps, ones = np.empty(order + 2), np.ones(len(value))
     for _ in range(_ROUNDS):
-        if prediction_error_filter(out, ones, _ORDER, _FLOOR, taps) <= 0.0:
+        if prediction_error_filter(out, ones, order, _FLOOR, taps) <= 0.0:
             return value.copy()
         out[at] = _most_probable(out, value, sides, at, np.correlate(taps, taps, "full")[len(taps) - 1 :])
     return out
 
 
-def _short(sides: Array) -> Array:
-    """Return the sides without those of long runs."""
+def _short(sides: Array, longest: int) -> Array:
+    """Return the sides without those of runs longer than a number of samples."""
     ends = np.flatnonzero(np.diff(sides)) + 1
     out = sides.copy()
     for run in np.split(np.arange(len(sides)), ends):
-        if len(run) > _LONGEST:
+        if len(run) > longest:
             out[run] = 0.0
     return out
 

@@ -73,6 +73,12 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
     return columns, unreadable
 
 
+def cells_of(line: str) -> list[dict[str, str]]:
+    """Return the samples of one line as cells by name; none if the line is not JSON."""
+    value = _loaded(line)
+    return [] if value is None else list(_rows(value, ()))
+
+
 def _values(path: Path, encoding: str) -> Iterator[Any]:
     """Return the values of the lines, None for a line that is not JSON; or the value of the whole document."""
     with path.open(encoding=encoding, errors="replace") as file:

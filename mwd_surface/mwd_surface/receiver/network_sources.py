@@ -24,7 +24,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.number_cells import is_null, split, value
-from mwd_surface.receiver import pressure_table, table_times
+from mwd_surface.receiver import json_columns, pressure_table, table_times
 from mwd_surface.rig.wits import format as wits
 
 _RETRY_S = 2.0
@@ -159,7 +159,7 @@ class _Arrivals:
 
 
 class _OfStream:
-    """What all sources that read a stream of bytes say of it."""
+    """Common part of all sources that read a stream of bytes."""
 
     _stream: _Bytes
     _wrong: str  # what is wrong with the bytes; empty: nothing
@@ -177,7 +177,7 @@ class _OfStream:
 
 class LineSource(_OfStream):
     """
-    Pressure in lines of text: cells separated by commas, semicolons, tabs or spaces.
+    Pressure in lines of text: cells separated by commas, semicolons, tabs or spaces, or JSON in each line.
 
     Parameters
     ----------
@@ -195,6 +195,8 @@ class LineSource(_OfStream):
         pressure_table.live_columns([], self._said)
         self._head: list[str] = []
         self._format: _Format | None = None
+        # Names of the quantities of JSON, which are the first line of its table; None if the lines are not JSON.
+        self._names: list[str] | None = None
         self._wrong, self._without, self._heard = "", 0, False
 
     def read(self) -> tuple[Array, Array]:
@@ -206,11 +208,14 @@ class LineSource(_OfStream):
                 self._wrong = f"{len(self._head)} of the {_HEAD_LINES} lines have arrived that tell the format"
                 return np.zeros(0), np.zeros(0)
             try:
+                self._head = self._from_json(self._head)
                 self._format = _Format(self._head, self._said)
             except ValueError as error:
                 self._wrong = str(error)
                 return np.zeros(0), np.zeros(0)
             lines, self._head = self._head[self._format.names :], []
+        else:
+            lines = self._from_json(lines)
         times, values = self._format.samples(lines)
         self._tell(lines, np.isfinite(values))
         known = np.isfinite(values) if times is None else np.isfinite(values) & np.isfinite(times)
@@ -233,6 +238,19 @@ class LineSource(_OfStream):
             self._open, self._breaks = b"", self._stream.breaks
         texts = (line.decode("utf-8", errors="replace").strip() for line in lines if len(line) <= _LONGEST_LINE)
         return [text for text in texts if text and not text.startswith(("#", "!", "%"))]
+
+    def _from_json(self, lines: list[str]) -> list[str]:
+        """Return lines of JSON as rows of a table, the first ones with a line of names; other lines as they are."""
+        begins = self._names is None
+        if begins and not all(json_columns.is_json(line) for line in lines):
+            return lines
+        rows = [pressure_table.untagged(row) for line in lines for row in json_columns.cells_of(line)]
+        if self._names is None:
+            self._names = list(dict.fromkeys(name for row in rows for name in row))
+        cells = [[row.get(name, "").replace("\t", " ") for name in self._names] for row in rows]
+        # Where the caller counts the columns, names are not a line of their own.
+        named = begins and pressure_table.live_columns([], self._said) is None
+        return ["\t".join(row) for row in ([self._names, *cells] if named else cells)]
 
     def _tell(self, lines: list[str], known: Array) -> None:
         """Say how many lines have been without a pressure since the last one with a pressure."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,12 +15,13 @@ from mwd_surface.receiver.words import BELIEVED, ReceivedWord, pulse_edges
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _COLOURS = {True: GOOD, False: NEUTRAL}
 _MOST_POINTS = 6000
 
 
-class Quantity(NamedTuple):
+class PictureQuantity(NamedTuple):
     """Recorded quantity for the axes: its name, the unit shown, and the size of the unit in SI."""
 
     name: str
@@ -29,19 +29,18 @@ class Quantity(NamedTuple):
     size: float
 
 
-PRESSURE, VOLTAGE = Quantity("Pressure", "bar", 1e5), Quantity("Voltage", "mV", 1e-3)
+PRESSURE, VOLTAGE = PictureQuantity("Pressure", "bar", 1e5), PictureQuantity("Voltage", "mV", 1e-3)
 
 
-def image(
+def figure_of(
     time_s: Array,
     pressure_pa: Array,
     words: Sequence[ReceivedWord],
     tool: ToolConfiguration,
-    kind: str = "png",
-    quantity: Quantity = PRESSURE,
-) -> bytes:
+    quantity: PictureQuantity = PRESSURE,
+) -> Figure:
     """
-    Return a figure of a decoded recording.
+    Draw a decoded recording.
 
     Parameters
     ----------
@@ -49,8 +48,6 @@ def image(
     words : sequence of ReceivedWord
     tool : ToolConfiguration
         Tool configuration: its pulses are drawn on the last survey, and it sets the range of the spectrum.
-    kind : str
-        "png" or "svg".
     quantity : Quantity
         Quantity of the samples.
     """
@@ -70,7 +67,10 @@ def image(
             pressure.set_ylim(float(heard.min()), float(heard.max()))
     for ax in (pressure, confidence):
         for word in words:
-            ax.axvspan(word.start_s, word.end_s, color=_COLOURS[word.status == BELIEVED], alpha=0.15, linewidth=0)
+            good = word.status == BELIEVED
+            ax.axvspan(
+                word.start_s, word.end_s, color=_COLOURS[good], alpha=0.15, linewidth=0, hatch="" if good else "///"
+            )
         ax.set_xlim(float(time_s[0]), float(time_s[-1]))
         ax.set_xlabel("time, s")
     for status in (True, False):
@@ -85,12 +85,10 @@ def image(
     _spectrum(spectrum, time_s, pressure_pa, tool.shortest_s, quantity)
     for ax in (pressure, *pulses, confidence, spectrum):
         finish_axes(ax)
-    out = io.BytesIO()
-    figure.savefig(out, format=kind, dpi=110)
-    return out.getvalue()
+    return figure
 
 
-def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -> None:
+def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: PictureQuantity) -> None:
     """Draw the lowest and highest value of each column of pixels, so that no pulse is lost."""
     pieces = max(len(time_s) // _MOST_POINTS, 1)
     count = len(time_s) // pieces * pieces
@@ -98,7 +96,7 @@ def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -
     at = time_s[:count:pieces]
     ax.fill_between(at, blocks.min(axis=1), blocks.max(axis=1), color=BLUE, linewidth=0.5)
     ax.set_ylabel(quantity.unit)
-    ax.set_title(f"{quantity.name}; words in green, erased ones in grey", loc="left", fontsize=9)
+    ax.set_title(f"{quantity.name}; words in green, erased ones hatched in grey", loc="left", fontsize=9)
 
 
 def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord], tool: ToolConfiguration) -> None:
@@ -120,7 +118,7 @@ def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord]
     ax.set_title(f"Pulses chosen in the last {shown[0].kind}, below the pressure", loc="left", fontsize=9)
 
 
-def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: Quantity) -> None:
+def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: PictureQuantity) -> None:
     """Draw the mean spectrum of pieces of 64 pulse widths (Welch's method)."""
     step = float(np.median(np.diff(time_s)))
     length = min(max(round(128.0 * tu_s / step), 64), len(pressure_pa))

@@ -256,6 +256,18 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     return LiveColumns(time, time_unit, place, unit)
 
 
+def untagged(row: Mapping[str, str]) -> dict[str, str]:
+    """Return the cells of a row with a column for its tag, if it is a row for one value of several tags."""
+    tag, value, unit = (
+        next((name for name in row if pattern.match(_last(_words(name, "")[0]))), "")
+        for pattern in (_TAG, _VALUE, _UNIT)
+    )
+    if not (tag and value):
+        return dict(row)
+    rest = {name: cell for name, cell in row.items() if name not in (tag, value, unit)}
+    return {**rest, row[tag] + (f" [{row[unit]}]" if row.get(unit) else ""): row[value]}
+
+
 class _TableFile:
     """A table whose head is known: where its rows begin, how its cells are separated, and its columns."""
 

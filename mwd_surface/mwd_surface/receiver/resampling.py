@@ -91,7 +91,7 @@ class Resampler:
         self._raw = np.zeros((2, 0))
         self._last = -math.inf
         self._scale = np.zeros(1)
-        self._declipper = Declipper()
+        self._declipper: Declipper | None = None
         self.origin: float | None = None
 
     @property
@@ -123,9 +123,10 @@ class Resampler:
 
     def finish(self) -> tuple[Array, Array]:
         """Return the rest of the grid, up to the last sample; as `push`."""
-        self._spaced(*self._declipper.finish())
         if self._spacing == 0.0 and self._early.shape[1] > 2:
             self._begin()
+        if self._declipper is not None:
+            self._binned(*self._declipper.finish())
         self._add(*self._raw[:, self._ready :])
         if len(self._time) < 3:
             return np.zeros(0), np.zeros(0)
@@ -151,23 +152,20 @@ class Resampler:
         highest = np.maximum.accumulate(np.append(self._last, np.where(good, time, -math.inf)))
         good &= time > highest[:-1]
         self._last = float(highest[-1])
-        self._spaced(*self._declipper.push(time[good], value[good]))
-
-    def _spaced(self, time: Array, value: Array) -> None:
-        """Add samples whose clipped ones are replaced; the first of them give the spacing."""
-        if self._spacing == 0.0:
-            self._early = np.concatenate([self._early, np.stack([time, value])], axis=1)
-            if self._early.shape[1] >= 64:
-                self._begin()
+        if self._declipper is not None:
+            self._binned(*self._declipper.push(time[good], value[good]))
             return
-        self._binned(time, value)
+        self._early = np.concatenate([self._early, np.stack([time[good], value[good]])], axis=1)
+        if self._early.shape[1] >= 64:
+            self._begin()
 
     def _begin(self) -> None:
         (time, value), self._early = self._early, np.zeros((2, 0))
         self._spacing = float(np.median(np.diff(time[:64])))
         self._bin = self._step / 4.0 if self._spacing * _MOST_OVERSAMPLED < self._step else 0.0
         self.origin = float(time[0])
-        self._binned(time, value)
+        self._declipper = Declipper(self._spacing)
+        self._binned(*self._declipper.push(time, value))
 
     def _binned(self, time: Array, value: Array) -> None:
         self._raw = np.concatenate([self._raw, np.stack([time, value])], axis=1)

@@ -143,15 +143,18 @@ class SondeFix:
 
 def locate(readings: SurfaceReadings, known: Known, errors: ReadingErrors = ReadingErrors()) -> SondeFix:  # noqa: B008
     """
-    Locate a sonde.
+    Locate a sonde from readings of its field at the surface.
 
-    The sonde is below all points of the receiver.
+    The sonde is assumed to be below all points of the receiver.
 
     Parameters
     ----------
     readings : SurfaceReadings
+        Points of the receiver and the field there.
     known : Known
+        Facts about the sonde, each with 1 sigma.
     errors : ReadingErrors
+        1 sigma of the errors of a reading.
 
     Raises
     ------

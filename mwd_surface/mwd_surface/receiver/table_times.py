@@ -291,7 +291,7 @@ class Stamps:
         return self._since_first(numbers * self._factor)
 
     def _judge(self, numbers: Array) -> None:
-        """Take numbers as a clock HHMMSS.ff from the first minute that goes from 59 s to 100."""
+        """Decide whether numbers are a clock HHMMSS.ff: they are if a minute goes from 59 s to 100."""
         known = numbers[np.isfinite(numbers)]
         if not _may_be_clock(known):
             self._settled = True

@@ -12,8 +12,23 @@ from mwd_sensors.core.settings import setting
 class Backoff:
     """Waiting times between attempts: doubled after each failure, up to the longest."""
 
-    first: float = setting(1.0, "wait after the first failure", unit="s", low=0.01, high=60.0, fixed=True)
-    longest: float = setting(30.0, "longest wait", unit="s", low=0.01, high=600.0, fixed=True)
+    first: float = setting(
+        1.0,
+        "Wait before the second attempt to connect. The wait doubles with each further failure.",
+        unit="s",
+        low=0.01,
+        high=60.0,
+        fixed=True,
+    )
+    longest: float = setting(
+        30.0,
+        "Longest wait between two attempts to connect. Raising it causes less traffic and finds a peer that "
+        "returns later.",
+        unit="s",
+        low=0.01,
+        high=600.0,
+        fixed=True,
+    )
 
     def wait(self, failures: int, chance: float) -> float:
         """Return the wait after a number of failures in a row, s; chance, 0 to 1, varies it by half either way."""

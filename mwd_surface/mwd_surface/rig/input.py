@@ -37,28 +37,46 @@ _SET_BACK_NS = 60 * NANOSECONDS  # a stamp that is earlier by more belongs to a 
 class RigInputSettings:
     """Rules for the acceptance of rig data."""
 
-    accept: bool = setting(False, "accept rig data that peers send", fixed=True)
+    accept: bool = setting(False, "Accept rig data that peers send. If false, they are ignored.", fixed=True)
     fastest: float = setting(
         5.0,
-        "fastest plausible speed of the string; a faster change of depth is rejected until it is confirmed",
+        "Fastest plausible speed of the string. A faster change of depth is rejected until further readings "
+        "confirm it.",
         unit="m/s",
         low=0.1,
         fixed=True,
     )
     slack: float = setting(
-        2.0, "change of depth that is always plausible, however short the time", unit="m", low=0.0, fixed=True
+        2.0,
+        "Change of depth that is always plausible, however short the time. Raise it for a depth that is sent in "
+        "coarse steps.",
+        unit="m",
+        low=0.0,
+        fixed=True,
     )
     confirm: int = setting(
         3,
-        "consecutive consistent readings that confirm a jump of depth; raising it delays true corrections",
+        "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
         low=1,
         fixed=True,
     )
-    deepest: float = setting(15000.0, "depth above which a reading is rejected", unit="m", low=1.0, fixed=True)
+    deepest: float = setting(15000.0, "Depth above which a reading is rejected.", unit="m", low=1.0, fixed=True)
     slips_hookload: float = setting(
-        0.0, "hookload below which the string is in slips; 0 if it is not known", unit="N", low=0.0, fixed=True
+        0.0,
+        "Hookload below which the string is in slips. 0: not known, so slips are not reported.",
+        unit="N",
+        low=0.0,
+        fixed=True,
     )
-    max_rate: float = setting(20.0, "most readings accepted per second", unit="Hz", low=0.1, high=100.0, fixed=True)
+    max_rate: float = setting(
+        20.0,
+        "Largest number of readings accepted per second; further readings are dropped. Raising it costs computing "
+        "time.",
+        unit="Hz",
+        low=0.1,
+        high=100.0,
+        fixed=True,
+    )
 
 
 @dataclasses.dataclass
@@ -86,21 +104,25 @@ class RigInput:
         )
         self._tracks = {name: DepthTrack(rules) for name in _DEPTHS}
         self._last_ns: int | None = None
+        # Consecutive readings with stamps of a clock that was set back.
+        self._earlier = 0
 
     def take(self, readings: Mapping[str, float], stamp_ns: int) -> Samples | None:
         """
         Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if none of them is accepted.
 
-        A sample with a stamp too soon after the last one, or shortly before it, is counted and dropped. A stamp that
-        is earlier by more than a minute shows a clock that was set back.
+        A sample with a stamp too soon after the last one, or before it, is counted and dropped. Several stamps in a row
+        that are earlier by more than a minute show a clock that was set back; single ones are those of a second clock.
         """
-        if (
-            self._last_ns is not None
-            and -_SET_BACK_NS < stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate
-        ):
+        later_ns = NANOSECONDS if self._last_ns is None else stamp_ns - self._last_ns
+        self._earlier = self._earlier + 1 if later_ns <= -_SET_BACK_NS else 0
+        if -_SET_BACK_NS < later_ns < NANOSECONDS / self.settings.max_rate:
             self.counts.hurried += 1
             return None
         good = {name: value for name, value in readings.items() if self._is_accepted(name, value, stamp_ns)}
+        if 0 < self._earlier < self.settings.confirm:
+            self.counts.hurried += 1
+            return None
         if good:
             self._last_ns = stamp_ns
         if (

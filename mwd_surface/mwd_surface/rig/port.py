@@ -48,25 +48,31 @@ _LOOK = 0.5  # s
 class RigSettings:
     """Settings of all rig interfaces; each interface is off by default."""
 
-    wits0: Wits0Settings = setting(Wits0Settings, "Settings of all WITS interfaces")
-    wits0_server: Wits0ServerSettings = setting(Wits0ServerSettings, "WITS server, to which recorders connect")
-    wits0_client: Wits0ClientSettings = setting(Wits0ClientSettings, "WITS client, which connects to a recorder")
-    wits0_serial: Wits0SerialSettings = setting(Wits0SerialSettings, "WITS over a serial line")
-    opcua: OpcuaSettings = setting(OpcuaSettings, "OPC UA")
-    modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
-    modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
-    polled: PolledSettings = setting(PolledSettings, "Polled serial line of another maker's surface unit")
-    witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
-    blackboard: BlackboardSettings = setting(BlackboardSettings, "D-WIS blackboard")
+    wits0: Wits0Settings = setting(Wits0Settings, "Settings common to all WITS interfaces.")
+    wits0_server: Wits0ServerSettings = setting(Wits0ServerSettings, "WITS server, to which recorders connect.")
+    wits0_client: Wits0ClientSettings = setting(Wits0ClientSettings, "WITS client, which connects to a recorder.")
+    wits0_serial: Wits0SerialSettings = setting(Wits0SerialSettings, "WITS over a serial line.")
+    opcua: OpcuaSettings = setting(OpcuaSettings, "OPC UA server.")
+    modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP server.")
+    modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU server on a serial line.")
+    polled: PolledSettings = setting(PolledSettings, "Polled serial line of another maker's surface unit.")
+    witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "Client of a WITSML store.")
+    blackboard: BlackboardSettings = setting(BlackboardSettings, "Client of a D-WIS blackboard.")
     strict: bool = setting(
-        False, "refuse to start if an interface cannot start; if false, try again every retry_period", fixed=True
+        False, "Refuse to start if an interface cannot start. If false, try again every retry_period.", fixed=True
     )
     retry_period: float = setting(
-        10.0, "time between attempts to start an interface that is down", unit="s", low=0.05, high=3600.0, fixed=True
+        10.0,
+        "Time between attempts to start an interface that could not start. Raising it delays its return.",
+        unit="s",
+        low=0.05,
+        high=3600.0,
+        fixed=True,
     )
     silent_after: float = setting(
         3.0,
-        "time without new values after which the interfaces mark all values invalid",
+        "Time without new values from the surface node after which the interfaces mark all values as invalid. "
+        "Raise it for a slow computer.",
         unit="s",
         low=0.2,
         high=60.0,

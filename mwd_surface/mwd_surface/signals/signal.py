@@ -17,7 +17,7 @@ INCLINATIONS = frozenset(("survey_inclination", "inclination", "projected_inclin
 _ON_PAPER = 2  # decimals in printed reports
 
 
-class Source(NamedTuple):
+class SignalSource(NamedTuple):
     """Source of signals: topic or table, rate, and which values are valid; tool: whether it is downhole."""
 
     brings: str
@@ -26,35 +26,35 @@ class Source(NamedTuple):
     tool: bool = False
 
 
-SOURCES: dict[str, Source] = {
-    ESTIMATOR: Source(
+SOURCES: dict[str, SignalSource] = {
+    ESTIMATOR: SignalSource(
         "attitude, gravity, link/attitude",
         "each block of samples, or each word of a link",
         "its sigma is not negative; stale after two `live.estimator_period`",
         tool=True,
     ),
-    "dynamics": Source(
+    "dynamics": SignalSource(
         "dynamics", "each summary", "finite, an index not negative; stale after two `live.dynamics_period`", tool=True
     ),
-    "temperature": Source(
+    "temperature": SignalSource(
         "temperature", "each message", "-60 to 250 degC; stale after two `live.temperature_period`", tool=True
     ),
-    "magnetometer": Source(
+    "magnetometer": SignalSource(
         "imu/mag", "each block of samples", "the magnetometer is in use; two `live.magnetometer_period`", tool=True
     ),
-    "interference": Source(
+    "interference": SignalSource(
         "interference", "each estimate", "its sigma is not negative; two `live.interference_period`", tool=True
     ),
-    RIG: Source("rig/state", "each message", "its bit of `valid`; stale after two `live.rig_period`"),
-    SURVEY: Source("the survey list", "each accepted survey", "accepted, automatically or by a person"),
-    POSITION: Source("the survey list", "each accepted survey", "error model and reference field are known"),
-    BIT: Source("the path projected to the bit", "each depth and survey", "there is a survey"),
-    PLAN: Source("the path against the plan", "each depth and survey", "there are a survey and a plan"),
-    CONTROL: Source("the control authority", "each change", "an owner asks for it"),
-    ADVICE: Source("steering/advice", "each change", "there is advice"),
-    LOG: Source("log, link/log", "each sample of the channel", "the sample has a depth; stale after two minutes"),
-    INPUT: Source("clocks and depths of the inputs", "1 Hz", "there is such an input"),
-    SURFACE: Source("the surface itself", "each change", "the node is active"),
+    RIG: SignalSource("rig/state", "each message", "its bit of `valid`; stale after two `live.rig_period`"),
+    SURVEY: SignalSource("the survey list", "each accepted survey", "accepted, automatically or by a person"),
+    POSITION: SignalSource("the survey list", "each accepted survey", "error model and reference field are known"),
+    BIT: SignalSource("the path projected to the bit", "each depth and survey", "there is a survey"),
+    PLAN: SignalSource("the path against the plan", "each depth and survey", "there are a survey and a plan"),
+    CONTROL: SignalSource("the control authority", "each change", "an owner asks for it"),
+    ADVICE: SignalSource("steering/advice", "each change", "there is advice"),
+    LOG: SignalSource("log, link/log", "each sample of the channel", "the sample has a depth; stale after two minutes"),
+    INPUT: SignalSource("clocks and depths of the inputs", "1 Hz", "there is such an input"),
+    SURFACE: SignalSource("the surface itself", "each change", "the node is active"),
 }
 
 

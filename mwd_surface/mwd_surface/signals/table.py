@@ -96,7 +96,7 @@ def _flag(text: str) -> bool:
 
 SIGNALS = read_signals()
 BY_NAME = {signal.name: signal for signal in SIGNALS}
-# Numbers that are sent to a rig, at least by OPC UA; and facts about the surface itself.
+# Signals that are sent to a rig (all of them by OPC UA), and facts about the surface node itself.
 TO_RIG = tuple(signal for signal in SIGNALS if signal.opcua and signal.source != SURFACE)
 FACTS = tuple(signal for signal in SIGNALS if signal.source == SURFACE)
 OF_SURVEY = tuple(signal for signal in TO_RIG if signal.source == SURVEY)

@@ -43,7 +43,7 @@ DEG_PER_H = Scale("deg/h", 3600.0 * _DEG)
 
 
 @dataclasses.dataclass(frozen=True)
-class Unit:
+class UnitConversions:
     """
     Conversions of one SI unit for protocols and files.
 
@@ -91,15 +91,15 @@ class Unit:
         return self.field_witsml or self.witsml if system == FIELD else self.witsml
 
 
-def _same(unece: str, name: str, quantity: str, scale: Scale, witsml: str = "") -> Unit:
+def _same(unece: str, name: str, quantity: str, scale: Scale, witsml: str = "") -> UnitConversions:
     """Return a unit with the same conversion in all protocols except OPC UA."""
-    return Unit(unece, name, quantity, scale, scale, scale, scale, witsml)
+    return UnitConversions(unece, name, quantity, scale, scale, scale, scale, witsml)
 
 
-UNITS: dict[str, Unit] = {
+UNITS: dict[str, UnitConversions] = {
     "1": _same("C62", "one", "ProportionStandardQuantity", Scale("1", 1.0)),
     "rad": _same("C81", "radian", "PlaneAngleDrillingQuantity", Scale("deg", _DEG), "dega"),
-    "rad/m": Unit(
+    "rad/m": UnitConversions(
         "C84",
         "radian per metre",
         "CurvatureDrillingQuantity",
@@ -112,7 +112,7 @@ UNITS: dict[str, Unit] = {
         field_witsml="dega/100ft",
     ),
     "rad/s": _same("2A", "radian per second", "AngularVelocityDrillingQuantity", Scale("rpm", _RPM)),
-    "m": Unit(
+    "m": UnitConversions(
         "MTR",
         "metre",
         "LengthStandardQuantity",
@@ -124,7 +124,7 @@ UNITS: dict[str, Unit] = {
         endings=("_m", "_ft"),
         field_witsml="ft",
     ),
-    "m/s": Unit(
+    "m/s": UnitConversions(
         "MTS",
         "metre per second",
         "RateOfPenetrationDrillingQuantity",
@@ -134,7 +134,7 @@ UNITS: dict[str, Unit] = {
         fps=Scale("ft/h", 3600.0 / FOOT),
         endings=("_mph", "_ftph"),
     ),
-    "m/s^2": Unit(
+    "m/s^2": UnitConversions(
         "MSK",
         "metre per second squared",
         "AccelerationDrillingQuantity",
@@ -144,7 +144,7 @@ UNITS: dict[str, Unit] = {
         fps=Scale("g", 1.0 / STANDARD_GRAVITY),
     ),
     "T": _same("D33", "tesla", "EarthMagneticFluxDensityQuantity", Scale("nT", 1e9)),
-    "degC": Unit(
+    "degC": UnitConversions(
         "CEL",
         "degree Celsius",
         "TemperatureDrillingQuantity",
@@ -157,7 +157,7 @@ UNITS: dict[str, Unit] = {
     # API units are relative to a calibration pit, and UNECE has no code for them.
     "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", Scale("gAPI", 1.0)),
     "s": _same("SEC", "second", "DurationDrillingQuantity", Scale("s", 1.0)),
-    "N": Unit(
+    "N": UnitConversions(
         "NEW",
         "newton",
         "ForceDrillingQuantity",
@@ -167,7 +167,7 @@ UNITS: dict[str, Unit] = {
         fps=Scale("klbf", 1e-3 / POUND_FORCE),
         endings=("_kn", "_klbf"),
     ),
-    "N m": Unit(
+    "N m": UnitConversions(
         "NU",
         "newton metre",
         "TorqueDrillingQuantity",
@@ -176,7 +176,7 @@ UNITS: dict[str, Unit] = {
         metric=Scale("kN m", 1e-3),
         fps=Scale("klbf ft", 1e-3 / (POUND_FORCE * FOOT)),
     ),
-    "Pa": Unit(
+    "Pa": UnitConversions(
         "PAL",
         "pascal",
         "PressureDrillingQuantity",
@@ -185,7 +185,7 @@ UNITS: dict[str, Unit] = {
         metric=Scale("kPa", 1e-3),
         fps=Scale("psi", 1.0 / PSI),
     ),
-    "m^3/s": Unit(
+    "m^3/s": UnitConversions(
         "MQS",
         "cubic metre per second",
         "VolumetricFlowrateDrillingQuantity",

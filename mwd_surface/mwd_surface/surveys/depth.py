@@ -35,29 +35,44 @@ class DepthRules:
 
     fastest: float = setting(
         5.0,
-        "fastest plausible speed of the string; a faster change of depth is rejected until it is confirmed",
+        "Fastest plausible speed of the string. A faster change of depth is rejected until further readings "
+        "confirm it.",
         unit="m/s",
         low=0.1,
     )
-    slack: float = setting(2.0, "change of depth that is always plausible, however short the time", unit="m", low=0.0)
+    slack: float = setting(
+        2.0,
+        "Change of depth that is always plausible, however short the time. Raise it for a depth that is sent in "
+        "coarse steps.",
+        unit="m",
+        low=0.0,
+    )
     confirm: int = setting(
-        3, "consecutive consistent readings that confirm a jump of depth; raising it delays true corrections", low=1
+        3,
+        "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
+        low=1,
     )
     bridge: float = setting(
         60.0,
-        "longest gap of rig data over which the depth is interpolated; a longer one leaves surveys without depth",
+        "Longest gap of rig data over which the depth is interpolated. A survey in a longer gap gets no depth; "
+        "raising it accepts less certain depths.",
         unit="s",
         low=0.1,
     )
-    deepest: float = setting(DEEPEST, "depth above which a reading is rejected", unit="m", low=1.0)
+    deepest: float = setting(DEEPEST, "Depth above which a reading is rejected.", unit="m", low=1.0)
     clock_limit: float = setting(
         20.0,
-        "difference of the clocks of rig and sonde, by the order in which their data arrive, above which no depth is "
-        "paired. Raise it for rig data that arrive later than this",
+        "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
+        "Above it surveys get no depth from the rig. Raise it for rig data that arrive later than this.",
         unit="s",
         low=1.0,
     )
-    history: int = setting(36000, "depth readings kept in memory; at 1 Hz 36000 are ten hours", low=10)
+    history: int = setting(
+        36000,
+        "Number of depth readings kept in memory; 36000 readings at 1 Hz are ten hours. Raising it gives a depth "
+        "to surveys that arrive later, and costs memory.",
+        low=10,
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,7 +146,8 @@ class DepthTrack:
         than the latest one by more than `rules.bridge` wait in the same way: if they agree, either the later stamps
         were wrong or the clock of the rig was set back, and the later readings are removed. If the time of the sonde is
         known, this needs stamps nearer to it than the latest one: a second source with a clock of its own, or a clock
-        that starts at 1970 for a moment, does not remove good readings.
+        that starts at 1970 for a moment, does not remove good readings. If it is not known, readings that do not
+        continue those before them must go on for `rules.bridge`, without one of the later clock among them.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
@@ -177,12 +193,25 @@ class DepthTrack:
         self._earlier.append((stamp_ns, bit_depth))
         if len(self._earlier) < self.rules.confirm:
             return False
+        # Without a sonde, readings that continue no others must last, or a short burst of a wrong clock removes all.
+        lasts = (stamp_ns - self._earlier[0][0]) * NS >= self.rules.bridge
+        if sonde_ns is None and not lasts and not self._continues(*self._earlier[0]):
+            return False
         self.refused_order -= len(self._earlier)
         self._remove_from(self._earlier[0][0])
         for stamp, depth in self._earlier:
             self._append(stamp, depth, False)
         self._earlier = []
         return True
+
+    def _continues(self, stamp_ns: int, bit_depth: float) -> bool:
+        """Return whether a reading follows the last one before its time, within `rules.bridge`."""
+        at = bisect.bisect_left(self._stamps, stamp_ns) - 1
+        return (
+            at >= 0
+            and (stamp_ns - self._stamps[at]) * NS <= self.rules.bridge
+            and self._reachable(self._stamps[at], self._depths[at], stamp_ns, bit_depth)
+        )
 
     def _remove_from(self, stamp_ns: int) -> None:
         """Remove the readings at and after a time, because their depths or stamps were wrong."""

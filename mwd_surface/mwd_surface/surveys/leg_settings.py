@@ -17,32 +17,33 @@ class LegSettings:
 
     name: str = setting(
         "",
-        "name of the leg of the next surveys; if empty, unchanged. A new name with kick_off_depth starts a sidetrack",
+        "Name of the leg to which the next surveys belong. Empty: the present leg. A new name together with "
+        "kick_off_depth starts a sidetrack.",
     )
     kick_off_depth: float | None = setting(
-        None, "measured depth at which a new leg leaves its parent; nan if there is no new leg", unit="m", low=0.0
+        None, "Measured depth at which a new leg leaves its parent. nan if there is no new leg.", unit="m", low=0.0
     )
-    parent: str = setting("", "leg from which a new leg branches off; if empty, the present leg")
-    tool: str = setting("", "serial number or name of the tool in the hole; if empty, unchanged")
+    parent: str = setting("", "Leg from which a new leg branches off. Empty: the present leg.")
+    tool: str = setting("", "Serial number or name of the tool in the hole. Empty: the tool stays the same.")
     tie_on_depth: float | None = setting(
         None,
-        "measured depth of the tie-on station of the main leg; nan if not given. Without it the hole above the first "
-        "survey is taken as vertical, and its coordinates are marked as assumed",
+        "Measured depth of the tie-on station of the main leg. nan if not given: the hole above the first survey "
+        "is then assumed to be vertical, and its coordinates are marked as assumed.",
         unit="m",
         low=0.0,
     )
-    tie_on_inclination_deg: float = setting(0.0, "inclination of the tie-on station", unit="deg", low=0.0, high=180.0)
+    tie_on_inclination_deg: float = setting(0.0, "Inclination of the tie-on station.", unit="deg", low=0.0, high=180.0)
     tie_on_azimuth_deg: float = setting(
-        0.0, "azimuth of the tie-on station, from the north reference of the well", unit="deg", low=0.0, high=360.0
+        0.0, "Azimuth of the tie-on station, from the north reference of the well.", unit="deg", low=0.0, high=360.0
     )
     tie_on_north: float | None = setting(
-        None, "distance of the tie-on station north of the wellhead; nan if not given", unit="m"
+        None, "Distance of the tie-on station north of the wellhead. nan if not given.", unit="m"
     )
     tie_on_east: float | None = setting(
-        None, "distance of the tie-on station east of the wellhead; nan if not given", unit="m"
+        None, "Distance of the tie-on station east of the wellhead. nan if not given.", unit="m"
     )
     tie_on_vertical_depth: float | None = setting(
-        None, "vertical depth of the tie-on station; nan if not given", unit="m"
+        None, "Vertical depth of the tie-on station. nan if not given.", unit="m"
     )
 
 

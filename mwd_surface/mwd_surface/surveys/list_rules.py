@@ -16,42 +16,51 @@ class ListRules:
     """Rules for automatic acceptance of surveys, and limits for warnings."""
 
     automatic: bool = setting(
-        True, "use a survey that passes the acceptance criteria at once; if false, every survey waits for an operator"
+        True,
+        "Accept a survey that passes the acceptance criteria at once. If false, every survey waits for an operator.",
     )
     same_depth: float = setting(
         0.5,
-        "stations closer in measured depth than this count as one depth; a larger value merges short check shots",
+        "Difference of measured depth below which two stations count as repeated surveys of one depth. Raising it "
+        "merges short check shots.",
         unit="m",
         low=0.01,
     )
     depth_age_limit: float = setting(
         30.0,
-        "age of the bit depth above which a survey waits for an operator; raise it for rig data at long intervals",
+        "Age of the bit depth above which a survey waits for an operator. Raise it for rig data at long intervals.",
         unit="s",
         low=0.1,
     )
     gap_limit: float = setting(
-        60.0, "interval between stations above which the list shows a warning", unit="m", low=1.0
+        60.0,
+        "Distance between two stations above which the list shows a warning. Raising it warns less often.",
+        unit="m",
+        low=1.0,
     )
     dogleg_limit_deg: float = setting(
-        10.0, "dogleg severity above which the list shows a warning", unit="deg/30 m", low=0.1
+        10.0,
+        "Dogleg severity above which the list shows a warning. Raising it warns less often.",
+        unit="deg/30 m",
+        low=0.1,
     )
     vertical_limit_deg: float = setting(
         1.0,
-        "inclination below which a station without azimuth takes the azimuth of the station above; a "
-        "larger value accepts larger position errors",
+        "Inclination below which a station without azimuth gets the azimuth of the station above. Raising it "
+        "accepts larger position errors.",
         unit="deg",
         low=0.0,
         high=5.0,
     )
     apply_revisions: str = setting(
         "at_once",
-        "when later surveys of the run revise a survey: use the revised value at once (at_once), or wait for a person's"
-        " decision (ask)",
+        "What happens when later surveys of a run change an earlier one. at_once: the revised value is used at "
+        "once. ask: a person decides.",
         choices=("at_once", "ask"),
     )
     projection: str = setting(
         "straight",
-        "projection from the last station to the bit: straight ahead, or along the last curve",
+        "Path from the last station to the bit. straight: the direction of the last station. curve: the curvature "
+        "between the last two stations.",
         choices=("straight", "curve"),
     )

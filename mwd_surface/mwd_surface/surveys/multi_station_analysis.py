@@ -121,7 +121,7 @@ def _readings(f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _ErrorFit:
     """Most probable normalised errors, the stations used, and the quality of the fit; as in `Multistation`."""
 
     solution: Array
@@ -132,7 +132,7 @@ class _Fit:
     probability: float
 
 
-def _fitted(problem: Problem) -> _Fit:
+def _fitted(problem: Problem) -> _ErrorFit:
     """Solve, dropping one outlier after the other, and rescale the noise if there are enough stations."""
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
@@ -150,10 +150,10 @@ def _fitted(problem: Problem) -> _Fit:
         for _ in range(2):
             problem.quieten(solution, used)
             solution = problem.solve(used)
-    return _Fit(solution, used, misfit, chi_square, degrees, float(chi2.sf(chi_square, degrees)))
+    return _ErrorFit(solution, used, misfit, chi_square, degrees, float(chi2.sf(chi_square, degrees)))
 
 
-def _result(problem: Problem, fit: _Fit) -> Multistation:
+def _result(problem: Problem, fit: _ErrorFit) -> Multistation:
     f, b, solution, used = problem.f, problem.b, fit.solution, fit.used
     slope = problem.slope(solution, used)
     covariance_x = np.asarray(np.linalg.inv(slope.T @ slope), dtype=float)
@@ -188,7 +188,7 @@ def _result(problem: Problem, fit: _Fit) -> Multistation:
     )
 
 
-def _refusal(fit: _Fit, sigma: Array, sigma_raw: Array) -> Reason | None:
+def _refusal(fit: _ErrorFit, sigma: Array, sigma_raw: Array) -> Reason | None:
     """Return why corrected azimuths with these 1 sigma, rad, must not be used; None if they may be used."""
     used, n = fit.used, float(len(fit.used))
     share = float(np.mean(~used))

@@ -26,13 +26,31 @@ NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"
 class QualityLimits:
     """Tolerances of the totals for the quality lights, used if a survey has no limits of its own."""
 
-    gravity: float = setting(0.0245, "tolerance of total gravity against the reference", unit="m/s^2", low=0.0)
-    field_nt: float = setting(300.0, "tolerance of the total field against the reference", unit="nT", low=0.0)
-    dip_deg: float = setting(0.45, "tolerance of the dip against the reference", unit="deg", low=0.0)
+    gravity: float = setting(
+        0.0245,
+        "Largest difference of total gravity from the reference that counts as good. Raising it accepts worse "
+        "stations.",
+        unit="m/s^2",
+        low=0.0,
+    )
+    field_nt: float = setting(
+        300.0,
+        "Largest difference of the total magnetic field from the reference that counts as good. Raising it accepts "
+        "worse stations.",
+        unit="nT",
+        low=0.0,
+    )
+    dip_deg: float = setting(
+        0.45,
+        "Largest difference of the magnetic dip from the reference that counts as good. Raising it accepts worse "
+        "stations.",
+        unit="deg",
+        low=0.0,
+    )
     reject_factor: float = setting(
         1.5,
-        "factor of the tolerance beyond which a station shows as rejected; between 1 and the factor it "
-        "shows as doubtful",
+        "Multiple of these limits above which a station shows as rejected; between the limit and this multiple it "
+        "shows as doubtful. Raising it shows more stations as doubtful.",
         low=1.0,
     )
 

@@ -18,33 +18,47 @@ NORTHS = ("magnetic", "true", "grid")
 class Mine:
     """Facts of a hole drilled in a mine, as the report of the hole prints them."""
 
-    name: str = setting("", "mine")
-    working_face: str = setting("", "working face")
-    drill_site: str = setting("", "drill site, such as the number of the niche or chamber")
-    probe: str = setting("", "probe and its serial number")
-    calibration_date: str = setting("", "date of the probe's calibration")
+    name: str = setting("", "Name of the mine.")
+    working_face: str = setting("", "Working face from which the hole is drilled.")
+    drill_site: str = setting("", "Drill site, such as the number of the niche or chamber.")
+    probe: str = setting("", "Type of the probe and its serial number.")
+    calibration_date: str = setting("", "Date of the probe's calibration.")
     opening_x: float | None = setting(
-        None, "mine coordinate x (north) of the hole's opening; nan if not given", unit="m"
+        None, "Mine coordinate x (north) of the hole's opening. nan if not given.", unit="m"
     )
-    opening_y: float | None = setting(None, "mine coordinate y (east) of the opening; nan if not given", unit="m")
+    opening_y: float | None = setting(
+        None, "Mine coordinate y (east) of the hole's opening. nan if not given.", unit="m"
+    )
     opening_z: float | None = setting(
-        None, "mine coordinate z (height, up positive) of the opening; nan if not given", unit="m"
+        None, "Mine coordinate z (height, positive up) of the hole's opening. nan if not given.", unit="m"
     )
     closure_x: float | None = setting(
         None,
-        "mine coordinate x (north) of a surveyed point of the hole, such as its breakthrough, against which the path "
-        "is checked; nan if there is none",
+        "Mine coordinate x (north) of a surveyed point of the hole, such as its breakthrough. The path is compared "
+        "with this point. nan if there is none.",
         unit="m",
     )
-    closure_y: float | None = setting(None, "mine coordinate y (east) of the surveyed point", unit="m")
-    closure_z: float | None = setting(None, "mine coordinate z (height) of the surveyed point", unit="m")
+    closure_y: float | None = setting(
+        None, "Mine coordinate y (east) of the surveyed point. nan if there is none.", unit="m"
+    )
+    closure_z: float | None = setting(
+        None, "Mine coordinate z (height, positive up) of the surveyed point. nan if there is none.", unit="m"
+    )
     closure_depth: float | None = setting(
-        None, "measured depth of the hole at the surveyed point; nan: the end of the hole", unit="m", low=0.0
+        None,
+        "Measured depth of the hole at the surveyed point. nan: the point is at the end of the hole.",
+        unit="m",
+        low=0.0,
     )
     closure_sigma: float = setting(
-        0.05, "accuracy of each coordinate of the surveyed point, 1 sigma", unit="m", low=1e-3, high=100.0
+        0.05,
+        "1 sigma of each coordinate of the surveyed point. Raising it accepts a larger distance between point and "
+        "path.",
+        unit="m",
+        low=1e-3,
+        high=100.0,
     )
-    closure_leg: str = setting("", "leg of the hole that reaches the surveyed point; if empty, the present leg")
+    closure_leg: str = setting("", "Leg of the hole that reaches the surveyed point. Empty: the present leg.")
 
     @property
     def closure_point(self) -> tuple[float, float, float]:
@@ -63,74 +77,82 @@ class Mine:
 class Well:
     """Description of the well for lists, exports and reports; angles are in degrees because people set them."""
 
-    name: str = setting("well", "name of the well")
-    wellbore: str = setting("", "name of the wellbore; if empty, the name of the well")
-    company: str = setting("", "operating company")
-    field: str = setting("", "oil or gas field, or site")
-    rig: str = setting("", "drilling rig")
-    service_company: str = setting("", "company that runs the surveys")
-    job_number: str = setting("", "number of the job, as printed in reports")
-    revision: str = setting("", "revision of the survey report, as printed in its head, such as 2 or B")
-    logo: str = setting("", "picture for the head of reports, a PNG or JPEG file")
+    name: str = setting("well", "Name of the well.")
+    wellbore: str = setting("", "Name of the wellbore. Empty: the name of the well.")
+    company: str = setting("", "Name of the operating company.")
+    field: str = setting("", "Name of the oil or gas field, or of the site.")
+    rig: str = setting("", "Name of the drilling rig.")
+    service_company: str = setting("", "Name of the company that runs the surveys.")
+    job_number: str = setting("", "Number of the job, printed in reports.")
+    revision: str = setting("", "Revision of the survey report, such as 2 or B, printed in its head.")
+    logo: str = setting("", "Picture for the head of reports, a PNG or JPEG file.")
     units: str = setting(
         METRIC,
-        "units of report and exports (csv, las, witsml): metric (m, deg/30 m, degC) or field (ft, deg/100 ft, degF)",
+        "Units of the report and of exports (csv, las, witsml): metric (m, deg/30 m, degC) or field (ft, deg/100 "
+        "ft, degF).",
         choices=(METRIC, FIELD),
     )
-    language: str = setting("en", "language of the report: en, zh_CN, or that of another catalogue")
+    language: str = setting("en", "Language of the report: en, zh_CN, or that of another catalogue.")
     latitude_deg: float | None = setting(
-        None, "WGS84 latitude of the wellhead; nan if not given", unit="deg", low=-90.0, high=90.0
+        None, "Latitude of the wellhead, WGS 84, north positive. nan if not given.", unit="deg", low=-90.0, high=90.0
     )
     longitude_deg: float | None = setting(
-        None, "WGS84 longitude of the wellhead; nan if not given", unit="deg", low=-180.0, high=360.0
+        None, "Longitude of the wellhead, WGS 84, east positive. nan if not given.", unit="deg", low=-180.0, high=360.0
     )
     grid: str = setting(
-        "", "map grid of reports: utm (the zone of the wellhead) or an EPSG code such as EPSG:23031; empty for none"
+        "",
+        "Map grid of reports: utm (the zone of the wellhead) or an EPSG code such as EPSG:23031. Empty: no map "
+        "coordinates.",
     )
     depth_datum: str = setting(
-        "", "datum of measured and vertical depth, as printed in reports, such as RKB; empty if not given"
+        "", "Name of the datum of measured and vertical depth, such as RKB, printed in reports. Empty if not given."
     )
     datum_elevation: float | None = setting(
-        None, "height of the depth datum above mean sea level; nan if not given", unit="m"
+        None, "Height of the depth datum above mean sea level. nan if not given.", unit="m"
     )
     north_reference: str = setting(
-        "true", "north reference of azimuths and map axes; must be the same as that of the plan", choices=NORTHS
+        "true", "North reference of azimuths and map axes. It must be the same as that of the plan.", choices=NORTHS
     )
     convention: str = setting(
         AngleConvention.INCLINATION.value,
-        "vertical angle that people of this well read and write: inclination from the vertical, dip_up (from the "
-        "horizontal, positive where the hole rises) or dip_down (positive where it falls). Page, lists, reports, plan "
-        "and exports for people use it; settings and protocols named inclination do not",
+        "Vertical angle that people of this well read and write: inclination (from the vertical), dip_up (from the "
+        "horizontal, positive where the hole rises) or dip_down (positive where it falls). The page, lists, "
+        "reports, the plan and exports for people follow it; settings and protocols whose name contains "
+        "inclination do not.",
         choices=CONVENTIONS,
     )
-    mine: Mine = setting(Mine, "facts of a hole drilled in a mine")
+    mine: Mine = setting(Mine, "Facts of a hole drilled in a mine.")
     section_azimuth_deg: float | None = setting(
         None,
-        "azimuth of the vertical section, from the same north. nan: along the plan or, without a plan, towards the "
-        "last survey in use, so that the section turns slightly with each survey",
+        "Azimuth of the vertical section, from the north reference. nan: along the plan or, without a plan, "
+        "towards the last survey in use; the section then turns slightly with each survey.",
         unit="deg",
         low=0.0,
         high=360.0,
     )
     sensor_to_bit: float | None = setting(
         None,
-        "distance from the directional sensor to the bit; a survey is this much shallower than the bit. nan if not "
-        "given; surveys then get the depth of the bit",
+        "Distance along the hole from the directional sensor to the bit. A survey is this much shallower than the "
+        "bit. nan if not given: surveys then get the depth of the bit.",
         unit="m",
         low=0.0,
     )
     geomagnetic_model: str = setting(
-        "", "source of the reference field, as printed in reports; if empty, the source that each survey names"
+        "", "Source of the reference field, printed in reports. Empty: the source that each survey names."
     )
     error_model: str = setting(
-        "MWD+SRGM", "ISCWSA / OWSG tool code of the position covariance of the whole well; empty to compute none"
+        "MWD+SRGM",
+        "ISCWSA / OWSG tool code from which the position uncertainty of the whole well is computed. Empty: none is "
+        "computed.",
     )
     programme: str = setting(
-        "", "YAML file of the survey programme (tool codes by interval and the tie-on); it replaces error_model"
+        "",
+        "YAML file of the survey programme (tool codes by interval, and the tie-on). If given, it replaces "
+        "error_model.",
     )
     offset_wells: str = setting(
         "",
-        "YAML file of the offset wells: their lists, wellheads and hole sizes, and the separation rule",
+        "YAML file of the offset wells: their lists, wellheads and hole sizes, and the separation rule.",
     )
 
     @property

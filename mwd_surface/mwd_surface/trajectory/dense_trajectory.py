@@ -231,5 +231,5 @@ def _at_end(centres: Array, values: Array, end: float) -> float:
     near = np.abs(centres - end) <= _AT_STATION
     if np.count_nonzero(near) < 3:
         return float(values[near].mean())
-    # Near a station the hole may bend differently from the arc, so use a line instead of the mean.
+    # Extrapolate with a line instead of the mean, because the difference from the arc changes towards the station.
     return float(np.polynomial.Polynomial.fit(centres[near], values[near], 1)(end))

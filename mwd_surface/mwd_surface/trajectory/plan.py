@@ -115,7 +115,7 @@ class Offset:
 
 
 @dataclasses.dataclass(frozen=True)
-class Steering:
+class ArcToTarget:
     """Arc to a target: length, m, dogleg severity, rad/m, toolface, and the direction at its end, rad."""
 
     length: float
@@ -251,7 +251,7 @@ def nearest(plan: Plan, point: ArrayLike) -> float:
     return float(candidates[np.argmin(np.linalg.norm(places - p, axis=1))])
 
 
-def steering_to(position: ArrayLike, inclination: float, azimuth: float, target: ArrayLike) -> Steering:
+def steering_to(position: ArrayLike, inclination: float, azimuth: float, target: ArrayLike) -> ArcToTarget:
     """
     Return the single arc from a position and direction to a target point.
 
@@ -280,7 +280,7 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
         raise ValueError("target: it lies behind the bit; no single arc of half a turn or less reaches it")
     length = reach / float(np.sinc(half / math.pi))
     end = 2.0 * math.cos(half) * direction - t
-    return Steering(
+    return ArcToTarget(
         length=length,
         dogleg_severity=2.0 * half / length,
         toolface=_toolface_of(chord, inclination, azimuth),

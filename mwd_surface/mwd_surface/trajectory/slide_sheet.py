@@ -27,13 +27,13 @@ class SlideRules:
 
     rotating_above: float = setting(
         10.0,
-        "rotary speed above which the string counts as rotating; raise it if sensor noise shows rotation at rest",
+        "Rotary speed above which the string counts as rotating. Raise it if sensor noise shows rotation at rest.",
         unit="r/min",
         low=0.1,
     )
     least_length: float = setting(
         0.5,
-        "shortest interval on the slide sheet; a shorter one is added to its neighbours",
+        "Shortest interval on the slide sheet. A shorter one is added to its neighbours.",
         unit="m",
         low=0.0,
         high=10.0,

@@ -103,7 +103,7 @@ class ErrorTerm:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Stations:
+class _CourseStations:
     """Measured depth, m, inclination, azimuth from true north, rad, shape (n,) each; vertical depth of the first, m."""
 
     md: Array
@@ -111,11 +111,11 @@ class _Stations:
     azimuth: Array
     first_tvd: float = 0.0
 
-    def cut(self, first: int, last: int, inclination: Array) -> _Stations:
+    def cut(self, first: int, last: int, inclination: Array) -> _CourseStations:
         """Return the stations first to last, with other inclinations, shape (n,), rad."""
         start = (0.0, 0.0, self.first_tvd)
         tvd = float(mc.path(self.md, self.inclination, self.azimuth, start)[first, 2])
-        return _Stations(self.md[first:last], inclination[first:last], self.azimuth[first:last], tvd)
+        return _CourseStations(self.md[first:last], inclination[first:last], self.azimuth[first:last], tvd)
 
 
 def tool_codes() -> tuple[str, ...]:
@@ -179,7 +179,7 @@ def error_terms(
     CovarianceUnavailableError
         `welleng` is not installed.
     """
-    whole = _Stations(*stations, first_tvd)
+    whole = _CourseStations(*stations, first_tvd)
     bare = np.zeros(whole.md.size, dtype=bool) if without_angles is None else without_angles
     terms = []
     for tool in dict.fromkeys(t for t in tools if t is not None):
@@ -205,7 +205,9 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference
     return total[1:]
 
 
-def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask) -> Iterator[ErrorTerm]:
+def _of_tool(
+    whole: _CourseStations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask
+) -> Iterator[ErrorTerm]:
     """Yield the terms of one tool; own, shape (n,): its stations."""
     n = whole.md.size
     rows = np.flatnonzero(own)
@@ -237,7 +239,7 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
             yield ErrorTerm(name, shared, *arrays)
 
 
-def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
+def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> Array:
     """Return the factor by which errors decrease near the vertical, per station, shape (n,); 1 elsewhere."""
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
@@ -254,7 +256,7 @@ def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
     return scale
 
 
-def _check_azimuth(code: str, errors: dict[str, Any], whole: _Stations, own: Mask, first: int) -> None:
+def _check_azimuth(code: str, errors: dict[str, Any], whole: _CourseStations, own: Mask, first: int) -> None:
     """Raise for a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination)."""
     largest = np.max([np.abs(np.asarray(source.e_DIA))[:, 2] for source in errors.values()], axis=0, initial=0.0)
     for k in np.flatnonzero(own & (np.sin(whole.inclination) > math.sin(_VERTICAL))):
@@ -289,7 +291,7 @@ def _realisations(source: Any) -> list[Mask]:
     return [active & (number == k) for k in range(1, int(number.max(initial=0)) + 1)]
 
 
-def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> tuple[dict[str, Any], float]:
+def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) -> tuple[dict[str, Any], float]:
     """
     Return the library's error sources by name, and the code's tortuosity, rad/m.
 

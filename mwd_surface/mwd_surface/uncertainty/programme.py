@@ -41,19 +41,21 @@ class Interval:
     the string turned have the method rotary; in a row with a code of an MWD their code is `ROTARY_CODE` by default.
     """
 
-    code: str = setting("MWD+SRGM", "tool code of OWSG set A or B, or of a gyro")
-    from_m: float = setting(0.0, "measured depth of the start", unit="m", low=0.0)
+    code: str = setting("MWD+SRGM", "Tool code of OWSG set A or B, or of a gyro.")
+    from_m: float = setting(0.0, "Measured depth at which the interval starts.", unit="m", low=0.0)
     to_m: float | None = setting(
-        None, "measured depth of the end; if left out, the rest of the well", unit="m", low=0.0
+        None, "Measured depth at which the interval ends. If left out, it ends with the well.", unit="m", low=0.0
     )
     run: str = setting(
-        "", "run of the tool; rows with the same run share its systematic errors. If left out, the row is its own run"
+        "",
+        "Name of the tool run. Rows with the same run share its systematic errors. If left out, the row is a run "
+        "of its own.",
     )
-    leg: str = setting("", "leg of the survey list to which the row applies; if left out, every leg")
+    leg: str = setting("", "Leg of the survey list to which the row applies. If left out, it applies to every leg.")
     angles: str = setting(
         CODE,
-        "source of the sigmas of inclination and azimuth: the code, or each station (the code then gives only the "
-        "errors of depth and course)",
+        "Source of the sigmas of inclination and azimuth: the tool code, or each station; in the second case the "
+        "code gives only the errors of depth and course.",
         choices=(CODE, STATION),
     )
     methods: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -72,9 +74,9 @@ class TieOnErrors:
     covariance_m2 is the full 3 x 3 covariance of north, east, down, m^2; it replaces the sigmas.
     """
 
-    sigma_north_m: float = setting(0.0, "1 sigma to the north", unit="m", low=0.0)
-    sigma_east_m: float = setting(0.0, "1 sigma to the east", unit="m", low=0.0)
-    sigma_tvd_m: float = setting(0.0, "1 sigma of vertical depth", unit="m", low=0.0)
+    sigma_north_m: float = setting(0.0, "1 sigma of the first station to the north.", unit="m", low=0.0)
+    sigma_east_m: float = setting(0.0, "1 sigma of the first station to the east.", unit="m", low=0.0)
+    sigma_tvd_m: float = setting(0.0, "1 sigma of the vertical depth of the first station.", unit="m", low=0.0)
     covariance_m2: list[list[float]] = dataclasses.field(default_factory=list)
 
     def covariance(self) -> Array | None:

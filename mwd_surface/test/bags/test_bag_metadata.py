@@ -79,9 +79,9 @@ def test_a_policy_that_rmw_does_not_have_is_refused_with_the_ones_it_has():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("a: [", "is not what it should be"),
-        ("", "is not what it should be"),
-        ("rosbag2_bagfile_information: {}", "is not what it should be"),
+        ("a: [", "does not have the expected content"),
+        ("", "does not have the expected content"),
+        ("rosbag2_bagfile_information: {}", "does not have the expected content"),
         ("3", "not"),
     ],
 )

@@ -15,6 +15,7 @@ from mwd_surface.exports.report_logs import health_section
 from mwd_surface.exports.report_section import TINTS, Section, sheet_of
 from mwd_surface.language.language import language
 from mwd_surface.logs.tool_health import HealthLedger
+from mwd_surface.signals.signal import Display
 
 S = 10**9
 
@@ -25,7 +26,7 @@ def health():
     for at in range(60, 3600, 60):
         for name, unit, value in (("temperature", "degC", 130.0), ("battery_voltage", "V", 27.5)):
             ledger.add(LogSample(example.START + at * S, name, unit, 60.0, 60.0, value, 1.0, source=name))
-    return health_section(ledger.health())
+    return health_section(ledger.health(), Display())
 
 
 @pytest.mark.parametrize("spoken", ["en", "zh_CN"])

@@ -14,6 +14,8 @@ from mwd_surface.logs.log_journal import NAME, LogJournal
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
 from mwd_surface.logs.tool_table import FILE
 from mwd_surface.runs.run_logs import run_logs
+from mwd_surface.signals.signal import Display
+from mwd_surface.signals.units import FIELD
 
 S = 10**9
 T0 = 1_772_323_200 * S
@@ -36,7 +38,7 @@ def test_what_the_ledger_knows_is_printed_and_marked_where_it_is_beyond():
     ledger = HealthLedger(limits)
     for one in samples():
         ledger.add(one)
-    section = health_section(ledger.health())
+    section = health_section(ledger.health(), Display(FIELD))
     run, exposure, parts = section.sheets
     values = {row[0]: row[1] for row in run.rows}
     assert values["Battery voltage"] == "27.5"
@@ -45,7 +47,7 @@ def test_what_the_ledger_knows_is_printed_and_marked_where_it_is_beyond():
     assert exposure.tints[0, 5] == "reject"
     assert parts.rows[0][3]
     assert not exposure.legend
-    assert health_section(ToolHealth()) is None
+    assert health_section(ToolHealth(), Display()) is None
 
 
 def test_the_logs_are_drawn_from_the_folder_of_a_run(tmp_path):
@@ -57,16 +59,18 @@ def test_the_logs_are_drawn_from_the_folder_of_a_run(tmp_path):
     journal.close()
     log, health = run_logs(tmp_path, 3.0)
     assert isinstance(log, DepthLog)
-    assert any("tool file" in text for text in health_section(health).text)
-    (drawing,) = log_section(log.curves()).drawings
+    assert any("tool file" in text for text in health_section(health, Display()).text)
+    (drawing,) = log_section(log.curves(), Display(FIELD)).drawings
     figure = drawing.draw()
     # Gamma, its sectors, temperature, battery.
     assert len(figure.axes) == 4
     line = figure.axes[0].lines[0]
     np.testing.assert_allclose(line.get_xdata()[np.isfinite(line.get_xdata())], 80.0)
     assert figure.axes[0].yaxis_inverted()
+    temperature = figure.axes[2].lines[0].get_xdata()
+    np.testing.assert_allclose(temperature[np.isfinite(temperature)], 266.0)
     figure.savefig(io.BytesIO())
-    assert log_section(()) is None
+    assert log_section((), Display()) is None
     assert run_logs(tmp_path / "elsewhere", 3.0) is None
 
 
@@ -82,6 +86,6 @@ def test_a_torn_file_of_the_limits_costs_the_limits_alone_and_is_said(tmp_path, 
     assert not health.remarks
     (tmp_path / FILE).write_bytes(text if isinstance(text, bytes) else text.encode())
     _, health = run_logs(tmp_path, 3.0)
-    assert any(FILE in one for one in health_section(health).text)
+    assert any(FILE in one for one in health_section(health, Display()).text)
     (tmp_path / FILE).write_text("{}")
     assert not run_logs(tmp_path, 3.0)[1].remarks

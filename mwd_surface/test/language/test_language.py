@@ -130,7 +130,7 @@ def test_any_mixture_of_marks_and_templates_is_read_in_time(parts):
 def test_the_limit_of_work_is_far_above_what_a_sentence_needs(value):
     """A text of the sources needs at most a fifth of it, so the limit changes no translation."""
     for template in TEMPLATES:
-        reader = language_module._Reader(CHINESE)
+        reader = language_module._TemplateSearch(CHINESE)
         reader.read(template.format(**dict.fromkeys(names(template), value)), 6)
         assert reader._work > 0.8 * language_module._WORK, template
 

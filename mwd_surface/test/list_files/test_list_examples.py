@@ -91,6 +91,8 @@ def test_angles_that_contradict_the_positions_are_refused_with_the_likely_cause(
     ("text", "says", "given"),
     [
         ("md_m,inc,azi\n0,0,0\n1e308,1,2\n", "deeper than any hole", None),
+        ("md_m,inc,azi,tvd_m\n0,0,0,0\n10,1,2,1e308\n", "farther away than any place", None),
+        ("md_ft,inc,azi,north_ft,east_ft\n0,0,0,0,0\n10,1,2,-1e308,0\n", "farther away than any place", None),
         ("md_m,inc,azi\n-10,0,0\n20,1,2\n", "above the wellhead", None),
         ("md_m,inc,azi\n0,0,0\n100,10,20\n110,35,20\n", "--confirm dogleg", Given(confirm=("dogleg",))),
         ("MD (m)\tInc\tAzi\n1,000\t0\t0\n1,030\t1\t0\n1,060\t2\t0\n", "--decimal", Given(decimal="point")),

@@ -12,6 +12,7 @@ import pytest
 
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.survey import Verdict
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_clock import WellClock
@@ -22,6 +23,7 @@ from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.depth import DepthTrack
+from mwd_surface.surveys.leg import MAIN
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_of
@@ -96,6 +98,32 @@ def server(tmp_path):
     server.depth.set_by_hand(example.survey(1, 10.0, 40.0).stamp_ns, 500.0)
     yield SimpleNamespace(server=server, context=context, published=published, events=log.events, log=log)
     server.close()
+
+
+def test_an_operator_opens_a_branch_and_returns_to_the_main_leg(server):
+    book, node = server.server, server.context.node
+    for k, depth in enumerate((500.0, 530.0), start=1):
+        book.depth.set_by_hand(example.survey(k, 10.0, 40.0).stamp_ns, depth)
+        book.on_survey(example.survey(k, 10.0, 40.0))
+
+    def set_parameters_atomically(parameters):
+        values = {one.name.removeprefix("leg."): one.value for one in parameters}
+        values["kick_off_depth"] = or_none(values["kick_off_depth"])
+        node.settings = dataclasses.replace(node.settings, leg=dataclasses.replace(node.settings.leg, **values))
+        book.change_settings(node.settings.well, node.settings.rules, node.settings.leg, None)
+        return SimpleNamespace(successful=True)
+
+    node.settings = SurfaceSettings(well=example.WELL, leg=LegSettings(tie_on_depth=0.0))
+    node.set_parameters_atomically = set_parameters_atomically
+    assert not book.use_leg(leg="branch 1", operator_name="Ann")[0], "no depth"
+    assert not book.use_leg(leg="branch 1", operator_name="Ann", kick_off_depth=5000.0)[0], "not on the path"
+    assert book.surveys.leg == MAIN
+    assert book.use_leg(leg="branch 1", operator_name="Ann", kick_off_depth=200.0)[0]
+    assert book.surveys.leg == "branch 1"
+    assert book.surveys.legs[-1].tie_on.measured_depth == 200.0
+    assert book.use_leg(leg=MAIN, operator_name="Ann")[0]
+    assert book.surveys.leg == MAIN
+    assert "Ann" in server.events[-1][1]
 
 
 def decide(service, **fields):

@@ -41,7 +41,7 @@ def test_the_files_are_listed_and_sent_as_downloads(page):
     assert [(one["name"], one["bytes"]) for one in json.loads(body)["files"]] == [("well 7.csv", 5)]
     status, body, headers = get(page, "exports/well%207.csv")
     assert (status, body) == (200, b"md_m\n")
-    assert headers["Content-Disposition"] == 'attachment; filename="well 7.csv"'
+    assert headers["Content-Disposition"] == "attachment; filename*=UTF-8''well%207.csv"
 
 
 @pytest.mark.parametrize("path", ["exports", "exports/well%207.csv", "exports/none"])

@@ -100,6 +100,15 @@ def test_what_is_no_table_of_settings_is_refused_with_the_name_of_the_file(tmp_p
         read_config(path)
 
 
+@pytest.mark.parametrize("day", ["2026-02-30", "2026-13-01", "soon"])
+@pytest.mark.parametrize("table", ["place: {{date: {}}}", "/**: {{ros__parameters: {{place.date: {}}}}}"])
+def test_a_day_that_does_not_exist_is_refused_with_file_and_key(tmp_path, day, table):
+    path = tmp_path / "settings.yaml"
+    path.write_text(table.format(day))
+    with pytest.raises(SettingsError, match=rf"settings\.yaml: .*place\.date.*{day}"):
+        estimator_config(path)
+
+
 def test_what_was_read_and_how_comes_back_from_the_folder_of_the_results(tmp_path):
     assert processed_input(tmp_path) is None
     chosen = settings.changed(EstimatorSettings(), {"survey.duration_s": 5.0})

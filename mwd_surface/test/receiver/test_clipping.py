@@ -31,7 +31,7 @@ def clipped(value, low, high):
 
 
 def through(value, cuts=()):
-    stage = Declipper()
+    stage = Declipper(1.0 / RATE)
     parts = [stage.push(t, v) for t, v in zip(np.split(TIME, cuts), np.split(value, cuts), strict=True)]
     return np.concatenate([*parts, stage.finish()], axis=1)
 
@@ -56,11 +56,52 @@ def test_any_cut_of_a_clipped_stream_gives_the_same_bits(cuts, low):
 
 
 def test_samples_that_do_not_clip_are_passed_on_at_once_and_unchanged():
-    stage, true = Declipper(), pressure(3)
+    stage, true = Declipper(1.0 / RATE), pressure(3)
     for begin in range(0, len(TIME), 37):
         time, value = stage.push(TIME[begin : begin + 37], true[begin : begin + 37])
         np.testing.assert_array_equal(time, TIME[begin : begin + 37])
         np.testing.assert_array_equal(value, true[begin : begin + 37])
+
+
+def error(true, seen, got, after_s=40.0):
+    """Rms error of the clipped samples after some seconds, relative to that of the samples as they came."""
+    at = (seen != true) & (after_s < TIME)
+    return float(np.sqrt(np.mean((got - true)[at] ** 2) / np.mean((seen - true)[at] ** 2)))
+
+
+@pytest.mark.parametrize("places", [[100], [1500], list(range(60, 6000, 500))])
+def test_spikes_beyond_the_limit_do_not_hide_it(places):
+    true = pressure(5)
+    seen = clipped(true, 0.0, 0.85)
+    seen[places] += 3.0e5
+    got = through(seen)[1]
+    left = np.setdiff1d(np.arange(len(TIME)), np.add.outer(places, np.arange(-40, 41)))
+    kept = np.full(len(TIME), False)
+    kept[left] = True
+    assert error(np.where(kept, true, seen), seen, got) < 0.3
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_no_sample_waits_longer_than_some_seconds_at_any_rate(every):
+    seen, stage = clipped(pressure(6), 0.0, 0.85)[::every], Declipper(every / RATE)
+    waiting = 0
+    for time, value in zip(TIME[::every], seen, strict=True):
+        waiting += 1 - len(stage.push(np.array([time]), np.array([value]))[0])
+        assert waiting * every / RATE < 8.0
+
+
+def test_samples_before_a_gap_in_time_do_not_belong_to_the_model_after_it():
+    seen = clipped(pressure(7), 0.0, 0.85)
+    other = seen.copy()
+    other[:3000] = clipped(pressure(8), 0.0, 0.7)[:3000] - 3.0e4
+    other[:3000] = np.minimum(other[:3000], seen.max())
+    other[:20], seen[:20] = seen.max(), seen.max()
+    time = TIME + np.where(TIME[3000] <= TIME, 60.0, 0.0)
+    got = []
+    for one in (seen, other):
+        stage = Declipper(1.0 / RATE)
+        got.append(np.concatenate([stage.push(time, one), stage.finish()], axis=1)[1])
+    np.testing.assert_array_equal(got[0][3000:], got[1][3000:])
 
 
 @pytest.mark.parametrize("value", [0.0, 2.0e7])

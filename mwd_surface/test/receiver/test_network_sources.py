@@ -3,6 +3,7 @@
 
 import asyncio
 import datetime as dt
+import json
 import os
 import socket
 import threading
@@ -67,6 +68,35 @@ def test_lines_give_the_samples_that_a_file_of_them_gives(tmp_path, head, separa
     read = pressure_files.read(tmp_path / "p.csv", columns=columns)
     np.testing.assert_allclose(times, read.time_s, atol=1e-9)
     np.testing.assert_allclose(pressures, read.pressure_pa, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns"),
+    [
+        (lambda t, p: [{"time_s": t, "pressure_bar": p}], ""),
+        (lambda t, p: [{"ts": t, "data": {"hookload": 3.0, "spp": p}}], "time_s=ts,pressure_bar=spp"),
+        (lambda t, p: [[t, p]], "time_s=1,pressure_bar=2"),
+        (lambda t, p: [{"samples": [{"time_s": t, "pressure_bar": p}]}], ""),
+        (
+            lambda t, p: [
+                {"time_s": t, "tag": "rig/hookload", "value": 3.0, "unit": "kN"},
+                {"time_s": t, "tag": "rig/spp", "value": p, "unit": "bar"},
+            ],
+            "",
+        ),
+    ],
+)
+def test_lines_of_json_give_the_samples_that_a_file_of_them_gives(tmp_path, rows, columns):
+    pairs = [(round(t, 2), round(p / 1e5, 7)) for t, p in zip(TIME, PRESSURE, strict=True)]
+    lines = [json.dumps(row) for t, p in pairs for row in rows(t, p)]
+    lines.insert(50, lines[50][:9])
+    text = "\n".join(lines) + "\n"
+    _, times, pressures = from_pipe(text, columns)
+    (tmp_path / "p.jsonl").write_text(text)
+    read = pressure_files.read(tmp_path / "p.jsonl", columns=columns)
+    np.testing.assert_allclose(times, read.time_s, atol=1e-9)
+    np.testing.assert_allclose(pressures, read.pressure_pa, rtol=1e-12)
+    assert len(times) == len(TIME)
 
 
 def test_lines_with_stamps_go_on_behind_midnight_and_lines_without_times_arrive_in_order():

@@ -83,5 +83,15 @@ def test_a_clock_that_was_ahead_for_a_moment_stops_no_reading_for_long(ahead_s):
     stamps = [*range(10), 10 + ahead_s, *range(10, 20)]
     taken = [got.take({"bit_depth": 1000.0 + 0.1 * at, "hookload": 1e6}, at * S) for at in stamps]
     depths = [sample is not None and bool(sample["valid"][0] & wire.RIG_VALID["bit_depth"]) for sample in taken]
-    assert all(sample is not None for sample in taken)
+    assert [sample is not None for sample in taken] == 11 * [True] + 2 * [False] + 8 * [True]
     assert depths[-8:] == 8 * [True]
+
+
+@pytest.mark.parametrize("apart_s", [61, 3600, 10**9])
+@pytest.mark.parametrize("block", [1, 2])
+def test_of_two_clocks_that_alternate_only_the_later_one_is_taken(apart_s, block):
+    got = RigInput()
+    for k in range(200):
+        later = (k // block) % 2 == 0
+        sample = got.take({"bit_depth": 1000.0, "hookload": 1e6 if later else 2e6}, (k if later else k - apart_s) * S)
+        assert (sample is not None) is later

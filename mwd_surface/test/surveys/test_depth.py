@@ -222,6 +222,20 @@ def test_single_readings_of_the_past_change_nothing(back_s, seed):
     assert disturbed.sensor_depth(30 * S, 0.0) == plain.sensor_depth(30 * S, 0.0)
 
 
+@pytest.mark.parametrize("burst", [3, 10, 50])
+def test_a_burst_of_a_clock_of_the_past_removes_no_depths_before_a_sonde_is_heard(burst):
+    got = track(*((k, 1000.0 + 0.1 * k) for k in range(100)))
+    assert not any(got.update((k - 10**6) * S, 500.0) for k in range(burst))
+    assert got.update(101 * S, 1010.1)
+    assert got.sensor_depth(50 * S, 0.0).bit_depth == pytest.approx(1005.0)
+
+
+def test_a_clock_that_is_set_back_for_good_gives_depths_again_within_the_bridge():
+    got = track(*((k, 1000.0 + 0.1 * k) for k in range(100)))
+    accepted = [got.update((k - 10**6) * S, 1010.0) for k in range(100)]
+    assert accepted == 60 * [False] + 40 * [True]
+
+
 @pytest.mark.parametrize("other_s", [-(10**9), -3600, -120])
 @pytest.mark.parametrize("block", [3, 50])
 def test_readings_of_a_clock_farther_from_that_of_the_sonde_remove_no_depths(other_s, block):

@@ -8,7 +8,7 @@ import pytest
 
 from mwd_surface.exports.comparison_csv import comparison_csv
 from mwd_surface.list_files.list_file import list_of
-from mwd_surface.plots.path_comparison import picture
+from mwd_surface.plots.path_comparison import figure_of
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.trajectory.list_comparison import difference
 
@@ -41,7 +41,9 @@ def test_an_azimuth_error_moves_the_end_across_and_counts_in_sigmas():
     lines = comparison_csv(found).splitlines()
     assert len(lines) == 5
     assert lines[1].endswith(",0.000000,0.000000,0.000000,")
-    assert picture(found, "mwd", "gyro").startswith(b"\x89PNG")
+    upper, lower = figure_of(found, "mwd", "gyro").axes
+    np.testing.assert_allclose(upper.lines[1].get_ydata(), 0.5, atol=1e-3)
+    np.testing.assert_allclose(lower.lines[0].get_ydata(), found.position[:, 0])
 
 
 def test_lists_that_cannot_be_compared_say_why():

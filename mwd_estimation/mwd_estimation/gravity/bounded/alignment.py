@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded import clipping, mechanisation, noise
+from mwd_estimation.gravity.bounded import accelerometer_errors, clipping, mechanisation, noise
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record, forget_density
 from mwd_sensors.core.arrays import Vector
@@ -31,6 +31,7 @@ LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a 
 def begin(s: Record) -> None:
     """Restart attitude, velocity and position; keep what was learnt about the sensors."""
     mechanisation.clear_sums(s.sums)
+    accelerometer_errors.begin(s)
     for j in range(ERRORS):
         for m in range(ERRORS):
             if j < BIAS or m < BIAS or j >= MISSING or m >= MISSING:

@@ -19,6 +19,7 @@ from mwd_estimation.core import clip_flags, ring, track
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import (
+    accelerometer_errors,
     alignment,
     bias_step,
     clipping,
@@ -53,6 +54,7 @@ TICK = 0.03  # s, time between updates of the covariance
 CLIPPED_TICK = 0.015  # s, the same while the x gyro clips: the sensor's circle turns by more than a radian in TICK
 _GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
+_ACCEL_STEP = int(Status.ACCEL_STEP)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
@@ -180,9 +182,11 @@ def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
 def _publish(s: Record) -> int:
     """Set gravity, and its sigmas while there is no attitude; return status bits."""
     if s.started:
+        tilt = s.accelerometer.tilt
+        unit = 1.0 / math.sqrt(1.0 + tilt[0] ** 2 + tilt[1] ** 2)
         for j in range(3):
-            s.g_t[j] = s.C[2, j]
-        bits = _ALIASED if noise.aliased(s) else 0
+            s.g_t[j] = unit * (s.C[2, j] + tilt[0] * s.C[0, j] + tilt[1] * s.C[1, j])
+        bits = (_ALIASED if noise.aliased(s) else 0) | (_ACCEL_STEP if bias_step.forces_stepped(s) else 0)
         return bits | _NEAR_VERTICAL if s.C[0, 0] ** 2 + s.C[1, 0] ** 2 < _NEAR_VERTICAL_SINE2 else bits
     s.sigma_inclination = s.sigma_toolface = math.pi
     if s.age > 0.0:
@@ -223,6 +227,7 @@ def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
 @compiled
 def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
     """Process one accepted sample with its `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
+    f = (f[0] - s.force_step[0], f[1] - s.force_step[1], f[2] - s.force_step[2])
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
         clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)
@@ -275,7 +280,7 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
-    scale.follow_corrections(s, turn, tilt, aside)
+    accelerometer_errors.follow(p, s, scale.follow_corrections(s, turn, tilt, aside))
     measurement.correct(s, size)
     for j in range(2):
         entry.correction[j] = s.correction[TILT + j]

@@ -28,9 +28,10 @@ class Params(NamedTuple):
     #: Scale error of the x gyro at switch-on. Raising it makes the start less certain if the speed varies.
     scale_sigma: float = 0.0015
     lever_sigma: float = 0.03  #: distance of the sensor from the point of the tool that moves least, m
-    #: Tilt that remains from calibration errors of the accelerometers, rad: a floor of sigma. The default is for a
-    #: calibrated probe; 0.003 suits an uncalibrated sensor.
-    calibration_sigma: float = 0.00015
+    #: Bias of each accelerometer, m/s^2. The defaults of these three figures are those of a calibrated probe.
+    accel_bias_sigma: float = 0.00098
+    accel_scale_sigma: float = 0.0001  #: scale error of each accelerometer
+    accel_misalignment_sigma: float = 0.0001  #: misalignment of each accelerometer towards each other axis, rad
     #: Share of the x rate that the cross-axis gyros read at switch-on, inflated like the bias. Raising it makes it
     #: settle faster and widens sigma while the tool rotates.
     misalignment_sigma: float = 0.00075

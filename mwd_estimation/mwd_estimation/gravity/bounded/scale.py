@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded import noise
+from mwd_estimation.gravity.bounded import accelerometer_errors, noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, SCALE, TILT, Record, Scale
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time constant
@@ -33,7 +33,6 @@ SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # s, averaging time of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis above which errors fixed in the tool cannot be followed
-HALF = 0.5  # share of biases in the calibration variance; the rest is scale and non-orthogonality
 BIAS_SHARE = 0.4  # tool's sigma of gyro bias and misalignment over the filter's, which is inflated 2.5 times
 LEAST_PRIOR = 1e-18  # least variance, for sensors that are declared to have no error
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, averaging time of the axis; rad/s, faster than any hole turns the tool
@@ -50,8 +49,12 @@ def tilts(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def follow_corrections(s: Record, turn: float, along: float, across: float) -> None:
-    """Follow the scales over one update; along, across: tilt variances before it; turn: variance added to each."""
+def follow_corrections(s: Record, turn: float, along: float, across: float) -> float:
+    """
+    Follow the scales over one update, and return the time constant of the filter, s.
+
+    along, across: tilt variances before the update, rad^2; turn: variance added to each.
+    """
     found = s.innovations
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
@@ -67,13 +70,14 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):
         s.slow_axis[j] += s.sums.time / CURVE_TIME * (s.C[j, 0] - s.slow_axis[j])
+    return _own_time(s, tilt / turn)
 
 
 @compiled
 def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
-    """Follow the power of the corrections about n over `updates`, equation (8); expected: their variance, rad^2."""
+    """Follow the power of the corrections about the axis (nx, ny), equation (8); expected: their variance, rad^2."""
     T = s.sums.time
-    own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
+    own = _own_time(s, updates)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
     low = found.low
     for j in range(2):
@@ -86,6 +90,12 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
     power = (mean * mean + BAND * band * band) / share
     memory = min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + (s.settled / SCALE_SETTLED) ** 2)
     found.power += T / memory * (power - found.power)
+
+
+@compiled
+def _own_time(s: Record, updates: float) -> float:
+    """Return the time constant of the filter, s, if it is this number of updates."""
+    return max(min(updates * s.sums.time, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
 
 
 @compiled
@@ -130,16 +140,20 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
-    # If the accelerometers show a gravity other than the local one, they have the same error across gravity.
-    shown2 = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
-    floor = max(p.calibration_sigma**2, shown2 / p.gravity**2)
+    dx, dy = hole_direction(s)
+    along, aside = accelerometer_errors.variances(p, s, dx, dy)
     askew = rotating * _cone(p, s, rotating)
-    # The centripetal force of the sensor's circle is across the axis. Misalignment puts a share of it along the axis,
-    # where rotation does not average it out; it acts on the inclination with the sine of inclination.
+    # The centripetal force of the sensor's circle is across the axis. A wrong axis of rotation puts a share of it along
+    # the axis, where rotation does not average it out; it acts on the inclination with the sine of inclination.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
-    # Rotation averages out errors that are fixed across the axis, except a rotation of the accelerometers about it.
-    along = floor * (1.0 - rotating * (1.0 - HALF * across2)) + askew + (HALF * floor + askew) * pull2 * across2
-    aside = floor * (1.0 - rotating * (1.0 - 0.5 * HALF * across2)) + askew * upright2
+    along += askew * (1.0 + pull2 * across2)
+    aside += askew * upright2
+    # Steps of the accelerometer bias, of which rotation averages out the part across the axis.
+    sx = C[0, 0] * s.force_step[0] + (1.0 - rotating) * (C[0, 1] * s.force_step[1] + C[0, 2] * s.force_step[2])
+    sy = C[1, 0] * s.force_step[0] + (1.0 - rotating) * (C[1, 1] * s.force_step[1] + C[1, 2] * s.force_step[2])
+    spread = max(s.force_spread[0], s.force_spread[1], s.force_spread[2])
+    along += ((sx * dx + sy * dy) ** 2 + spread) / p.gravity**2
+    aside += ((sx * dy - sy * dx) ** 2 + spread) / p.gravity**2
     # A tool that moves along a curved hole is accelerated across the hole.
     bx, by = (C[0, 0] - s.slow_axis[0]) / CURVE_TIME, (C[1, 0] - s.slow_axis[1]) / CURVE_TIME
     rate2 = bx * bx + by * by

@@ -33,7 +33,7 @@ _ERFC = np.frompyfunc(math.erfc, 1, 1)
 
 @dataclasses.dataclass(frozen=True)
 class Circle:
-    """What a density says."""
+    """Summary of a density of the azimuth."""
 
     #: `mean`, `sigma`: of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half
     #: width.
@@ -46,7 +46,7 @@ class Circle:
 
 def beyond(angles: Array, density: Array, centre: float, width: float, smear: float = 0.0) -> float:
     """
-    Probability of an angle farther than `width` from `centre`, rad; angles and density as of `read`.
+    Return the probability of an angle farther than `width` from `centre`, rad; angles and density as in `read`.
 
     smear: 1 sigma of an independent normal error that is not in the density, rad.
     """
@@ -62,7 +62,7 @@ def coarse() -> Array:
 
 def refined(log_density: Array, *centres: float) -> Array:
     """
-    Angles, rad, in order: the coarse ones with fine ones about every peak and about further centres.
+    Return angles, rad, in order: a coarse grid, with fine steps about every peak and about further centres.
 
     log_density: log density at the coarse angles, shape (180,); centres: rad, NaN for no centre.
     """
@@ -88,7 +88,7 @@ def places(angles: Array) -> Indices:
 
 
 def widths(angles: Array) -> Array:
-    """Width that each of the ordered angles stands for, rad."""
+    """Return the width of the interval around each of the ordered angles, rad."""
     return np.asarray(0.5 * ((np.roll(angles, -1) - np.roll(angles, 1)) % math.tau))
 
 
@@ -108,7 +108,7 @@ def read(angles: Array, density: Array) -> Circle:
 
 
 def _regions(density: Array) -> list[Indices]:
-    """Places of each mode: the circle cut at the valleys."""
+    """Return the indices of each mode; the circle is cut at the valleys."""
     n, start = len(density), int(np.argmin(density))
     order = (start + np.arange(n)) % n
     cuts, peak, valley, at = [0], -1.0, density[order[0]], 0
@@ -124,7 +124,7 @@ def _regions(density: Array) -> list[Indices]:
 
 
 def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, float, float]:
-    """Probability, mean, sigma and spread of one mode about its peak, rad."""
+    """Return probability, mean, sigma and spread of one mode about its peak, rad."""
     share = float(mass.sum())
     if not share > 0.0:
         return 0.0, float(peak), math.pi, math.pi

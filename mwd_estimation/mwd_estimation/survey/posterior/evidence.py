@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What one station's readings say of every azimuth, under each filter of the run and each hypothesis of the station.
+Likelihood of one station's readings at every azimuth, for each filter of the run and each hypothesis of the station.
 
 The field's evidence is N(r - H m; 0, H P H' + R); the gyro's is that of its residual given the field's. A field turned
 about the vertical is that evidence smeared over the azimuth.
@@ -121,7 +121,7 @@ def _probabilities(
 
 @compiled
 def _spread(phi: Array, S: Array, out: Array) -> None:
-    """The innovation covariance at an angle: phi, shape (3,); S, shape (3, 3, 4, 4); out, shape (4, 4)."""
+    """Compute the innovation covariance at an angle: phi, shape (3,); S, shape (3, 3, 4, 4); out, shape (4, 4)."""
     for a in range(4):
         for b in range(a + 1):
             value = 0.0
@@ -143,12 +143,12 @@ def fill_evidence(
     misfit: Array,
 ) -> None:
     """
-    Fill the log evidence of every angle, filter and hypothesis, but for the last, a turned field.
+    Fill the log evidence of every angle, filter and hypothesis, except the last hypothesis (a turned field).
 
-    phi (n, 3) and gyro (n,): basis and gyro residual of each angle; r (k, 3, 4) and S (k, 3, 3, 4, 4): residual and its
-    covariance as factors of the basis; extra (h + 1,): variances of each external field (`EXTERNAL_UT`), uT^2, and of a
-    step of the gyro, rad^2; weights: logarithms of those of filter and field (k, h + 1) and of the gyro's state (n, j).
-    Filled: log (n, k, h + 1, j), as in `Evidence.log`, and misfit (n, k).
+    phi (n, 3), gyro (n,) : basis and gyro residual of each angle. r (k, 3, 4), S (k, 3, 3, 4, 4) : residual and its
+    covariance as factors of the basis. extra (h + 1,) : variance of each external field (`EXTERNAL_UT`), uT^2, and last
+    that of a step of the gyro, rad^2. weights : logarithms of the prior of filter and field (k, h + 1), and of the
+    gyro's state (n, j). The function fills log (n, k, h + 1, j), as in `Evidence.log`, and misfit (n, k).
     """
     prior, states = weights
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
@@ -294,7 +294,7 @@ def _add_angle(phi: Array, first: Array, second: Array, mean: Array, spread: Arr
 
 @compiled
 def _inverse(s: Array, field: float, gyro: float, out: Array) -> None:
-    """Inverse of symmetric s, shape (4, 4), with `field` added to its first three diagonals, `gyro` to its last."""
+    """Invert s, shape (4, 4), after adding `field` to its first three diagonal elements and `gyro` to the last."""
     a, b, c = s[0, 0] + field, s[1, 1] + field, s[2, 2] + field
     d, f, g = s[0, 1], s[0, 2], s[1, 2]
     out[0, 0], out[0, 1], out[0, 2] = b * c - g * g, f * g - d * c, d * g - f * b
@@ -318,13 +318,13 @@ def _inverse(s: Array, field: float, gyro: float, out: Array) -> None:
 
 
 def gyro_residual(one: Row, angles: Array) -> Array:
-    """The gyro's azimuth less each angle, rad; of two azimuths that fit it alike the nearer."""
+    """Return the gyro's azimuth minus each angle, rad; if two azimuths fit the gyro equally, the nearer counts."""
     first, other = wrap_pi(one["gyro"] - angles), wrap_pi(one["gyro_other"] - angles)
     return np.where(np.abs(other) < np.abs(first), other, first)
 
 
 def gyro_step(one: Row) -> float:
-    """1 sigma of what a step of its bias adds to a gyro's error, rad."""
+    """Return 1 sigma of the azimuth error that a step of the gyro's bias adds, rad."""
     return _STEP[0] + _STEP[1] * math.hypot(one["gyro_lasting"], math.sqrt(one["gyro_variance"]))
 
 

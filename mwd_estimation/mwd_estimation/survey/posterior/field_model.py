@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a magnetometer reads at an azimuth, and how each error that stations share changes that reading.
+Predict the reading of a magnetometer at an azimuth, and its change by each error that stations share.
 
 Gravity gives the direction down; for each azimuth A of the hole axis from true north the field that the tool should
 read then follows from the reference (the geometry is that of S0, eqs 12-21, written with unit vectors):
@@ -30,7 +30,7 @@ UT = 1e-6
 
 
 class SharedErrors(NamedTuple):
-    """Where the errors that stations share begin in the state; each group is x, y, z of the tool or as it says."""
+    """First index of each group of shared errors in the state; a group is x, y, z of the tool unless stated."""
 
     FIELD_BIAS: int = 0  #: of the magnetometers, and the string's field
     FIELD_SCALE: int = 3
@@ -87,7 +87,7 @@ Row = Any
 
 
 def level_axes(f_h: Array) -> tuple[Array, tuple[float, float]]:
-    """Level, right and down, shape (3, 3), and sine and cosine of the inclination; f_h, m/s^2, in hole axes."""
+    """Return axes level, right, down, shape (3, 3), and sine and cosine of inclination; f_h, m/s^2, hole axes."""
     down = -f_h / np.linalg.norm(f_h)
     along = np.array([1.0, 0.0, 0.0]) - down[0] * down
     if np.linalg.norm(along) < _UPRIGHT * _UPRIGHT:
@@ -99,18 +99,18 @@ def level_axes(f_h: Array) -> tuple[Array, tuple[float, float]]:
 
 def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | None, declination: float) -> Samples:
     """
-    One record of `GEOMETRY` without a gyro.
+    Return one record of `GEOMETRY` without a gyro.
 
     Parameters
     ----------
     f_h, b_h : ndarray, shape (3,)
-        Specific force, m/s^2, and field, T, in hole axes; a nan of the field: none.
+        Specific force, m/s^2, and field, T, in hole axes; the field is not used if a component is NaN.
     covariance : ndarray, shape (6, 6)
         Noise of both, (m/s^2)^2 and T^2.
     reference : Reference or None
-        Without a field the reading says nothing of the azimuth.
+        Without its field the reading does not depend on the azimuth.
     declination : float
-        Of magnetic north from the north that azimuths count from, rad.
+        Angle of magnetic north from the north of the azimuths, rad.
     """
     row = np.zeros(1, GEOMETRY)
     one = row[0]
@@ -128,7 +128,7 @@ def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | N
 class Sigmas:
     """Nominal sigmas of a run."""
 
-    shared: Array  #: shape (22,); of each state: uT, plain, m/s^2, plain, rad, uT, rad, rad, uT, and one for the gyro
+    shared: Array  #: shape (22,); of each state of `SharedErrors`, field in uT, force in m/s^2, angles in rad
     own: Array  #: shape (3,); of total, dip and declination of a station alone, in units of the shared ones
     #: shape (3,); change of total, dip and declination by a field of 1 uT along the Earth's field, across it in the
     #: meridian, and towards east: uT, rad, rad. Zero without a reference.
@@ -140,7 +140,7 @@ _MOST_OWN = 0.5
 
 
 def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic: bool) -> Sigmas:
-    """Nominal sigmas; magnetic: azimuths count from magnetic north, which the declination does not change."""
+    """Return the nominal sigmas; magnetic: azimuths count from magnetic north, independent of the declination."""
     sigma, own, by_ut = np.zeros(SIZE), np.zeros(3), np.zeros(3)
     along, across = sensors.axial_interference_nt, sensors.cross_interference_nt
     string = np.hypot(sensors.magnetometer_bias_nt, [along, across, across]) * 1e-3
@@ -168,7 +168,7 @@ def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic:
 @compiled
 def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Array, turns: Array) -> None:
     """
-    Residual and its slopes by the shared errors at one azimuth.
+    Compute the residual at one azimuth, and its slopes by the shared errors.
 
     angle : azimuth, rad; one: a record of `GEOMETRY`; sigma, shape (22,), as `nominal_sigmas`. Filled: residual, shape
     (3,), uT; slopes, shape (3, 22), uT per nominal sigma; turns, shape (3, 3), slopes by the specific force, uT per
@@ -214,7 +214,7 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
 
 
 def basis(angle: Array) -> Array:
-    """1, cosine and sine of angles, rad: residual and slopes are linear in them. Shape (..., 3)."""
+    """Return 1, cosine and sine of angles, rad, shape (..., 3); residual and slopes are linear in them."""
     return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=-1)
 
 
@@ -224,7 +224,7 @@ _TO_BASIS = np.linalg.inv(basis(_AT))
 
 def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
     """
-    Residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 22) and (3, 4, 3).
+    Return residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 22) and (3, 4, 3).
 
     one: a record of `GEOMETRY`. The fourth row is the gyro's azimuth less A, without the angle itself.
     """

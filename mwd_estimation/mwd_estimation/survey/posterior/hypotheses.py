@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What may disturb a magnetic survey, and how probable that is before any reading.
+Disturbances of a magnetic survey, and their probability before any reading.
 
 What lasts over a run (the string's field, the reference, a storm, a defect of a sensor) is one of the parallel filters,
 each the same model with other prior variances of the shared errors. What belongs to one station (steel outside the
@@ -22,7 +22,7 @@ from mwd_sensors.core.arrays import Array, Indices
 
 @unique
 class Hypothesis(StrEnum):
-    """What disturbs the readings, by the names of the survey message."""
+    """Disturbance of the readings, by the names of the survey message."""
 
     CLEAN = "clean"
     AXIAL = "axial"
@@ -72,7 +72,7 @@ _STORM_UT = (0.4, 0.4, 0.25)
 _PLACE, _PLACE_SHARE = {"TOTAL": 4.0, "DIP": math.radians(10.0), "DECLINATION": math.radians(8.0)}, 0.05
 # Shielding by mud and soft iron takes up to 3 % off the field across the axis, where the sensor's housing is thin.
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
-# 1 sigma of each component of an external field, uT; the first is none.
+# 1 sigma of each component of an external field, uT; the first means no external field.
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
 # 1 sigma of a field turned about the vertical, rad.
 TURNED = math.radians(15.0)
@@ -144,13 +144,13 @@ def filters(priors: Priors, sigmas: Sigmas) -> Filters:
 
 
 def hazard(priors: Priors, hours: float) -> float:
-    """Cumulative hazard of another string between two stations so many hours apart: changes have 1 - exp(-hazard)."""
+    """Return the cumulative hazard of another string in `hours`; a change has probability 1 - exp(-hazard)."""
     trip = _TRIPS * -math.expm1(-((hours / _TRIP_HOURS) ** 4)) if math.isfinite(hours) else 0.0
     return -math.log1p(-priors.string_change) - math.log1p(-trip)
 
 
 def walked(hours: float) -> Array:
-    """Variance that the string's field gains in so many hours, uT^2, shape (3,)."""
+    """Return the growth of the variance of the string's field in `hours`, uT^2, shape (3,)."""
     return np.square(_WALK_UT) * hours
 
 
@@ -165,6 +165,6 @@ def kept(hours: float) -> float:
 
 
 def external_weights(priors: Priors) -> Array:
-    """Prior probability of each of `EXTERNAL_UT`, and of `TURNED`."""
+    """Return the prior probability of each of `EXTERNAL_UT`, and of `TURNED`."""
     share = priors.external / (len(EXTERNAL_UT) - 1)
     return np.array([1.0 - priors.external - priors.turned, *[share] * (len(EXTERNAL_UT) - 1), priors.turned])

@@ -56,7 +56,7 @@ _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 
 @dataclasses.dataclass
 class State:
-    """What a run has shown so far."""
+    """Shared errors estimated from the run so far."""
 
     #: `mean`, `covariance`: shapes (k, 22) and (k, 22, 22); of the shared errors in nominal sigmas, for each filter.
     mean: Array
@@ -169,7 +169,7 @@ class RunFilter:
 
     def observe(self, H: Array, value: Array, covariance: Array) -> None:
         """
-        Take in what is measured of the shared errors beside the stations.
+        Update the shared errors with a measurement other than a station.
 
         H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
         """
@@ -184,7 +184,7 @@ class RunFilter:
         self._join((weight / weight.sum())[:, None], mean[:, None], left[:, None])
 
     def evidence(self, one: Row, state: State | None = None) -> Evidence:
-        """Evidence of a station, a record of `field_model.GEOMETRY`, given what the run has shown (or a state)."""
+        """Return the evidence of a station, a record of `field_model.GEOMETRY`, given the present state or `state`."""
         state = self._branched(self.state if state is None else state)
         r, S, _ = self._terms(one, state)
         angles, prior = circle.coarse(), self._log_prior(state)
@@ -260,7 +260,7 @@ class RunFilter:
 
     def _branched(self, state: State) -> State:
         """
-        The filters, and where the string may have changed since the last station a second one of each.
+        Return the filters; if the string may have changed since the last station, add a second filter for each.
 
         In the second the string's field is drawn anew and all else is known as before; a string of one kind becomes one
         of any kind, with the kind's own prior.
@@ -304,7 +304,7 @@ class RunFilter:
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
     def gyro_shares(self, state: State) -> Array:
-        """Probabilities that a gyro is right, its bias steps, and it is wrong: with what the run has shown of them."""
+        """Return the probabilities that a gyro is right, has a step of bias, or is wrong, learnt from the run."""
         step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
         return _learnt(np.array([1.0 - step - wrong, step, wrong]), state.of_gyro)
 
@@ -322,7 +322,7 @@ class RunFilter:
         return float(weight[adrift].sum() / max(float(weight.sum()), 1e-300))
 
     def probabilities(self, by_kind: Array) -> dict[Hypothesis, float]:
-        """Probability of each hypothesis at a station; by_kind: as `Evidence.by_kind`."""
+        """Return the probability of each hypothesis at a station; by_kind: as `Evidence.by_kind`."""
         quiet = by_kind[:, 0].reshape(-1, len(self.filters.kinds)).sum(axis=0)
         found = dict.fromkeys(Hypothesis, 0.0)
         for kind, value in zip(self.filters.kinds, quiet, strict=True):
@@ -331,7 +331,7 @@ class RunFilter:
         return found
 
     def shared(self) -> tuple[Array, Array]:
-        """Mean and covariance of the shared errors in SI units (field uT), over all filters; shapes (22,), (22, 22)."""
+        """Return mean and covariance of the shared errors over all filters, SI but field in uT; (22,), (22, 22)."""
         state = self._of_filters(self.state)
         weight = np.exp(state.log_weight)
         mean = weight @ state.mean
@@ -340,7 +340,7 @@ class RunFilter:
         return mean * self.sigma, covariance * np.outer(self.sigma, self.sigma)
 
     def nominal_sigma(self, one: Row, angle: float) -> float:
-        """1 sigma of the azimuth that a sound tool has at this attitude by itself, rad; a record of `GEOMETRY`."""
+        """Return 1 sigma of the azimuth of a healthy tool at this attitude, rad; one: a record of `GEOMETRY`."""
         if not one["has_field"]:
             return math.pi
         residual, slopes, turns = field_model.expansion(one, self.sigma)
@@ -352,7 +352,7 @@ class RunFilter:
         return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
 
     def _terms(self, one: Row, state: State) -> tuple[Array, Array, Array]:
-        """Residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 22, 4) as factors of the basis."""
+        """Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 22, 4) as factors of the basis."""
         residual, slopes, turns = field_model.expansion(one, self.sigma)
         M = np.swapaxes(state.covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
         S = np.einsum("iax,kjbx->kijab", slopes, M)
@@ -365,7 +365,7 @@ class RunFilter:
         return residual - np.einsum("iax,kx->kia", slopes, state.mean), S, np.swapaxes(M, 2, 3)
 
     def _log_prior(self, state: State) -> Array:
-        """Logarithms of the prior probabilities of each filter and external field, shape (k, h)."""
+        """Return the logarithms of the prior probabilities of each filter and external field, shape (k, h)."""
         outside = _learnt(self._external, state.of_outside)
         if state.outside is not None:
             outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
@@ -411,6 +411,6 @@ def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array
 
 
 def _learnt(prior: Array, seen: Array) -> Array:
-    """Probabilities after stations that were of each kind with probabilities of sum `seen`."""
+    """Return the probabilities after stations whose probabilities of each kind have the sum `seen`."""
     shares = prior * _BELIEVED + seen
     return np.asarray(shares / shares.sum())

@@ -47,7 +47,6 @@ def test_variance_of_the_cone_is_that_of_simulated_tools_whose_cone_is_found_in_
     s = state.record[0]
     s.innovations.along.power = factor
     rotates = speed**2 / (speed**2 + scale.ROTATING**2)
-    calibration = P.calibration_sigma**2 * (1.0 - rotates * (1.0 - scale.HALF))
     # Share k of the rate and bias b of a gyro across the axis look alike: k + b / speed is measured.
     H = np.array([1.0, rotates / speed])
     prior = np.diag([P.misalignment_sigma**2, P.bias_sigma**2])
@@ -63,7 +62,7 @@ def test_variance_of_the_cone_is_that_of_simulated_tools_whose_cone_is_found_in_
     measured = error @ H + math.sqrt(factor * noise) * rng.standard_normal(20_000)
     left = (error - np.outer(measured, gain)) @ H
     along, _ = scale.floors(P, s)
-    assert along - calibration == pytest.approx(rotates * float(np.mean(left**2)), rel=0.05)
+    assert along == pytest.approx(rotates * float(np.mean(left**2)), rel=0.05)
 
 
 def test_sigma_of_a_slow_filter_does_not_wander_in_its_first_minutes():

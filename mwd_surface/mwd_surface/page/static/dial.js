@@ -109,6 +109,7 @@ export class Dial {
     this.showReadings(toolface.readings, now);
     const words = gravity ? t("GTF · high side up") : attitude?.north ? t`MTF · ${say(attitude.north)} north up` : t("MTF · unnamed north up");
     setText(this.mode, gravity ? t("GTF") : t("MTF"));
+    mark(this.mode, "data-long", this.mode.textContent.length > 4 ? "yes" : "no");
     if (state === "none") {
       setText(this.number, t("no data"));
       setText(this.side, "");

@@ -14,9 +14,10 @@ const MOST_SHOWN = 300; // m of hole at most
 const [SATURATED, ONE_SIDED] = [4, 16]; // qualities, as in mwd_msgs/LogSample
 const LEAST_ROW = 2; // px of one row of the image
 
-const title = (name) => (name === "inclination" ? units.titled(name, TITLE[name]) : TITLE[name]) || say(name.replaceAll("_", " "));
-const plain = (unit, v) => (KIND[unit] ? units.plain(KIND[unit], v) : v);
-const symbol = (unit) => (KIND[unit] ? units.unit(KIND[unit]) : unit.replace("gAPI", "API"));
+const kindOf = ({ name, unit }) => (name === "inclination" ? name : KIND[unit]);
+const title = (name) => units.titled(name, TITLE[name]) || say(name.replaceAll("_", " "));
+const plain = (channel, v) => (kindOf(channel) ? units.plain(kindOf(channel), v) : v);
+const symbol = (channel) => (kindOf(channel) ? units.unit(kindOf(channel)) : channel.unit.replace("gAPI", "API"));
 
 export function showLogs(sections) {
   const place = byId("tab-logs");
@@ -70,9 +71,9 @@ function curve(plot, channel, room) {
   const rows = channel.rows.filter((row) => row[0] >= room.top);
   const known = rows.filter((row) => row[1] !== null);
   const sigma = (row) => (row[2] === null ? 0 : row[2]);
-  const [low, high] = range(known.flatMap((row) => [plain(channel.unit, row[1] - sigma(row)), plain(channel.unit, row[1] + sigma(row))]), 0.01);
-  const x = (v) => room.left + ((plain(channel.unit, v) - low) / (high - low)) * room.wide;
-  frame(plot, `${title(channel.name)}${symbol(channel.unit) ? `, ${symbol(channel.unit)}` : ""}`, room);
+  const [low, high] = range(known.flatMap((row) => [plain(channel, row[1] - sigma(row)), plain(channel, row[1] + sigma(row))]), 0.01);
+  const x = (v) => room.left + ((plain(channel, v) - low) / (high - low)) * room.wide;
+  frame(plot, `${title(channel.name)}${symbol(channel) ? `, ${symbol(channel)}` : ""}`, room);
   const digits = high - low < 10 ? 1 : 0;
   plot.append(
     svg("text", { class: "tick", x: room.left, y: EDGE.top - 8 }, units.decimal(low.toFixed(digits))),

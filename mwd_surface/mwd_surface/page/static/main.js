@@ -194,7 +194,7 @@ byId("units").addEventListener("click", () => {
   units.setField(!units.isField());
   memory.set("units", units.isField() ? "field" : "metric");
   showSwitches();
-  if (byId("bit-depth-unit")) setText(byId("bit-depth-unit"), units.unit("length"));
+  for (const unit of document.querySelectorAll(".length-unit")) setText(unit, units.unit("length"));
   redraw();
 });
 byId("theme").addEventListener("click", () => {

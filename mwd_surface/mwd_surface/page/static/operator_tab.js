@@ -59,6 +59,7 @@ export function showControls(server, onToken) {
     button("split-recording", t("Split recording"), "split_recording"),
     button("snapshot-recording", t("Snapshot"), "snapshot_recording"),
   ];
+  const lengthUnit = (id) => el("span", { id, class: "length-unit" }, units.unit("length"));
   const files = el("ul", { class: "exported", "aria-label": t("Exported files") });
   const writing = el("button", { type: "button", id: "export", disabled: true, onclick: async () => {
     const { ok } = await act("export", { format: format.value });
@@ -84,17 +85,28 @@ export function showControls(server, onToken) {
       else act("count_rods", rod({ count: Number(counted.value), reason: reason.value }));
     } }, t("Correct the number")),
   ];
-  const all = [...buttons, setDepth, writing, ...rods];
+  const leg = el("input", { type: "text", id: "leg-name", autocomplete: "off", maxlength: 40 });
+  const legDepth = el("input", { type: "text", id: "leg-depth", inputmode: "decimal", autocomplete: "off", maxlength: 12 });
+  const useLeg = el("button", { type: "button", id: "use-leg", disabled: true, onclick: () => {
+    // Without a depth the name is that of an earlier leg.
+    const from = legDepth.value.trim() === "" ? "" : units.metres(legDepth.value);
+    if (from === null) setText(answerBox, t`depth "${legDepth.value}" is not a number (${units.unit("length")})`);
+    else act("use_leg", { leg: leg.value, kick_off_depth: from, operator_name: operator.name });
+  } }, t("Survey this leg"));
+  const all = [...buttons, setDepth, writing, useLeg, ...rods];
   place.replaceChildren(
     el("h2", {}, t("Operator")),
     el("p", { class: "quiet-text" }, t("With the token you can judge surveys in their table row and acknowledge alarms; without it this page is read-only.")),
     el("form", { class: "form", onsubmit: (event) => event.preventDefault() }, el("label", { for: "operator-name" }, t("Your name, for the log")), name, el("label", { for: "operator-token" }, t("Token")), token),
     el("div", { class: "buttons" }, buttons),
     el("div", { class: "buttons" },
-      el("label", { for: "bit-depth" }, t("Bit depth, "), el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
+      el("label", { for: "bit-depth" }, t("Bit depth, "), lengthUnit("bit-depth-unit")), depth, setDepth,
       el("label", { for: "export-format" }, t("Survey list as")), format, writing),
     el("div", { class: "buttons", id: "rods", hidden: true }, el("span", { id: "rod-tally" }), rods[0], rods[1],
       el("label", { for: "rod-count" }, t("Rods counted")), counted, el("label", { for: "rod-reason" }, t("because")), reason, rods[2]),
+    el("div", { class: "buttons" },
+      el("label", { for: "leg-name" }, t("Branch or sidetrack")), leg,
+      el("label", { for: "leg-depth" }, t("leaves at, "), lengthUnit("leg-depth-unit")), legDepth, useLeg),
     answerBox,
     files,
   );

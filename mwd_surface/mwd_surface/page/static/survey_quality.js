@@ -88,8 +88,9 @@ export function showOffset(o, plan, path) {
     return;
   }
   const length = (v) => `${units.number("length", Math.abs(v))} ${units.unit("length")}`;
+  const whole = (text) => el("span", { class: "whole" }, text);
   const facts = [
-    [t("Off plan"), `${o.up < 0 ? t`${length(o.up)} below` : t`${length(o.up)} above`}${t(", ")}${o.right < 0 ? t`${length(o.right)} left` : t`${length(o.right)} right`}`],
+    [t("Off plan"), [whole(o.up < 0 ? t`${length(o.up)} below` : t`${length(o.up)} above`), t(", "), whole(o.right < 0 ? t`${length(o.right)} left` : t`${length(o.right)} right`)]],
     [t("Steer back at"), `${units.bearing(o.toolface, 0)}° ${t("GTF")}`],
   ];
   if (o.dogleg_to_target !== null) facts.push([t("To hit target"), `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);

@@ -30,7 +30,7 @@ _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 
 
 @dataclasses.dataclass
-class _Station:
+class _LinkStation:
     """Newest survey: its time, values, the link of each value, and the stamp until which it waits for more words."""
 
     heard: HeardSurvey
@@ -74,7 +74,7 @@ class LinkSurveys:
         self._wanted = sent & set(_OF_SURVEY)
         longest = max(tool.transmit_delay_s + tool.head_s + 2.0 * _longest_s(tool) for tool in tools)
         self._wait_ns = round((longest + _SPARE_S) * NANOSECONDS) if len(tools) > 1 else 0
-        self._station: _Station | None = None
+        self._station: _LinkStation | None = None
         self._count = 0
 
     def take(self, heard: HeardSurvey, now_ns: int) -> list[Survey]:
@@ -83,7 +83,7 @@ class LinkSurveys:
         if station is None or not _same(station, heard):
             out = self._ended(station)
             links = dict.fromkeys(heard.values, heard.link)
-            station = self._station = _Station(heard, dict(heard.values), links, now_ns + self._wait_ns)
+            station = self._station = _LinkStation(heard, dict(heard.values), links, now_ns + self._wait_ns)
         else:
             for quantity, value in heard.values.items():
                 if quantity not in station.values or _better(value, station.values[quantity], quantity):
@@ -104,7 +104,7 @@ class LinkSurveys:
         """Return the survey that still waits when no more words come."""
         return self._ended(self._station)
 
-    def _ended(self, station: _Station | None) -> list[Survey]:
+    def _ended(self, station: _LinkStation | None) -> list[Survey]:
         """Return the survey of a station, unless it was returned before and no needed word has come since."""
         if station is None:
             return []
@@ -126,7 +126,7 @@ def _longest_s(tool: ToolConfiguration) -> float:
     return max(tool.seconds(items) for items in tool.surveys)
 
 
-def _same(station: _Station, heard: HeardSurvey) -> bool:
+def _same(station: _LinkStation, heard: HeardSurvey) -> bool:
     """
     Return whether received words belong to the survey of a station.
 

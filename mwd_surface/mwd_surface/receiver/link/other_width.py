@@ -42,7 +42,7 @@ def other_widths(tool: ToolConfiguration) -> list[float]:
 def believed_with(
     tool: ToolConfiguration, width_s: float, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> bool:
-    """Return whether a word is believed with this pulse width; arrays, shape (n,): s and Pa; strokes per pump, s."""
+    """Return whether any word is believed if the pulse width is `width_s`; other arguments as in `sent_tool`."""
     tool = dataclasses.replace(tool, pulse_width_s=width_s)
     return any(word.status == BELIEVED for word in received_with(tool, time_s, pressure_pa, strokes).words)
 

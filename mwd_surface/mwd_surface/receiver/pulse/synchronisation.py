@@ -194,7 +194,8 @@ def _found(
         moved = min(max(at + early, 0), count - 1)
         if moved != at:
             found = _fitted(whitened, weight, shapes, edges, first + moved)
-        if not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
+        # A place that moves onto the sync before is that sync, whose score is already taken out.
+        if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
             break
         response = found[0] @ components
         place = first + moved

@@ -60,21 +60,39 @@ class BlackboardError(RuntimeError):
 class BlackboardSettings:
     """Settings of the blackboard and of the data exchanged with it."""
 
-    enabled: bool = setting(False, "publish the signals to a D-WIS blackboard", fixed=True)
-    url: str = setting("opc.tcp://127.0.0.1:48030/", "address of the blackboard, opc.tcp://", fixed=True)
-    inject: str = setting("ns=2;s=Inject", "node id of its method that takes a manifest", fixed=True)
-    resolve: str = setting("ns=2;s=ResolveQuery", "node id of its method that answers a query", fixed=True)
-    timeout: float = setting(10.0, "longest wait for an answer", unit="s", low=0.5, high=300.0, fixed=True)
+    enabled: bool = setting(
+        False,
+        "Publish the signals to a D-WIS blackboard, an OPC UA server on which the systems of a rig share their "
+        "signals.",
+        fixed=True,
+    )
+    url: str = setting(
+        "opc.tcp://127.0.0.1:48030/",
+        "Address of the blackboard's OPC UA server, for example opc.tcp://127.0.0.1:48030/.",
+        fixed=True,
+    )
+    inject: str = setting("ns=2;s=Inject", "Node id of the blackboard's method that accepts a manifest.", fixed=True)
+    resolve: str = setting(
+        "ns=2;s=ResolveQuery", "Node id of the blackboard's method that answers a query.", fixed=True
+    )
+    timeout: float = setting(
+        10.0,
+        "Longest wait for an answer of the blackboard. Raise it for a slow network.",
+        unit="s",
+        low=0.5,
+        high=300.0,
+        fixed=True,
+    )
     period: float = setting(
         1.0,
-        "least time between two writes of changed values. A shorter time causes more traffic",
+        "Shortest time between two writes of changed values. Lowering it causes more traffic.",
         unit="s",
         low=0.1,
         high=60.0,
         fixed=True,
     )
-    backoff: Backoff = setting(Backoff, "Waits between attempts")
-    rig: RigInputSettings = setting(RigInputSettings, "Depths of the rig that others publish on the blackboard")
+    backoff: Backoff = setting(Backoff, "Waits between attempts to connect.")
+    rig: RigInputSettings = setting(RigInputSettings, "Depths of the rig that others publish on the blackboard.")
 
 
 class Blackboard(LoopInterface):

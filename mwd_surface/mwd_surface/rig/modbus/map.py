@@ -78,9 +78,16 @@ class ControlBit:
 class ModbusForm:
     """Encoding of numbers in registers."""
 
-    word_order: str = setting("ABCD", "order of the words of long numbers", choices=WORD_ORDERS, fixed=True)
+    word_order: str = setting(
+        "ABCD",
+        "Order of the bytes of a number that fills several registers. ABCD: high word first. CDAB: low word first.",
+        choices=WORD_ORDERS,
+        fixed=True,
+    )
     nan_invalid: bool = setting(
-        False, "send a quiet NaN for an invalid value; false: hold the last valid one", fixed=True
+        False,
+        "Send a quiet NaN in place of an invalid value. If false, the registers keep the last valid value.",
+        fixed=True,
     )
 
 

@@ -93,7 +93,7 @@ class OpcuaServer(LoopInterface):
     ) -> None:
         super().__init__("opcua")
         self.settings, self.well = settings, well or "well"
-        self._methods: list[Method] = []
+        self._methods: list[OpcuaMethod] = []
         if settings.allow_commands and on_command is not None:
             self._methods += survey_methods(on_command)
         if settings.allow_control and authority is not None:
@@ -250,7 +250,7 @@ class OpcuaServer(LoopInterface):
             self._confirmed_at = now
         self._written_values.set()
 
-    def _called(self, method: Method) -> Callable[..., Any]:
+    def _called(self, method: OpcuaMethod) -> Callable[..., Any]:
         ua = self._ua
         names = [name for name, _, _ in method.inputs]
         wanted = [getattr(ua.VariantType, kind) for _, kind, _ in method.inputs]
@@ -387,7 +387,7 @@ _DECISION: tuple[Argument, ...] = (
 
 
 @dataclasses.dataclass(frozen=True)
-class Method:
+class OpcuaMethod:
     """A method: arguments, results, and the function that runs it with an identity from `Access`, in any thread."""
 
     name: str
@@ -396,7 +396,7 @@ class Method:
     outputs: tuple[Argument, ...] = _DONE
 
 
-def survey_methods(on_command: OnCommand) -> list[Method]:
+def survey_methods(on_command: OnCommand) -> list[OpcuaMethod]:
     """Return the survey methods, run by a node; on_command: `on_command(name, arguments) -> (ok, message)`."""
     table = {
         "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
@@ -407,10 +407,10 @@ def survey_methods(on_command: OnCommand) -> list[Method]:
     def asking(name: str) -> Callable[[dict[str, Any], str], Sequence[Any]]:
         return lambda arguments, _identity: on_command(name, arguments)
 
-    return [Method(name, inputs, asking(name)) for name, inputs in table.items()]
+    return [OpcuaMethod(name, inputs, asking(name)) for name, inputs in table.items()]
 
 
-def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[Method]:
+def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[OpcuaMethod]:
     """Return the control methods; clock: steady time, s, the same clock as the authority's."""
 
     def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
@@ -425,7 +425,7 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
 
     lease = ("lease", "UInt32", "number of the lease")
     return [
-        Method(
+        OpcuaMethod(
             "request_control",
             (
                 ("controller", "String", "name of the controller"),
@@ -441,7 +441,7 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
                 ("lease", "UInt32", "number of the lease, or of the pending request; 0: denied"),
             ),
         ),
-        Method(
+        OpcuaMethod(
             "set_point",
             (
                 lease,
@@ -454,7 +454,7 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
             ),
             command,
         ),
-        Method("release_control", (lease, ("reason", "String", "why")), release),
+        OpcuaMethod("release_control", (lease, ("reason", "String", "why")), release),
     ]
 
 

@@ -37,21 +37,25 @@ _STEADY = 10.0  # s; a connection that lasted this long resets the wait
 class Wits0ClientSettings:
     """Address of the recorder and waits between attempts."""
 
-    enabled: bool = setting(False, "connect to a WITS recorder over TCP", fixed=True)
-    host: str = setting("127.0.0.1", "address of the recorder", fixed=True)
-    port: int = setting(9872, "TCP port of the recorder", low=1, high=65535, fixed=True)
-    connect_timeout: float = setting(5.0, "longest wait for an answer", unit="s", low=0.1, high=60.0, fixed=True)
-    backoff: Backoff = setting(Backoff, "Waits between attempts")
+    enabled: bool = setting(False, "Connect to a WITS recorder over TCP.", fixed=True)
+    host: str = setting("127.0.0.1", "Address of the recorder.", fixed=True)
+    port: int = setting(9872, "TCP port of the recorder.", low=1, high=65535, fixed=True)
+    connect_timeout: float = setting(
+        5.0, "Longest wait for the connection. Raise it for a slow network.", unit="s", low=0.1, high=60.0, fixed=True
+    )
+    backoff: Backoff = setting(Backoff, "Waits between attempts to connect.")
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0SerialSettings:
     """Settings of the serial line to the recorder."""
 
-    enabled: bool = setting(False, "talk WITS over a serial line", fixed=True)
-    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
-    baud: int = setting(9600, "bits per second", low=300, high=921600, fixed=True)
-    backoff: Backoff = setting(Backoff, "Waits between attempts")
+    enabled: bool = setting(False, "Exchange WITS records over a serial line.", fixed=True)
+    device: str = setting("/dev/ttyS0", "Serial device of the line.", fixed=True)
+    baud: int = setting(
+        9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600, fixed=True
+    )
+    backoff: Backoff = setting(Backoff, "Waits between attempts to open the line.")
 
 
 class _Caller(Wits0Link, abc.ABC):

@@ -28,7 +28,7 @@ _LONGEST_VALUE = 256
 
 
 @dataclasses.dataclass(frozen=True)
-class Item:
+class WitsItem:
     """One line: code RRII (record and item), text, its number if it is one, and whether it means "no value"."""
 
     code: int
@@ -46,7 +46,7 @@ class Item:
 class Frame:
     """Items between `&&` and `!!`, in order."""
 
-    items: tuple[Item, ...]
+    items: tuple[WitsItem, ...]
 
     def number(self, code: int) -> float | None:
         """Return the last number for a code; None if there is none or it is a null."""
@@ -189,7 +189,7 @@ class Decoder:
                 items.append(item)
         return Frame(tuple(items))
 
-    def _item(self, line: bytes) -> Item | None:
+    def _item(self, line: bytes) -> WitsItem | None:
         match = _LINE.fullmatch(line)
         if match is None or len(line) > _LONGEST_VALUE or match[1] == b"00" or match[2] == b"00":
             return None
@@ -199,7 +199,7 @@ class Decoder:
         code = int(match[1]) * 100 + int(match[2])
         if not text:
             self.counts.nulls += 1
-            return Item(code, "", None, null=True)
+            return WitsItem(code, "", None, null=True)
         if text.lstrip("+-").lower() in ("nan", "inf", "infinity"):
             return None
         number = float(text) if _NUMBER.fullmatch(text) else None
@@ -207,7 +207,7 @@ class Decoder:
             return None
         null = number in self._nulls
         self.counts.nulls += null
-        return Item(code, text, number, null)
+        return WitsItem(code, text, number, null)
 
 
 def _junk(between: bytes | bytearray) -> int:

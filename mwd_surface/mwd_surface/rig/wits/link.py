@@ -32,7 +32,7 @@ class Wits0Schedule:
 
     toolface_period: float = setting(
         4.0,
-        "shortest time between toolfaces; a shorter time loads a slow serial line",
+        "Shortest time between two toolfaces. Lowering it loads a slow serial line.",
         unit="s",
         low=1.0,
         high=60.0,
@@ -40,7 +40,7 @@ class Wits0Schedule:
     )
     record_period: float = setting(
         5.0,
-        "time between records 8 and 9; a shorter time loads a slow serial line",
+        "Time between two records 8 and 9. Lowering it loads a slow serial line.",
         unit="s",
         low=1.0,
         high=600.0,
@@ -48,7 +48,7 @@ class Wits0Schedule:
     )
     keep_alive: float = setting(
         30.0,
-        "time between keep-alive packets",
+        "Time between two keep-alive packets. Lowering it loads a slow serial line.",
         unit="s",
         low=5.0,
         high=600.0,
@@ -56,7 +56,7 @@ class Wits0Schedule:
     )
     stream_survey: bool = setting(
         False,
-        "send the last accepted survey again with every record period; if false, send it only when it is accepted",
+        "Send the last accepted survey again every record_period. If false, send it once, when it is accepted.",
         fixed=True,
     )
 
@@ -137,18 +137,19 @@ _SOURCE_SILENT = 10.0  # s of silence after which another peer may become the so
 class Wits0Settings:
     """Settings common to all WITS interfaces."""
 
-    form: Wits0Format = setting(Wits0Format, "How records are written")
-    schedule: Wits0Schedule = setting(Wits0Schedule, "Sending intervals")
-    rig: RigInputSettings = setting(RigInputSettings, "Acceptance of the rig's data")
+    form: Wits0Format = setting(Wits0Format, "Format of the records.")
+    schedule: Wits0Schedule = setting(Wits0Schedule, "Times between records.")
+    rig: RigInputSettings = setting(RigInputSettings, "Acceptance of the rig's data.")
     queue_bytes: int = setting(
         16384,
-        "largest amount of data waiting for a slow peer, in bytes; beyond it the oldest packets are dropped",
+        "Largest amount of data, in bytes, that waits for a slow peer; beyond it the oldest packets are dropped. "
+        "Raising it delays new values to a slow peer.",
         low=1024,
         fixed=True,
     )
     send_timeout: float = setting(
         15.0,
-        "time without accepting data after which a peer is disconnected",
+        "Time without accepting data after which a peer is disconnected. Raise it for a slow network.",
         unit="s",
         low=0.2,
         high=300.0,

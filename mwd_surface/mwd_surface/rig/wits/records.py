@@ -52,19 +52,28 @@ _SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
 class Wits0Format:
     """Format of records; both sides must agree on all of it."""
 
-    units: str = setting("metric", "units of the session", choices=SYSTEMS, fixed=True)
+    units: str = setting("metric", "System of units of all records.", choices=SYSTEMS, fixed=True)
     spares: str = setting(
         "totals",
-        "content of items 0722 to 0727: totals (g, nT, deg, quality 0 to 2, degC), six axes (mgn, nT), or none",
+        "Content of the spare items 0722 to 0727. totals: total gravity (g), total field (nT), dip (deg), verdict (0 "
+        "good, 1 doubtful, 2 bad) and temperature (degC). mwdstd-raw6: gravity (mg) and field (nT) of the three axes.",
         choices=SPARES,
         fixed=True,
     )
-    source: str = setting("", "name sent as item 1984 of every packet; empty sends none", fixed=True)
-    well_id: str = setting("", "text of item WID; empty sends the name of the well in ASCII", fixed=True)
-    section: int = setting(0, "item SKNO, sidetrack or hole section number", low=0, high=99, fixed=True)
-    null_text: str = setting("", "text sent in place of an invalid value; if empty, the item is left out", fixed=True)
-    mixed: bool = setting(False, "send all records in one packet instead of one packet each", fixed=True)
-    toolface_while_rotating: bool = setting(False, "send toolfaces also while the string rotates", fixed=True)
+    source: str = setting(
+        "", "Name of the sender, sent as item 1984 of every packet. Empty: the item is not sent.", fixed=True
+    )
+    well_id: str = setting("", "Text of item WID. Empty: the name of the well in ASCII.", fixed=True)
+    section: int = setting(
+        0, "Value of item SKNO, the number of the sidetrack or hole section.", low=0, high=99, fixed=True
+    )
+    null_text: str = setting(
+        "", "Text sent in place of an invalid value, such as -9999. Empty: the item is left out.", fixed=True
+    )
+    mixed: bool = setting(
+        False, "Send all records in one packet. If false, each record has a packet of its own.", fixed=True
+    )
+    toolface_while_rotating: bool = setting(False, "Send toolfaces also while the string rotates.", fixed=True)
 
     def __post_init__(self) -> None:
         """Raise ValueError for a name that would break a frame."""

@@ -20,15 +20,23 @@ _KERNEL_BUFFER = 16384  # bytes; a larger buffer would delay the detection of a 
 class Wits0ServerSettings:
     """Address and limits of the server."""
 
-    enabled: bool = setting(False, "serve WITS level 0 over TCP", fixed=True)
-    host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
-    port: int = setting(8686, "TCP port; 0 selects a free port", low=0, high=65535, fixed=True)
+    enabled: bool = setting(False, "Serve WITS level 0 over TCP.", fixed=True)
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.", fixed=True)
+    port: int = setting(8686, "TCP port of the server. 0 selects a free port.", low=0, high=65535, fixed=True)
     allow_network: bool = setting(
-        False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
+        False,
+        "Allow a host that other machines can reach. Without it only loopback addresses are accepted.",
+        fixed=True,
     )
-    max_clients: int = setting(16, "largest number of peers at a time", low=1, high=500, fixed=True)
+    max_clients: int = setting(
+        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500, fixed=True
+    )
     max_per_peer: int = setting(
-        8, "largest number of connections at a time from one address", low=1, high=500, fixed=True
+        8,
+        "Largest number of connections from one address at a time. Further connections are refused.",
+        low=1,
+        high=500,
+        fixed=True,
     )
 
 

@@ -51,21 +51,40 @@ class StoreRefusedError(RuntimeError):
 class WitsmlStoreSettings:
     """Address of the store, login, and waits between attempts."""
 
-    enabled: bool = setting(False, "send the definitive survey to a WITSML store whenever it changes", fixed=True)
-    url: str = setting("", "address of the store's SOAP interface, http:// or https://", fixed=True)
-    user: str = setting("", "user name; if empty, no login is sent", fixed=True)
-    password_file: str = setting("", "file whose first line is the password", fixed=True)
-    allow_plain: bool = setting(False, "allow sending the password over http to another machine", fixed=True)
-    timeout: float = setting(20.0, "longest wait for an answer", unit="s", low=0.5, high=300.0, fixed=True)
+    enabled: bool = setting(
+        False, "Send the definitive survey to a WITSML store whenever the survey changes.", fixed=True
+    )
+    url: str = setting("", "Address of the store's SOAP interface, http:// or https://.", fixed=True)
+    user: str = setting("", "User name of the login. Empty: no login is sent.", fixed=True)
+    password_file: str = setting("", "File whose first line is the password of the login.", fixed=True)
+    allow_plain: bool = setting(
+        False, "Allow the password to be sent without encryption (http) to another machine.", fixed=True
+    )
+    timeout: float = setting(
+        20.0,
+        "Longest wait for an answer of the store. Raise it for a slow network.",
+        unit="s",
+        low=0.5,
+        high=300.0,
+        fixed=True,
+    )
     first_wait: float = setting(
         2.0,
-        "wait after the first failure; it doubles with each further failure",
+        "Wait before the second attempt to send. The wait doubles with each further failure.",
         unit="s",
         low=0.01,
         high=600.0,
         fixed=True,
     )
-    longest_wait: float = setting(120.0, "longest wait", unit="s", low=0.01, high=3600.0, fixed=True)
+    longest_wait: float = setting(
+        120.0,
+        "Longest wait between two attempts to send. Raising it causes less traffic and delays the survey after a "
+        "failure.",
+        unit="s",
+        low=0.01,
+        high=3600.0,
+        fixed=True,
+    )
 
 
 class WitsmlStore(LoopInterface):

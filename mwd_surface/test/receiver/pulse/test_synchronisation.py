@@ -110,3 +110,12 @@ def test_one_pulse_beside_a_data_gap_is_no_sync(edge, hidden):
     known[hidden] = 0.0
     found = [search(data([edge], seed, 6.0), known, ToolConfiguration(), 300, 550) for seed in range(20)]
     assert found.count(None) >= 19
+
+
+def test_a_place_that_moves_onto_the_best_sync_is_not_a_second_one():
+    """The best place of the rest is often a flank of the sync, whose largest pressure is that of the sync."""
+    found = search(
+        data([250 + 4 * e for e in EDGES], 17, 4.0, 600), np.ones(600), ToolConfiguration(), 200, 330, least=-50.0
+    )
+    assert found is not None
+    assert found.other is None or np.isfinite(found.other.score)
