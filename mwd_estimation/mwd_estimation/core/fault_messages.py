@@ -173,7 +173,7 @@ def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
 
 def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
     message = "accelerometer and magnetometer do not belong together: the dip is wrong at the right field strength"
-    remedy = "check axes and frame of both, and the reference field; look for external interference"
+    remedy = "check axes, frame and stamps of both, and the reference field; look for external interference"
     ways = _way_words(_few(fault))
     return (f"{message}; it fits with {ways}" if ways else message), remedy
 

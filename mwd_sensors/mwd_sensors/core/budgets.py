@@ -119,6 +119,7 @@ SERIAL = Budget("captured bytes of a serial line", 200 * MB)
 OBSERVATORY = Budget("observatory record (IAGA-2002)", 250 * MB)
 SECRET = Budget("tokens and passwords", 10_000)
 CERTIFICATE = Budget("certificates and keys", MB)
+LOGO = Budget("logo of a report", 5 * MB)
 MCAP = Budget("recording: MCAP", 2**63 - 1, unpacked=64 * 2**20, records=500_000)
 DATABASE = Budget("recording: db3 (SQLite)", 2**63 - 1, unpacked=64 * 2**20)
 ROS1 = Budget("recording: ROS 1 bag", 2**63 - 1, unpacked=64 * 2**20)
@@ -139,6 +140,7 @@ BUDGETS = (
     OBSERVATORY,
     SECRET,
     CERTIFICATE,
+    LOGO,
     MCAP,
     DATABASE,
     ROS1,

@@ -169,8 +169,11 @@ def _signer(key: Path) -> Callable[[bytes], bytes]:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
+    from mwd_sensors.core import budgets
+    from mwd_sensors.core.input_files import read_file
+
     try:
-        private: Any = load_pem_private_key(key.read_bytes(), None)
+        private: Any = load_pem_private_key(read_file(key, budgets.CERTIFICATE), None)
     except (ValueError, TypeError) as error:
         raise ValueError(f"--key {key}: no private key in PEM without a password: {error}") from error
     if not isinstance(private, Ed25519PrivateKey):

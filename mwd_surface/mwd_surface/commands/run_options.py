@@ -125,12 +125,9 @@ def file_parameters(params: Path, node: str) -> dict[str, Any]:
     ValueError
         The file is not YAML of that form.
     """
-    import yaml
+    from mwd_sensors.core.input_files import read_yaml
 
-    try:
-        sections = yaml.safe_load(params.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{params}: not a parameter file: {error}") from error
+    sections = read_yaml(params)
     found: dict[str, Any] = {}
     for path, table in _sections(sections if isinstance(sections, dict) else {}):
         if _matches(path, node.strip("/").split("/")):

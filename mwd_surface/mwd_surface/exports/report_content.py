@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from mwd_estimation.survey.survey import Verdict
-from mwd_sensors.core import earth
+from mwd_sensors.core import budgets, earth
+from mwd_sensors.core.input_files import read_file
 from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
 from mwd_surface.exports.report_hole import branched, closed, deviation
@@ -223,7 +224,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
     """
     if not path:
         return b"", ""
-    data = Path(path).expanduser().read_bytes()
+    data = read_file(Path(path).expanduser(), budgets.LOGO)
     for start, kind in ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg")):
         if data.startswith(start):
             return data, kind

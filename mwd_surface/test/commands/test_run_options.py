@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import bombs
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.commands import run
@@ -162,6 +163,14 @@ def test_sections_of_a_parameter_file_match_as_in_ros(section, hit, tmp_path):
     file = tmp_path / "p.yaml"
     file.write_text(yaml.safe_dump(filled(section)))
     assert (file_parameters(file, "/pad/w1/surface") == {"page.port": 1}) == hit
+
+
+@pytest.mark.fault_case(84)
+@pytest.mark.parametrize("kind", bombs.YAML)
+def test_a_parameter_file_that_unfolds_without_end_is_refused(kind, tmp_path):
+    bombs.YAML[kind](tmp_path / "p.yaml")
+    with pytest.raises(ValueError, match=r"p\.yaml"):
+        file_parameters(tmp_path / "p.yaml", "/surface")
 
 
 def test_a_rig_interface_that_is_switched_off_or_has_its_port_stays_so():

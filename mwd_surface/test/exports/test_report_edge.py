@@ -10,6 +10,7 @@ import example_surveys as example
 import pypdf
 import pytest
 
+import bombs
 from mwd_sensors.core import earth
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_edge import for_people
@@ -153,6 +154,14 @@ def test_the_page_is_marked_with_its_language_and_has_the_logo(tmp_path):
     assert "data:image/png;base64," in html
     logo.write_text("not a picture")
     assert "neither PNG nor JPEG" in " ".join(content(of_well(logo=str(logo))).notes)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "endless"])
+def test_a_logo_that_never_ends_is_left_out_with_a_note(kind, tmp_path):
+    logo = tmp_path / "logo.png"
+    {**bombs.PLACES, **bombs.FILES}[kind](logo)
+    assert "data:image" not in report_html(of_well(logo=str(logo)))
+    assert "is not printed" in " ".join(content(of_well(logo=str(logo))).notes)
 
 
 @pytest.mark.slow
