@@ -29,6 +29,7 @@ from mwd_sensors.simulator.mud_line import Well, responses
 from mwd_sensors.telemetry.downlink import Downlink, Frame, levels, programme
 from mwd_sensors.telemetry.pulse_position import encode, packets
 from mwd_surface.receiver import sonde_locate, surface_readings
+from mwd_surface.receiver.pulse.transmission import Evidence, Presence
 from mwd_surface.surveys.check_shots import check_shots
 from mwd_surface.surveys.multi_station_analysis import analyse
 from mwd_surface.uncertainty.collar_spacing import azimuth_error
@@ -206,6 +207,11 @@ def pulse_receiver() -> Iterator[str]:
     yield ", ".join(map(str, packets(8)))
     yield ", ".join(map(str, pulses.edges))
     yield f"{pulses.length} TU"
+    for evidence, confirmed in ((9.0, True), (8.0, False)):
+        presence = Presence(14.0)
+        presence.judge(Evidence(evidence, evidence, 3, 1))
+        assert presence.confirmed == confirmed
+        yield f"{2.0 * evidence:.0f}"
 
 
 def downlink() -> Iterator[str]:
