@@ -137,10 +137,10 @@ class DownlinkDecoder:
         found: list[ReceivedCommand] = []
         counts = np.diff(np.append(starts, len(cells)))
         for cell, total, count in zip(cells[starts], np.add.reduceat(whole, starts), counts, strict=True):
-            found += self._take(int(cell), int(total), int(count))
+            found += self._add_cell(int(cell), int(total), int(count))
         return found
 
-    def _take(self, cell: int, total: int, count: int) -> list[ReceivedCommand]:
+    def _add_cell(self, cell: int, total: int, count: int) -> list[ReceivedCommand]:
         """Add samples of one cell; more samples of the same cell may follow."""
         found: list[ReceivedCommand] = []
         if self._cell is not None and not 0 <= cell - self._cell <= _GAP:

@@ -226,10 +226,10 @@ class Sonde:
             while self.time < self._given - 1e-9:
                 for topic, arrived in self._advance().items():
                     self._kept[topic].append(arrived)
-            yield {topic: self._take(topic, until) for topic in self.topics}
+            yield {topic: self._remove(topic, until) for topic in self.topics}
             count += 1
 
-    def _take(self, topic: str, until: float) -> Samples:
+    def _remove(self, topic: str, until: float) -> Samples:
         parts = self._kept[topic]
         if not parts:
             return self.topics[topic].empty(0)

@@ -70,22 +70,22 @@ def listen(
     with word_files.WordFiles(output) as files:
         try:
             while not (opened.ended or (seconds and time.monotonic() - began > seconds)):
-                _take(receiver.push(*opened.read()), files)
+                _print_words(receiver.push(*opened.read()), files)
                 if opened.failure and opened.failure != said:
                     terminal.warn(opened.failure)
                 said = opened.failure
                 time.sleep(_PAUSE_S)
         except KeyboardInterrupt:
             terminal.output().print("stopped", markup=False)
-        _take(receiver.push(*opened.read()), files)
-        _take(receiver.finish(), files)
+        _print_words(receiver.push(*opened.read()), files)
+        _print_words(receiver.finish(), files)
     opened.close()
     if not files.count:
         terminal.warn(receiver.why_nothing())
     terminal.output().print(f"written: {output}/words.csv, surveys.csv", markup=False)
 
 
-def _take(got: Reception, files: WordFiles) -> None:
+def _print_words(got: Reception, files: WordFiles) -> None:
     """Print words as soon as they are received, and write them once they are final."""
     # Codes whose words are final at once have no provisional words.
     _print(got.provisional or got.words)

@@ -241,13 +241,13 @@ def _write_parquet(path: Path, lines: Iterator[SeriesRow]) -> None:
 def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, SeriesRow]) -> None:
     for quantity in _RIG_QUANTITIES:
         known = (samples["valid"] & wire.RIG_VALID[quantity.field]) != 0
-        _take(samples, seconds, known, (quantity,), waiting)
+        _place_samples(samples, seconds, known, (quantity,), waiting)
 
 
 def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, SeriesRow]) -> None:
     for angle, doubt in zip(_ANGLES, _SIGMAS, strict=True):
         known = np.isfinite(samples[doubt.field])
-        which = _take(samples, seconds, known, (angle, doubt), waiting)
+        which = _place_samples(samples, seconds, known, (angle, doubt), waiting)
         if angle.field == "azimuth":
             for k in which:
                 second, north = int(seconds[k]), int(samples["north"][k])
@@ -255,7 +255,7 @@ def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, S
                 waiting[second] = dataclasses.replace(waiting[second], north=name)
 
 
-def _take(
+def _place_samples(
     samples: Samples,
     seconds: NDArray[np.int64],
     known: NDArray[np.bool_],

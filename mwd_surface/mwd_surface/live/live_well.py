@@ -243,7 +243,7 @@ class LiveWell:
                 arrived_ns, topic, data = waiting[taken]
                 # What the surface publishes between two cells, its page shows from the end of the former on.
                 self._said.shown_ns = arrived_ns - arrived_ns % CELL_NS
-                self._take(topic, data)
+                self._dispatch(topic, data)
                 taken += 1
             self.decoder.decode_all(self.clock.now)
             if end % NANOSECONDS == 0:
@@ -258,7 +258,7 @@ class LiveWell:
         second = now - now % NANOSECONDS + NANOSECONDS
         return max(following, min(of_arrival, second, last))
 
-    def _take(self, topic: str, data: bytes) -> None:
+    def _dispatch(self, topic: str, data: bytes) -> None:
         self._supervision.message_received(topic)
         handler = self._handlers.get(topic)
         if handler is not None:

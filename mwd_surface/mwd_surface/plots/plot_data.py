@@ -462,11 +462,11 @@ class Spectrum:
         half = self.segment // 2
         first = 0
         while first + self.segment <= len(signal):
-            self._take(stamps[first : first + self.segment], signal[first : first + self.segment])
+            self._add_segments(stamps[first : first + self.segment], signal[first : first + self.segment])
             first += half
         self._held_ns, self._held = stamps[first:], signal[first:]
 
-    def _take(self, stamps: Stamps, signal: Array) -> None:
+    def _add_segments(self, stamps: Stamps, signal: Array) -> None:
         seconds = (stamps[-1] - stamps[0]) * 1e-9
         usual = (self.segment - 1) / self.rate
         if abs(seconds - usual) > 0.02 * usual + 1.5 / self.rate or not np.isfinite(signal).all():

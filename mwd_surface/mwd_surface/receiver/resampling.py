@@ -116,7 +116,7 @@ class Resampler:
         ndarray, shape (m,)
             1 where a value is known, 0 in a gap.
         """
-        self._take(np.asarray(time, dtype=float), np.asarray(value, dtype=float))
+        self._resample(np.asarray(time, dtype=float), np.asarray(value, dtype=float))
         if self._spacing == 0.0 or len(self._time) < 3:
             return np.zeros(0), np.zeros(0)
         return self._until(self._time[-2] - _HALF_STEPS * self._step)
@@ -146,7 +146,7 @@ class Resampler:
             self._time, self._value = self._time[keep:], self._value[keep:]
         return out, known
 
-    def _take(self, time: Array, value: Array) -> None:
+    def _resample(self, time: Array, value: Array) -> None:
         # Drop values beyond any gauge: their squares would cost the neighbours' digits.
         good = (np.abs(value) < LARGEST) & np.isfinite(time)
         highest = np.maximum.accumulate(np.append(self._last, np.where(good, time, -math.inf)))

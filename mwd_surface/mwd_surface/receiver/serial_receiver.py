@@ -91,7 +91,7 @@ class SerialReceiver:
                 del self._open[: max(len(self._open) - _LONGEST, 0)]
                 return done
             self._last = float(time_s[stop])
-            self._take(bytes(self._open), done)
+            self._read_frame(bytes(self._open), done)
             self._open.clear()
             start = stop + 1
         return done
@@ -115,7 +115,7 @@ class SerialReceiver:
             " the tool file"
         )
 
-    def _take(self, data: bytes, done: Reception) -> None:
+    def _read_frame(self, data: bytes, done: Reception) -> None:
         if not data.strip(b"\r"):
             return
         heard = self._line(data.rstrip(b"\r")) if self._ascii else self._binary(data)

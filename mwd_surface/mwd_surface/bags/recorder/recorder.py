@@ -284,9 +284,9 @@ class Recorder:
                 if isinstance(item, Command):
                     item.carry_out()
                 else:
-                    self._take(item)
+                    self._store(item)
 
-    def _take(self, item: Item) -> None:
+    def _store(self, item: Item) -> None:
         if self._ring is not None:
             self._ring.keep(item)
         session = self._session

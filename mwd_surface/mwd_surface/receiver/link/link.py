@@ -163,7 +163,7 @@ class Link:
         if self._tool.medium == "mud":
             self.flow.push(time, value)
         self.now_s = max(self.now_s, float(time[-1]))
-        out = self._take(self._receiver.push(time, value))
+        out = self._use_words(self._receiver.push(time, value))
         if self._other is not None:
             _, last, final = self._heard()
             if any(word.usable for word in (last, *final) if word is not None):
@@ -181,7 +181,7 @@ class Link:
 
     def finish(self) -> LinkOutput:
         """Return the output that is left when no more samples come."""
-        return self._take(self._receiver.finish())
+        return self._use_words(self._receiver.finish())
 
     def quality(self, *, silent: bool = False) -> Quality:
         """
@@ -223,7 +223,7 @@ class Link:
             return math.nan
         return max((self._stamp_ns(self.now_s) - self._last_survey.stamp_ns) * 1e-9, 0.0)
 
-    def _take(self, got: Reception) -> LinkOutput:
+    def _use_words(self, got: Reception) -> LinkOutput:
         out = LinkOutput(words=sorted([*got.provisional, *got.words], key=lambda one: (one.end_s, one.revision)))
         out.frames = got.frames
         for word in out.words:

@@ -133,10 +133,10 @@ class Decoder:
         # Work in pieces, so that the buffer stays bounded for any input size.
         for at in range(0, len(data), 16384):
             self._buffer += data[at : at + 16384]
-            self._take(frames)
+            self._extract(frames)
         return frames
 
-    def _take(self, frames: list[Frame]) -> None:
+    def _extract(self, frames: list[Frame]) -> None:
         while True:
             if not self._inside:
                 start = self._buffer.find(BEGIN)

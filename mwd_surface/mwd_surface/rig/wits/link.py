@@ -336,7 +336,7 @@ class Wits0Link(LoopInterface):
                 return
             for frame in peer.decoder.feed(data):
                 peer.received += 1
-                self._take(peer, frame)
+                self._receive(peer, frame)
 
     async def _speak(self, writer: Writer, peer: Peer) -> None:
         while True:
@@ -359,7 +359,7 @@ class Wits0Link(LoopInterface):
             if packet != KEEP_ALIVE:
                 peer.last = packet.decode("ascii").splitlines()[-2]
 
-    def _take(self, peer: Peer, frame: Frame) -> None:
+    def _receive(self, peer: Peer, frame: Frame) -> None:
         readings = rig_readings(frame, self.talk.form.units)
         if self._on_rig_state is None or not readings:
             return
