@@ -41,6 +41,7 @@ def grid(ax: Axes) -> None:
 
 def with_fonts(figure: Figure) -> Figure:
     """Return the figure with the second font for the texts that have characters which the main font does not have."""
+    from matplotlib.patheffects import withStroke
     from matplotlib.text import Text
 
     from mwd_surface.plots.fonts import families, needs_wide
@@ -48,6 +49,11 @@ def with_fonts(figure: Figure) -> Figure:
     for item in figure.findobj(Text):
         if needs_wide((item.get_text(),)):
             item.set_fontfamily(list(families()))
+            if item.get_weight() == "bold":
+                # The font has only the regular weight: thicker outlines, as in the PDF report.
+                width = 0.04 * float(item.get_fontsize())
+                item.set_weight("normal")
+                item.set_path_effects([withStroke(linewidth=width, foreground=item.get_color())])
     return figure
 
 
