@@ -10,7 +10,6 @@ again and again, so that n stations need some n log2(n) steps.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import itertools
 import math
@@ -141,7 +140,7 @@ def _without_each(model: RunModel, seeks: list[dict[int, Taken]], work: _Work, t
     before, after = seeks[:middle], seeks[middle:]
 
     def judge(mine: list[dict[int, Taken]], others: list[dict[int, Taken]], threads: int) -> None:
-        aware = copy.deepcopy(model)
+        aware = model.copy()
         for seek in others:
             _learn(aware, seek)
         _without_each(aware, mine, work, threads)
@@ -173,7 +172,7 @@ def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | Non
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
     found = {}
     for k, one in seek.items():
-        aware = copy.deepcopy(model)
+        aware = model.copy()
         _learn(aware, {other: field for other, field in fields.items() if other != k})
         found[k] = aware.take(one, learn=False)
     return found

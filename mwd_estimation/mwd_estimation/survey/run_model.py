@@ -103,6 +103,15 @@ class RunModel:
         # When the last station or its seek began, h, and the age of the gyro then, h; None before the first seek.
         self._aged: tuple[float, float] | None = None
 
+    def copy(self) -> RunModel:
+        """Return an independent copy."""
+        other = copy.copy(self)
+        if self._filter is not None:
+            other._filter = copy.copy(self._filter)
+            other._filter.state = self._filter.state.copy()
+        other._seen, other._lay, other._told = dict(self._seen), list(self._lay), dict(self._told)
+        return other
+
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
         """
         Take a station in: what is found of it, None where nothing says anything of the azimuth.
@@ -130,14 +139,14 @@ class RunModel:
             self._take_turning(model, turning)
         if seek is not None:
             # A seek is one reading of the gyro, which does not bear itself out.
-            self._last = seek = seek._replace(before=copy.deepcopy(model.state))
+            self._last = seek = seek._replace(before=model.state.copy())
             _learn(model, _with_gyro(seek.row, None))
         state = self._last.before if again and self._last is not None else model.state
         evidence, doubts = model.evidence(one, state), model.gyro_doubts(state)
         repeats = self._repeats(one) if learn else None
         if learn and repeats is None and place is None:
             self._lay.append(_directions(one))
-            self._last = _Last(one, began_ns, copy.deepcopy(model.state))
+            self._last = _Last(one, began_ns, model.state.copy())
             model.learn(one, evidence)
         if seek is not None and self._last is not None:
             self._learn_last(model, self._last, one if learn and math.isfinite(one["gyro"]) else seek.row)
@@ -166,13 +175,13 @@ class RunModel:
         """Return to the state before the last station if that belongs to the seek that began then; else return None."""
         if began_ns is None or self._last is None or self._last.began_ns != began_ns:
             return None
-        model.state = copy.deepcopy(self._last.before)
+        model.state = self._last.before.copy()
         return self._last
 
     def _learn_last(self, model: RunFilter, last: _Last, reading: Row) -> None:
         """Learn from the last station, again where it is known, with the last reading of its seek."""
         self._last = last._replace(row=_with_gyro(last.row, reading))
-        model.state = copy.deepcopy(last.before)
+        model.state = last.before.copy()
         _learn(model, self._last.row)
 
     def shared(self) -> tuple[Array, Array] | None:
@@ -244,11 +253,11 @@ class RunModel:
 
     def _lay_before(self, one: Row) -> int | None:
         """Return the last station at which the tool lay alike: an error there repeats here and tells nothing new."""
-        now = _directions(one)
-        for place in reversed(range(len(self._lay))):
-            if all(float(np.linalg.norm(a - b)) < _STAYED for a, b in zip(now, self._lay[place], strict=True)):
-                return place
-        return None
+        if not self._lay:
+            return None
+        apart = np.linalg.norm(np.array(self._lay) - np.array(_directions(one)), axis=2)
+        near = np.flatnonzero((apart < _STAYED).all(axis=1))
+        return int(near[-1]) if len(near) else None
 
     def _repeats(self, one: Row) -> int | None:
         self._count += 1

@@ -74,6 +74,12 @@ class State:
     #: shape (3,); the same sum for the states of the gyro: right, its bias stepped, wrong.
     of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
+    def copy(self) -> State:
+        """Return an independent copy; `pass_time` changes the arrays of the shared errors in place."""
+        return dataclasses.replace(
+            self, mean=self.mean.copy(), covariance=self.covariance.copy(), log_weight=self.log_weight.copy()
+        )
+
 
 class RunFilter:
     """
