@@ -140,13 +140,6 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     # Rotation averages out errors that are fixed across the axis, except a rotation of the accelerometers about it.
     along = floor * (1.0 - rotating * (1.0 - HALF * across2)) + askew + (HALF * floor + askew) * pull2 * across2
     aside = floor * (1.0 - rotating * (1.0 - 0.5 * HALF * across2)) + askew * upright2
-    # Steps of the accelerometer bias, of which rotation averages out the part across the axis.
-    sx = C[0, 0] * s.force_step[0] + (1.0 - rotating) * (C[0, 1] * s.force_step[1] + C[0, 2] * s.force_step[2])
-    sy = C[1, 0] * s.force_step[0] + (1.0 - rotating) * (C[1, 1] * s.force_step[1] + C[1, 2] * s.force_step[2])
-    dx, dy = hole_direction(s)
-    spread = max(s.force_spread[0], s.force_spread[1], s.force_spread[2])
-    along += ((sx * dx + sy * dy) ** 2 + spread) / p.gravity**2
-    aside += ((sx * dy - sy * dx) ** 2 + spread) / p.gravity**2
     # A tool that moves along a curved hole is accelerated across the hole.
     bx, by = (C[0, 0] - s.slow_axis[0]) / CURVE_TIME, (C[1, 0] - s.slow_axis[1]) / CURVE_TIME
     rate2 = bx * bx + by * by
