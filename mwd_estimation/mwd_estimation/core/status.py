@@ -29,7 +29,6 @@ class Status(IntFlag):
     SENSOR_SUSPECT = 131072
     TOOLFACE_UNSETTLED = 262144
     TOOL_ASSUMED = 524288
-    ACCEL_STEP = 1048576
 
 
 _WORDS = {bit: (bit.name or "").lower() for bit in Status}

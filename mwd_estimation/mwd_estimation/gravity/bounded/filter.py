@@ -54,7 +54,6 @@ TICK = 0.03  # s, time between updates of the covariance
 CLIPPED_TICK = 0.015  # s, the same while the x gyro clips: the sensor's circle turns by more than a radian in TICK
 _GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
-_ACCEL_STEP = int(Status.ACCEL_STEP)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
@@ -186,7 +185,7 @@ def _publish(s: Record) -> int:
         unit = 1.0 / math.sqrt(1.0 + tilt[0] ** 2 + tilt[1] ** 2)
         for j in range(3):
             s.g_t[j] = unit * (s.C[2, j] + tilt[0] * s.C[0, j] + tilt[1] * s.C[1, j])
-        bits = (_ALIASED if noise.aliased(s) else 0) | (_ACCEL_STEP if bias_step.forces_stepped(s) else 0)
+        bits = _ALIASED if noise.aliased(s) else 0
         return bits | _NEAR_VERTICAL if s.C[0, 0] ** 2 + s.C[1, 0] ** 2 < _NEAR_VERTICAL_SINE2 else bits
     s.sigma_inclination = s.sigma_toolface = math.pi
     if s.age > 0.0:
@@ -227,7 +226,6 @@ def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
 @compiled
 def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
     """Process one accepted sample with its `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
-    f = (f[0] - s.force_step[0], f[1] - s.force_step[1], f[2] - s.force_step[2])
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
         clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)

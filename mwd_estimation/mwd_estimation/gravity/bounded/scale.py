@@ -140,20 +140,13 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
-    dx, dy = hole_direction(s)
-    along, aside = accelerometer_errors.variances(p, s, dx, dy)
+    along, aside = accelerometer_errors.variances(p, s, *hole_direction(s))
     askew = rotating * _cone(p, s, rotating)
     # The centripetal force of the sensor's circle is across the axis. A wrong axis of rotation puts a share of it along
     # the axis, where rotation does not average it out; it acts on the inclination with the sine of inclination.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
     along += askew * (1.0 + pull2 * across2)
     aside += askew * upright2
-    # Steps of the accelerometer bias, of which rotation averages out the part across the axis.
-    sx = C[0, 0] * s.force_step[0] + (1.0 - rotating) * (C[0, 1] * s.force_step[1] + C[0, 2] * s.force_step[2])
-    sy = C[1, 0] * s.force_step[0] + (1.0 - rotating) * (C[1, 1] * s.force_step[1] + C[1, 2] * s.force_step[2])
-    spread = max(s.force_spread[0], s.force_spread[1], s.force_spread[2])
-    along += ((sx * dx + sy * dy) ** 2 + spread) / p.gravity**2
-    aside += ((sx * dy - sy * dx) ** 2 + spread) / p.gravity**2
     # A tool that moves along a curved hole is accelerated across the hole.
     bx, by = (C[0, 0] - s.slow_axis[0]) / CURVE_TIME, (C[1, 0] - s.slow_axis[1]) / CURVE_TIME
     rate2 = bx * bx + by * by

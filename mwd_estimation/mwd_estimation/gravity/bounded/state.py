@@ -289,10 +289,6 @@ class Record:
     """Sum of recent squared innovations over their variances, decaying exponentially."""
     gyro_step: float
     """Time since a step of the gyro bias that the last update has revealed, s; 0 if there was none."""
-    force_step: Annotated[Array, 3]
-    """Sum of the steps of the accelerometer bias that the innovations have shown, tool axes, m/s^2."""
-    force_spread: Annotated[Array, 3]
-    """Variance of that sum, (m/s^2)^2."""
     turn: float
     """Rotation about the axis since the first sample, rad."""
     started: bool
@@ -378,7 +374,7 @@ def forget(p: Params, s: Record) -> None:
         for m in range(ERRORS):
             s.P[j, m] = 0.0
     for j in range(3):
-        s.bias[j] = s.force_step[j] = s.force_spread[j] = 0.0
+        s.bias[j] = 0.0
         s.P[BIAS + j, BIAS + j] = p.bias_sigma**2
     for j in range(2):
         s.askew[j] = s.lever[j] = 0.0

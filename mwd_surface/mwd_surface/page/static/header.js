@@ -76,7 +76,7 @@ const TROUBLE = {
   sensor_fault: t("sensor faulty"), sensor_suspect: t("sensor in doubt"), clipped: t("sensor at its limit"), mag_disturbed: t("magnetic disturbance"),
   no_mag: t("no magnetometer"), initialising: t("settling"), aliased: t("vibration too fast"),
   no_reference: t("no reference field"), correction_refused: t("azimuth not corrected"),
-  tool_assumed: t("tool assumed"), accel_step: t("accelerometer step"),
+  tool_assumed: t("tool assumed"),
 };
 
 // State of the telemetry link; the tool is silent while no mud flows.
