@@ -42,7 +42,7 @@ from mwd_sensors.core.settings import SettingsError
 _LEAST_GYRO = 0.02
 # Least errors of accelerometers that nobody has described, 1 sigma: those of a MEMS unit as it leaves its factory.
 _FACTORY = {"bias_ug": 3000.0, "scale_ppm": 1500.0, "misalignment_mrad": 1.0}
-_FACTORY_GYRO = {"bias_deg_h": 720.0, "misalignment_mrad": 1.0}
+_FACTORY_GYRO = (720.0, 1.0)  # bias, deg/h, and misalignment, mrad, of the gyros of such a unit
 # Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
 _WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias while the tool warms up or cools, 1 sigma, as a share of the bias per hour: that of a
@@ -80,8 +80,14 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
     """Return the default parameters of a gravity method, changed to the facts of tool and place."""
     usual, calibration, gyro = Gyro(), accelerometer_tilt(tool), tool.gyro
     if tool.accelerometer.assumed:
-        unstated = [name for name in _FACTORY_GYRO if getattr(gyro, name) == getattr(usual, name)]
-        gyro = dataclasses.replace(gyro, **{name: _FACTORY_GYRO[name] for name in unstated})
+        # A figure that has its default is not stated.
+        gyro = dataclasses.replace(
+            gyro,
+            bias_deg_h=_FACTORY_GYRO[0] if gyro.bias_deg_h == usual.bias_deg_h else gyro.bias_deg_h,
+            misalignment_mrad=(
+                _FACTORY_GYRO[1] if gyro.misalignment_mrad == usual.misalignment_mrad else gyro.misalignment_mrad
+            ),
+        )
     bias_ug, scale_ppm, misalignment_mrad = accelerometer_figures(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,

@@ -20,10 +20,10 @@ from mwd_sensors.core.compiled import compiled
 EVERY = 1.0  # s, time between two uses of the vertical force
 # Correlation time of the biases, s. Temperature changes them; after hours they are what the tool states again.
 BIAS_TIME = 10800.0
-# Weight of the stated figures in the scale of the errors, as if they came from so many tools: a unit can be better
-# or worse than the figures of its kind.
+# Weight of the stated figures in the scale of the errors, in degrees of freedom: a unit can be better or worse than the
+# figures of its kind.
+STATED = 1.0
 LEAST_SHARE = 1e-4  # least share of new information in what is known about the vertical force
-STATED = 4.0
 LEAST_PRIOR = 1e-18  # least variance, for sensors that are declared to have no error
 
 
@@ -85,7 +85,8 @@ def _use(p: Params, s: Record) -> None:
     if new < LEAST_SHARE * after:
         return
     # down = gravity - vertical force of the errors
-    S, y = 1.0 / new, down / new - errors.mean[GRAVITY]
+    found = s.innovations
+    S, y = max(1.0, found.along.power, found.across.power) / new, down / new - errors.mean[GRAVITY]
     for j in range(ACCEL):
         y += errors.influence[2, j] * errors.mean[j]
     for j in range(GRAVITY + 1):
@@ -103,17 +104,22 @@ def _use(p: Params, s: Record) -> None:
             P[m, j] = P[j, m]
     # Errors that were learnt, over their stated sigmas, show the scale of those that were not.
     gravity2 = max(p.gravity_sigma**2, LEAST_PRIOR)
-    found, learnt = errors.mean[GRAVITY] ** 2 / gravity2, max(1.0 - P[GRAVITY, GRAVITY] / gravity2, 0.0)
+    squares, learnt, vertical2 = 0.0, 0.0, 0.0
     for j in range(ACCEL):
         prior = max(accelerometer_prior(p, j), LEAST_PRIOR)
-        found += errors.mean[j] ** 2 / prior
+        squares += errors.mean[j] ** 2 / prior
         learnt += max(1.0 - P[j, j] / prior, 0.0)
-    errors.scale = (STATED + found) / (STATED + learnt)
+        vertical2 += prior * errors.influence[2, j] ** 2
+    # Gravity beyond its sigma is an error of the accelerometers as well. They explain the vertical force z alone if
+    # their variance grows to z^2, while the estimate gave them only their share of z.
+    surplus = (errors.mean[GRAVITY] ** 2 + P[GRAVITY, GRAVITY]) / gravity2 - 1.0
+    squares += max(surplus, 0.0) * (2.0 + gravity2 / max(vertical2, LEAST_PRIOR))
+    errors.scale = (STATED + squares) / (STATED + learnt)
 
 
 @compiled
 def variances(p: Params, s: Record, dx: float, dy: float) -> tuple[float, float]:
-    """Return the variances of the tilt due to the errors, along the level unit vector d and across it, rad^2."""
+    """Return the mean squares of the tilt due to the errors, along the level unit vector d and across it, rad^2."""
     errors, along, across = s.accelerometer, 0.0, 0.0
     for j in range(ACCEL):
         nx, ny = errors.influence[0, j], errors.influence[1, j]
@@ -125,5 +131,6 @@ def variances(p: Params, s: Record, dx: float, dy: float) -> tuple[float, float]
             c += errors.P[j, m] * (dx * ny - dy * nx)
         along += aj * (2.0 * a + errors.P[j, j] * aj)
         across += cj * (2.0 * c + errors.P[j, j] * cj)
-    unit = errors.scale / p.gravity**2
-    return unit * along, unit * across
+    # Gravity is not corrected, because motion can look like an error; what the errors tilt is in sigma.
+    unit, tilt = errors.scale / p.gravity**2, errors.tilt
+    return unit * along + (dx * tilt[0] + dy * tilt[1]) ** 2, unit * across + (dx * tilt[1] - dy * tilt[0]) ** 2

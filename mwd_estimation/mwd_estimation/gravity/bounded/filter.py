@@ -181,10 +181,8 @@ def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
 def _publish(s: Record) -> int:
     """Set gravity, and its sigmas while there is no attitude; return status bits."""
     if s.started:
-        tilt = s.accelerometer.tilt
-        unit = 1.0 / math.sqrt(1.0 + tilt[0] ** 2 + tilt[1] ** 2)
         for j in range(3):
-            s.g_t[j] = unit * (s.C[2, j] + tilt[0] * s.C[0, j] + tilt[1] * s.C[1, j])
+            s.g_t[j] = s.C[2, j]
         bits = _ALIASED if noise.aliased(s) else 0
         return bits | _NEAR_VERTICAL if s.C[0, 0] ** 2 + s.C[1, 0] ** 2 < _NEAR_VERTICAL_SINE2 else bits
     s.sigma_inclination = s.sigma_toolface = math.pi
@@ -278,8 +276,9 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
-    accelerometer_errors.follow(p, s, scale.follow_corrections(s, turn, tilt, aside))
+    own = scale.follow_corrections(s, turn, tilt, aside)
     measurement.correct(s, size)
+    accelerometer_errors.follow(p, s, own)
     for j in range(2):
         entry.correction[j] = s.correction[TILT + j]
     if size == STEADY and bias_step.follow(p, s):

@@ -154,7 +154,7 @@ class AccelerometerErrors:
     influence: Annotated[Array, 3, ACCEL]
     """Change of the mean force in level axes per error, averaged over the time constants of the filter."""
     tilt: Annotated[Array, 2]
-    """Correction of published gravity: error of the mean force along level x and y, over gravity, rad."""
+    """Tilt that the estimated errors cause: error of the mean force along level x and y, over gravity, rad."""
     age: float
     """Time over which the influence was averaged, s."""
     since: float
