@@ -59,7 +59,7 @@ PRESSURES = {
 _SAID = ("date", "time", "pressure", "pump", "rate", "decimal", "tag", "value")
 _DECIMAL_MARKS = {"comma": ",", "point": "."}
 _TIME = re.compile(
-    r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source )?"
+    r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source |measurement |measuring |test )?"
     r"(?:time ?stamp|time|ts|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|"
     r"tiempo|hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b"
 )
@@ -781,9 +781,10 @@ def _words(name: str, unit: str) -> tuple[str, str]:
     brackets = re.findall(r"[(\[{]([^)\]}]*)[)\]}]?", name)
     words = " ".join(_MARKS.sub(" ", re.sub(r"[(\[{][^)\]}]*[)\]}]?", " ", name)).lower().split())
     own = [_unit(one) for one in (unit, *brackets) if _unit(one)]
-    last = words.rpartition(" ")[2]
-    if not own and " " in words and (last in table_times.UNITS or last in PRESSURES):
-        own, words = [last], words.rpartition(" ")[0]
+    # The unit may be the last word, or follow the name and a dot as in LAS.
+    first, _, last = words.replace(".", " ").rpartition(" ")
+    if not own and first and (last in table_times.UNITS or last in PRESSURES):
+        own, words = [last], words[: len(first)]
     return words, own[0] if own else ""
 
 

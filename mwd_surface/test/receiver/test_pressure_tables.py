@@ -520,3 +520,17 @@ def test_other_units_of_pressure_are_read(tmp_path, unit, pascal):
     rows = [f"{t},{p / pascal:.12g}" for (t, _), p in zip(ROWS, PRESSURE, strict=True)]
     (tmp_path / "p.csv").write_text("\n".join([f"time_s,SPP ({unit})", *rows]))
     assert_same(pressure_files.read(tmp_path / "p.csv"))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        ["ETIM.S,SPPA.KPA"],
+        ["Logger: 11", "Recorded: 03/01/2026 10:00:00", "", "Measurement time[s],SPP [kPa]"],
+        ["Test time (s),Stand pipe (kPa)"],
+    ],
+)
+def test_names_of_loggers_name_time_pressure_and_units(tmp_path, head):
+    rows = [f"{t:.2f},{p / 1e3:.6f}" for t, p in zip(TIME, PRESSURE, strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join([*head, *rows]) + "\n")
+    assert_same(pressure_files.read(tmp_path / "p.csv"), 1e-3)
