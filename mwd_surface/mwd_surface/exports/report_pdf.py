@@ -141,8 +141,8 @@ def _head(pdf: Any, report: Content) -> None:
 def _section(pdf: Any, section: Section) -> None:
     drawings = [_Placed(one, one.draw(), _room(pdf)) for one in section.drawings]
     # A heading stays on the page of what follows it.
-    text = bool(section.text or section.sheets or not drawings)
-    follows = _SHEET + _BEGINNING if text else drawings[0].height * (_SMALLER if drawings[0].drawing.wide else 1.0)
+    reading = bool(section.text or section.sheets or not drawings)
+    follows = _SHEET + _BEGINNING if reading else drawings[0].height * (_SMALLER if drawings[0].drawing.wide else 1.0)
     if section.page or pdf.will_page_break(_HEADING + follows):
         pdf.add_page()
     _heading(pdf, section.heading, _HEADING, 11)

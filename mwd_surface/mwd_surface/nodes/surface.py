@@ -295,7 +295,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         if name == "count_rods":
             return self._rods.count(**arguments)
         if name == "use_leg":
-            return self._surveys.use_leg(**arguments)
+            answer: Answer = self._surveys.use_leg(**arguments)
+            return answer
         if name != "take_survey":
             return call_service(self._service_callbacks, name, arguments)
         if self._survey_client is None:

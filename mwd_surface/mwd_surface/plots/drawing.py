@@ -49,10 +49,10 @@ def with_fonts(figure: Figure) -> Figure:
     for item in figure.findobj(Text):
         if needs_wide((item.get_text(),)):
             item.set_fontfamily(list(families()))
-            if item.get_weight() == "bold":
+            if item.get_fontweight() == "bold":
                 # The font has only the regular weight: thicker outlines, as in the PDF report.
                 width = 0.04 * float(item.get_fontsize())
-                item.set_weight("normal")
+                item.set_fontweight("normal")
                 item.set_path_effects([withStroke(linewidth=width, foreground=item.get_color())])
     return figure
 

@@ -33,7 +33,8 @@ def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -
     passes = figure.add_subplot(grid[0, 1], sharey=sigma)
     _draw_sigmas(sigma, found)
     passes.plot(100.0 * found.accepted, found.md, color=_AZI)
-    passes.set(xlim=(0.0, 101.0), xlabel=f"stations accepted, %\naxial interference {found.axial * 1e9:.0f} nT")
+    lines = ("stations accepted, %", f"axial interference {found.axial * 1e9:.0f} nT")
+    passes.set(xlim=(0.0, 101.0), xlabel="\n".join(lines))
     if not np.any(np.isfinite(found.accepted)):
         passes.text(0.5, 0.5, "no magnetic sensors", ha="center", transform=passes.transAxes, fontsize=9)
     for ax in (sigma, passes):
