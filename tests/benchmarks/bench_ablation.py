@@ -106,7 +106,7 @@ VARIANTS: dict[str, tuple[dict[str, dict[str, float]], dict[str, Any]]] = {
     "attitude found lost": ({"alignment": {"LOST_FORCE2": 1e30}}, {}),
     "scale": ({"scale": {"SCALE_TIME": 1e12, "SCALE_YOUNG": 1e12}}, {}),
     "young scale": ({"scale": {"OWN_AGE": 1e9, "SCALE_SETTLED": 1e-9}}, {}),
-    "calibration that rotation leaves": ({"scale": {"HALF": 0.0}}, {}),
+    "errors of the accelerometers follow the filter": ({"accelerometer_errors": {"RESPONSE": 1e9}}, {}),
     "gyro bias that rotation hides": ({"scale": {"BIAS_SHARE": 0.0}}, {}),
 }
 

@@ -276,9 +276,9 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
-    own = scale.follow_corrections(s, turn, tilt, aside)
+    scale.follow_corrections(s, turn, tilt, aside)
     measurement.correct(s, size)
-    accelerometer_errors.follow(p, s, own)
+    accelerometer_errors.follow(p, s)
     for j in range(2):
         entry.correction[j] = s.correction[TILT + j]
     if size == STEADY and bias_step.follow(p, s):

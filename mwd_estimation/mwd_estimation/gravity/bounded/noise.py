@@ -14,7 +14,7 @@ import math
 
 from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, DOWN, DOWN_WALK, POS, SLOPE, TILT, VEL, Record
+from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -31,6 +31,7 @@ WHITE_SHARE = 0.16  # share of the density shown by the displacement that is tak
 ROTARY_NOISE = 0.00005  # gyro noise per rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
 LONG_STEP = 1.6  # factor on the usual step of the stamps above which samples are missing
+DOWN_WALK = 1e-4  # m/s^2/sqrt(s), random walk of the vertical force error
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
 RATE_MEMORY = 5.0  # s, time constant of the averages of squared rate changes between samples
 TURNING_MEMORY = 10.0  # s, averaging time of the rate about the axis

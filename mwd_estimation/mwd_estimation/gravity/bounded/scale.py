@@ -49,12 +49,8 @@ def tilts(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def follow_corrections(s: Record, turn: float, along: float, across: float) -> float:
-    """
-    Follow the scales over one update, and return the time constant of the filter, s.
-
-    along, across: tilt variances before the update, rad^2; turn: variance added to each.
-    """
+def follow_corrections(s: Record, turn: float, along: float, across: float) -> None:
+    """Follow the scales over one update; along, across: tilt variances before it; turn: variance added to each."""
     found = s.innovations
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
@@ -70,14 +66,13 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> f
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):
         s.slow_axis[j] += s.sums.time / CURVE_TIME * (s.C[j, 0] - s.slow_axis[j])
-    return _own_time(s, tilt / turn)
 
 
 @compiled
 def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
     """Follow the power of the corrections about the axis (nx, ny), equation (8); expected: their variance, rad^2."""
     T = s.sums.time
-    own = _own_time(s, updates)
+    own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
     low = found.low
     for j in range(2):
@@ -90,12 +85,6 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
     power = (mean * mean + BAND * band * band) / share
     memory = min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + (s.settled / SCALE_SETTLED) ** 2)
     found.power += T / memory * (power - found.power)
-
-
-@compiled
-def _own_time(s: Record, updates: float) -> float:
-    """Return the time constant of the filter, s, if it is this number of updates."""
-    return max(min(updates * s.sums.time, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
 
 
 @compiled

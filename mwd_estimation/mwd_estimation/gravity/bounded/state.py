@@ -26,13 +26,12 @@ from mwd_sensors.core.records import dtype_of
 # down); gyro bias in tool axes; scale of the x gyro; share of the x rate that the y and z gyros read; lever arm along y
 # and z; vertical force; and, while the x gyro clips, the rate it misses and the slope of that rate.
 TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 16, 17, 18
-# Errors of the accelerometers: bias and row of the error matrix of each axis; behind them the gravity of the place.
-ACCEL, GRAVITY = 12, 12
+# Errors of the accelerometers: bias and row of the error matrix of each axis.
+ACCEL = 12
 STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
 TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, more than a magnetic sample waits
 RECENT = 100  # number of updates kept: 3 s, in which a step of the gyro bias shows
 STATED = 7.0  # logarithm of the odds that samples are integrated if the settings state it: 1100 to 1
-DOWN_WALK = 1e-4  # m/s^2/sqrt(s), random walk of the vertical force error
 DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
 
 
@@ -141,28 +140,12 @@ class Turn:
 
 
 class AccelerometerErrors:
-    """State of the estimate of the accelerometers' errors (`accelerometer_errors`)."""
+    """Influence of the errors of the accelerometers on the level frame (`accelerometer_errors`)."""
 
-    mean: Annotated[Array, GRAVITY + 1]
-    """Estimate, in the order of `ACCEL`: m/s^2 for biases and gravity, 1 for elements of the matrix."""
-    P: Annotated[Array, GRAVITY + 1, GRAVITY + 1]
-    """Covariance of the estimate if the stated figures are right."""
-    work: Annotated[Array, GRAVITY + 1]
-    """Covariance of the errors with the vertical force; scratch."""
-    scale: float
-    """Variance of the errors relative to the stated figures."""
-    influence: Annotated[Array, 3, ACCEL]
-    """Change of the mean force in level axes per error, averaged over the time constants of the filter."""
-    tilt: Annotated[Array, 2]
-    """Tilt that the estimated errors cause: error of the mean force along level x and y, over gravity, rad."""
+    influence: Annotated[Array, 2, ACCEL]
+    """Change of the mean force along level x and y per error, in the order of `ACCEL`: 1 for a bias, m/s^2 for M."""
     age: float
     """Time over which the influence was averaged, s."""
-    since: float
-    """Time since the vertical force was used, s."""
-    down: float
-    """Vertical force error (`Record.down`) when it was used, m/s^2."""
-    variance: float
-    """Variance of it then, (m/s^2)^2."""
 
 
 class TurnRing(Ring):
@@ -383,23 +366,6 @@ def forget(p: Params, s: Record) -> None:
     s.scale = s.down = 0.0
     s.P[SCALE, SCALE] = p.scale_sigma**2
     s.P[DOWN, DOWN] = DOWN_SIGMA**2
-    errors = s.accelerometer
-    errors.mean[:] = 0.0
-    errors.P[:] = 0.0
-    for j in range(ACCEL):
-        errors.P[j, j] = accelerometer_prior(p, j)
-    errors.P[GRAVITY, GRAVITY] = p.gravity_sigma**2
-    errors.scale = 1.0
-    errors.down, errors.variance, errors.since = 0.0, DOWN_SIGMA**2, 0.0
-
-
-@compiled
-def accelerometer_prior(p: Params, j: int) -> float:
-    """Return the variance of error j of the accelerometers that the tool states, in the order of `ACCEL`."""
-    axis, column = j // 4, j % 4
-    if column == 0:
-        return p.accel_bias_sigma**2
-    return p.accel_scale_sigma**2 if column == axis + 1 else p.accel_misalignment_sigma**2
 
 
 @compiled

@@ -301,9 +301,8 @@ def test_sigma_is_not_too_small_where_a_start_in_vibration_ends_to_count_it_whit
 
 
 def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_that_size():
-    # A consumer unit as it leaves its factory, in Berlin.
-    factory = {"accel_bias_sigma": 0.003 * G0, "accel_scale_sigma": 0.0015, "accel_misalignment_sigma": 0.001}
-    p, errors = bounded.Params(gravity=9.8127, gravity_sigma=0.002, **factory), []
+    # A consumer unit as it leaves its factory, in Berlin: sigma follows from the gravity that it shows.
+    p, errors = bounded.Params(gravity=9.8127, gravity_sigma=0.002), []
     inclined, turned = [], []
     for file in sorted(BROAD.glob("*.npz")):
         data = np.load(file)
@@ -382,3 +381,21 @@ def test_white_forces_are_averaged_as_well_as_by_a_filter_of_low_gain_and_sigma_
         assert ((got.status[late] & int(Status.ALIASED)) != 0).mean() > 0.8
     assert rms(np.array(ours)) < rms(np.array(theirs))
     assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
+
+
+def test_sigma_of_an_uncalibrated_tool_follows_the_gravity_it_shows_where_that_of_the_place_is_known():
+    n, down = 4000, np.array([0.5, 0.6, np.sqrt(0.39)])
+    stamps = np.arange(n, dtype=np.int64) * 10_000_000
+    rng = np.random.default_rng(8)
+    errors, sigmas = [], {0.002: [], 0.1: []}
+    for _ in range(40):
+        bias = 0.003 * G0 * rng.standard_normal(3)
+        force = -G0 * down + bias + 0.02 * rng.standard_normal((n, 3))
+        for known, found in sigmas.items():
+            p = bounded.Params(gravity_sigma=known)
+            got = bounded.run(p, bounded.initial(p), stamps, np.zeros((n, 3)), force)
+            found.append(got.sigma_inclination[-1])
+        errors.append(got.inclination[-1] - np.arccos(down[0]))
+    # One gravity shows one of three biases: sigma is of the size of the errors, not each of them.
+    assert 0.4 < rms(np.array(sigmas[0.002])) / rms(np.array(errors)) < 1.6
+    assert rms(np.array(sigmas[0.1])) < 0.2 * rms(np.array(errors))
