@@ -81,9 +81,14 @@ def survey(k, inc_deg, azi_deg, **changes):
     return Survey(**{**values, **changes})
 
 
-@functools.cache
 def surveys(well=WELL, tie_on=VERTICAL):
     """Surveys every 30 m from 300 m: a build to 40 deg at azimuth 75 to 79 (grid); one bad, one by hand."""
+    # Built once; a new object each time, because a list that was changed is another object.
+    return dataclasses.replace(_built(well, tie_on))
+
+
+@functools.cache
+def _built(well, tie_on):
     whole = SurveyList(well=well, legs=(Leg(tie_on=tie_on),), tool="T-0042")
     for k in range(1, 13):
         inc, azi = max(0.0, 4.0 * (k - 2)), 75.0 + 0.4 * k

@@ -497,9 +497,10 @@ def test_rows_and_surveys_of_a_tool_that_nobody_has_described_say_so_and_have_wi
         for status in (*rows["status"], *_joined(outputs, "gravity")["status"], *(one.status for one in surveys)):
             assert bool(int(status) & Status.TOOL_ASSUMED) is assumed
         found[assumed] = rows
-    assert np.array_equal(found[True]["inclination"], found[False]["inclination"], equal_nan=True)
     wide, narrow = (found[assumed]["sigma_inclination"] for assumed in (True, False))
     assert (wide >= narrow).all()
+    apart = np.abs(found[True]["inclination"] - found[False]["inclination"])
+    assert not (apart > wide).any()
     assert np.median(wide / narrow) > 2.0
 
 

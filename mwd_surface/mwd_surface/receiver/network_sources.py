@@ -208,12 +208,12 @@ class LineSource(_OfStream):
                 self._wrong = f"{len(self._head)} of the {_HEAD_LINES} lines have arrived that tell the format"
                 return np.zeros(0), np.zeros(0)
             try:
-                self._head = self._from_json(self._head)
-                self._format = _Format(self._head, self._said)
+                table = self._from_json(self._head)
+                self._format = _Format(table, self._said)
             except ValueError as error:
-                self._wrong = str(error)
+                self._wrong, self._names = str(error), None
                 return np.zeros(0), np.zeros(0)
-            lines, self._head = self._head[self._format.names :], []
+            lines, self._head = table[self._format.names :], []
         else:
             lines = self._from_json(lines)
         times, values = self._format.samples(lines)
@@ -241,8 +241,8 @@ class LineSource(_OfStream):
 
     def _from_json(self, lines: list[str]) -> list[str]:
         """Return lines of JSON as rows of a table, the first ones with a line of names; other lines as they are."""
-        begins = self._names is None
-        if begins and not all(json_columns.is_json(line) for line in lines):
+        begins = self._format is None
+        if self._names is None and not (begins and all(json_columns.is_json(line) for line in lines)):
             return lines
         rows = [pressure_table.untagged(row) for line in lines for row in json_columns.cells_of(line)]
         if self._names is None:

@@ -176,12 +176,12 @@ def test_raw_and_definitive_agree_on_what_was_measured(files):
 def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_path):
     table, paths = files
     assert {p.name for p in paths.values()} >= {
-        "1_ST0-definitive-20260515T174340Z.csv",
-        "1_ST0-raw-20260515T174340Z.csv",
-        "1_ST0-definitive-20260515T174340Z.las",
-        "1_ST0-trajectory-20260515T174340Z.xml",
-        "1_ST0-report-20260515T174340Z.html",
-        "1_ST0-report-20260515T174340Z.pdf",
+        "Ω-1_ST0-definitive-20260515T174340Z.csv",
+        "Ω-1_ST0-raw-20260515T174340Z.csv",
+        "Ω-1_ST0-definitive-20260515T174340Z.las",
+        "Ω-1_ST0-trajectory-20260515T174340Z.xml",
+        "Ω-1_ST0-report-20260515T174340Z.html",
+        "Ω-1_ST0-report-20260515T174340Z.pdf",
     }
     assert export(table, "csv", tmp_path, "x y.csv") == tmp_path / "x_y.csv"
     long = survey_table(example.surveys(dataclasses.replace(example.WELL, wellbore="W" * 300)), example.MADE)
