@@ -276,7 +276,6 @@ def drawn(table: SurveyTable) -> Section:
             Drawing(f"Plan view, {north} north", lambda: plan_view(table)),
             Drawing(f"Vertical section, azimuth {azimuth}", lambda: section_view(table)),
         ),
-        page=True,
     )
 
 

@@ -63,6 +63,8 @@ figcaption { color: #444; }
 {% endfor %}</dl></header>
 <main>
 {% if c.notes %}<h2>{{ say("Notes") }}</h2><ul>{% for note in c.notes %}<li>{{ note }}</li>{% endfor %}</ul>{% endif %}
+<h2>{{ say("Certificate") }}</h2><p>{{ c.certificate }}</p>
+<div class="sign">{% for who in c.signatures %}<div>{{ who }}, {{ say("date") }}</div>{% endfor %}</div>
 {% for part in c.sections %}<section{% if part.page %} class="page"{% endif %}>
 <h2>{{ part.heading }}</h2>
 {% for text in part.text %}<p>{{ text }}</p>{% endfor %}
@@ -86,8 +88,6 @@ figcaption { color: #444; }
 <figcaption>{{ drawing.caption }}</figcaption></figure>
 {% endfor %}</section>
 {% endfor %}
-<h2>{{ say("Certificate") }}</h2><p>{{ c.certificate }}</p>
-<div class="sign">{% for who in c.signatures %}<div>{{ who }}, {{ say("date") }}</div>{% endfor %}</div>
 </main>
 </body>
 </html>

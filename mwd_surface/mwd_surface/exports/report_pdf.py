@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _FONT, _SPARE = "text", "spare"
 _GAP = 18.0  # mm between two signatures
+_CERTIFICATE = 28.0  # height of the certificate with its signatures, mm
 _MARK = (255, 243, 224)
 _STROKE = 0.03  # width of the outlines of bold texts where there is no bold weight, of the size of the letters
 # Heights, mm: title at the top of a page, heading of a section, caption of a drawing. Width of one of two drawings.
@@ -32,7 +33,8 @@ _TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
 _SHEET, _BEGINNING = 7.0, 21.0
 _ROWS = (4.2, 3.7)  # heights of the rows of a table: usual, and closer where the last rows would be alone on a page
 _ALONE = 4  # rows
-_SMALLER = 0.6  # least size of a wide drawing, of its usual one, that keeps it on the page of its heading
+_SMALLER = 0.6  # least size of a drawing, of its usual one, that keeps it on the page of its heading
+_SENTENCE = 9.2  # height of a sentence of two lines, mm
 _NARROW = 134.0
 
 
@@ -111,9 +113,9 @@ def report_pdf(table: SurveyTable) -> bytes:
     with pdf.use_font_face(_bold(15)):
         pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
     _head(pdf, report)
+    _certificate(pdf, report, said.say)
     for section in report.sections:
         _section(pdf, section)
-    _certificate(pdf, report, said.say)
     return bytes(pdf.output())
 
 
@@ -123,7 +125,7 @@ def _head(pdf: Any, report: Content) -> None:
     with pdf.table(
         col_widths=(38, 100, 38, 100),
         borders_layout="NONE",
-        line_height=4.6,
+        line_height=4.2,
         first_row_as_headings=False,
         text_align="LEFT",
     ) as grid:
@@ -140,9 +142,10 @@ def _head(pdf: Any, report: Content) -> None:
 
 def _section(pdf: Any, section: Section) -> None:
     drawings = [_Placed(one, one.draw(), _room(pdf)) for one in section.drawings]
-    # A heading stays on the page of what follows it.
-    reading = bool(section.text or section.sheets or not drawings)
-    follows = _SHEET + _BEGINNING if reading else drawings[0].height * (_SMALLER if drawings[0].drawing.wide else 1.0)
+    # A heading stays on the page of what follows it, and so do sentences that explain drawings.
+    follows = _SHEET + _BEGINNING
+    if drawings and not section.sheets:
+        follows = drawings[0].height * _SMALLER + _SENTENCE * len(section.text)
     if section.page or pdf.will_page_break(_HEADING + follows):
         pdf.add_page()
     _heading(pdf, section.heading, _HEADING, 11)
@@ -198,11 +201,10 @@ def _drawings(pdf: Any, placed: Sequence[_Placed]) -> None:
         if column == 0 or wide:
             column = 0
             room = pdf.page_break_trigger - pdf.get_y()
-            if wide and one.height > room >= _SMALLER * one.height:
-                one.fit(room - 1.0)
-            elif pdf.will_page_break(one.height):
+            if room < _SMALLER * one.height:
                 pdf.add_page()
             top = pdf.get_y()
+        one.fit(pdf.page_break_trigger - top - 1.0)
         pdf.set_xy(10.0 + column * (_NARROW + 8.0), top)
         pdf.set_font(_FONT, "", 8)
         pdf.cell(one.width, _CAPTION - 1.0, one.drawing.caption, new_x="LEFT", new_y="NEXT")
@@ -233,7 +235,7 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     with pdf.table(
         col_widths=tuple(n + 3 for n in lengths),
         text_align=align,
-        line_height=_row_height(pdf, len(sheet.rows)),
+        line_height=_row_height(pdf, len(sheet.rows) + bool(sheet.legend)),
         borders_layout="HORIZONTAL_LINES",
         headings_style=FontFace(emphasis="BOLD", fill_color=(238, 242, 245)),
     ) as grid:
@@ -266,12 +268,12 @@ def _width(text: str) -> int:
 
 
 def _certificate(pdf: Any, report: Content, say: Callable[[str], str]) -> None:
-    if pdf.will_page_break(40):
+    if pdf.will_page_break(_CERTIFICATE):
         pdf.add_page()
     _heading(pdf, say("Certificate"), _HEADING, 11)
     pdf.set_font(_FONT, "", 8)
     pdf.multi_cell(0, 5, report.certificate, new_x="LMARGIN", new_y="NEXT")
-    pdf.ln(14)
+    pdf.ln(9)
     step = (pdf.epw + _GAP) / max(len(report.signatures), 3)
     for who in report.signatures:
         x, y = pdf.get_x(), pdf.get_y()
@@ -280,3 +282,4 @@ def _certificate(pdf: Any, report: Content, say: Callable[[str], str]) -> None:
         pdf.set_xy(x, y + 1)
         pdf.cell(step - _GAP, 5, f"{who}{say(', ')}{say('date')}")
         pdf.set_xy(x + step, y)
+    pdf.set_xy(pdf.l_margin, y + 9.0)

@@ -142,7 +142,7 @@ def run_quality(table: SurveyTable) -> Section | None:
     runs = dict.fromkeys((record.leg, record.tool) for record in records)
     rows = [_run(leg, tool, [r for r in records if (r.leg, r.tool) == (leg, tool)]) for leg, tool in runs]
     sheet = sheet_of("Quality of the run", _RUN, rows, legend=_RUN_LEGEND)
-    return Section(sheet.heading, sheets=(sheet,), page=True)
+    return Section(sheet.heading, sheets=(sheet,))
 
 
 def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...]:
