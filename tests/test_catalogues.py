@@ -110,7 +110,7 @@ def test_of_a_reader_of_lists_only_the_remarks_are_texts_of_the_report(words, tm
         '    return "not shown to anybody"\n',
         encoding="utf-8",
     )
-    assert words.texts_of(path, remarks=True) == ["{name}: the station at {md} m is taken once"]
+    assert words.texts_of(path, "RemarkKind") == ["{name}: the station at {md} m is taken once"]
     assert words.errors_of(path) == ["{name}: no station in it"]
 
 

@@ -53,8 +53,8 @@ TYPED = frozenset(
         "logo",
     )
 )
-_LEAST = 4  # letters of a template that holds a typed value
-_LEAST_OPEN = 6  # the same where the catalogue does not explain a value
+_LEAST = 4  # letters of a template
+_LEAST_BEHIND = 6  # the same if it begins with a value that the catalogue does not explain, as a name may
 _DEPTH = 6  # of sentences within sentences
 # Work for one sentence, in letters searched for templates: five times what any text of the sources needs (a test says
 # so). A longer search ends with the best translation found, so that a text of a stranger cannot hold up the page.
@@ -215,7 +215,7 @@ class _TemplateSearch:
                 read = {name: self._value(name, value, depth, template) for name, value in values.items()}
                 unknown = sum(part.unknown for part in read.values())
                 # A short template, such as "{a} is {b}", fits by chance where its values are not known either.
-                if unknown and template.known < _LEAST_OPEN:
+                if unknown and template.known < (_LEAST if template.parts[0] else _LEAST_BEHIND):
                     continue
                 if (-unknown, template.known) > (-best.unknown, best.known):
                     filled = _filled(template.translated, {name: part.text for name, part in read.items()})

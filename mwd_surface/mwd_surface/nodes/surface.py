@@ -369,11 +369,13 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _of_inputs(self) -> Diagnostic:
         """Return the source of the depth, and the clock of each input."""
         table = self._well.inputs.table
-        apart = f", {table.depth_difference:.1f} m from another source" if math.isfinite(table.depth_difference) else ""
-        text = f"depth from {table.depth_source}{apart}" if table.depth_source else "no depth is received"
+        name = table.depth_source
+        found = [f"depth from {name}" if name else "no depth is received"]
+        if name and math.isfinite(table.depth_difference):
+            found.append(f"{table.depth_difference:.1f} m from another source")
         rows = tuple((row.name, _words(row)) for row in table.inputs)
-        level, remedy = (OK, "") if table.depth_source else (WARN, "connect the rig data, or set the depth by hand")
-        return Diagnostic("inputs", level, text, remedy, rows)
+        level, remedy = (OK, "") if name else (WARN, "connect the rig data, or set the depth by hand")
+        return Diagnostic("inputs", level, ", ".join(found), remedy, rows)
 
 
 def _words(row: InputState) -> str:

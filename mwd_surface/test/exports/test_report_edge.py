@@ -169,13 +169,13 @@ def test_a_logo_that_never_ends_is_left_out_with_a_note(kind, tmp_path):
 def test_every_signature_has_room_on_the_page(convention):
     """Three people sign the report of a well, four that of a mine's hole."""
     table = of_well(convention=convention)
-    last = pypdf.PdfReader(io.BytesIO(report_pdf(table))).pages[-1]
+    page = pypdf.PdfReader(io.BytesIO(report_pdf(table))).pages[0]
     places = {}
-    last.extract_text(visitor_text=lambda text, _cm, tm, _font, _size: places.setdefault(text.strip(), tm[4]))
+    page.extract_text(visitor_text=lambda text, _cm, tm, _font, _size: places.setdefault(text.strip(), tm[4]))
     who = content(table).signatures
     at = [next(x for text, x in places.items() if text.startswith(f"{one}, ")) for one in who]
     assert len(at) == len(who) == (4 if convention == "dip_up" else 3)
-    assert max(at) < float(last.mediabox.width) - 120.0
+    assert max(at) < float(page.mediabox.width) - 120.0
 
 
 @pytest.mark.parametrize("north", ["grid", "true"])

@@ -81,6 +81,7 @@ const MARKS = ["; ", ": ", ", ", " or ", " and ", " · "];
 const TYPED = new Set(["name", "name1", "name2", "operator", "operator_name", "because", "plan", "well", "wellbore", "path", "file", "logo"]);
 const DEPTH = 6;
 const LEAST = 4; // letters of a template
+const LEAST_BEHIND = 6; // the same if it begins with a value that the catalogue does not explain
 const WORK = 80000; // letters searched for one sentence
 const EACH = 100; // letters of a search in any text
 const KEPT = 2000; // sentences that are kept
@@ -125,7 +126,7 @@ function byTemplate(text, depth, unread, search) {
         unknown += part.unknown;
       }
       // A short template, such as "{a} is {b}", fits by chance where its values are not known either.
-      if (unknown && template.known < LEAST) continue;
+      if (unknown && template.known < (template.parts[0] ? LEAST : LEAST_BEHIND)) continue;
       if (unknown < best.unknown || (unknown === best.unknown && template.known > best.known)) {
         best = { text: filled(template.translated, values), unknown, known: template.known };
       }
