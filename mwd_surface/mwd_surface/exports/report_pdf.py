@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey report as PDF: A4 landscape, numbered pages, head block, tables, figures, quality page, certificate."""
+"""The survey report as PDF: A4 landscape, numbered pages, head block, certificate, tables and figures."""
 
 from __future__ import annotations
 

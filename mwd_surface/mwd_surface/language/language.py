@@ -53,8 +53,8 @@ TYPED = frozenset(
         "logo",
     )
 )
-_LEAST = 4  # letters of a template
-_LEAST_BEHIND = 6  # the same if it begins with a value that the catalogue does not explain, as a name may
+# Least number of letters in the fixed parts of a template that has untranslated values; more if such a value is first.
+_LEAST, _LEAST_BEHIND = 4, 6
 _DEPTH = 6  # of sentences within sentences
 # Work for one sentence, in letters searched for templates: five times what any text of the sources needs (a test says
 # so). A longer search ends with the best translation found, so that a text of a stranger cannot hold up the page.

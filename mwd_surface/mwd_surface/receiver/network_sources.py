@@ -195,7 +195,7 @@ class LineSource(_OfStream):
         pressure_table.live_columns([], self._said)
         self._head: list[str] = []
         self._format: _Format | None = None
-        # Names of the quantities of JSON, which are the first line of its table; None if the lines are not JSON.
+        # Keys of the JSON records, the header of the table made from them; None if the lines are not JSON.
         self._names: list[str] | None = None
         self._wrong, self._without, self._heard = "", 0, False
 

@@ -13,7 +13,8 @@ from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import ACCEL, DOWN, Record
 from mwd_sensors.core.compiled import compiled
 
-# s, time in which the tilt follows a level force by 63 %, at rest and while rotating: test_accelerometer_errors.
+# s, time in which the tilt reaches 63 % of its response to a constant horizontal force, at rest and while rotating;
+# test_accelerometer_errors measures it.
 RESPONSE = 1.5
 LEAST_PRIOR = 1e-18  # least variance, for sensors that are declared to have no error
 
@@ -57,7 +58,7 @@ def variances(p: Params, s: Record, dx: float, dy: float) -> tuple[float, float]
         along += prior * (dx * nx + dy * ny) ** 2
         across += prior * (dx * ny - dy * nx) ** 2
         vertical += prior * (s.C[2, axis] * force) ** 2
-    # Accelerometers that show a gravity other than the local one are worse than stated, in all directions alike.
+    # If the measured gravity differs from that of the place, the errors of all axes are larger than the tool states.
     shown = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
     unit = max(1.0, shown / vertical) / p.gravity**2
     return unit * along, unit * across

@@ -28,7 +28,7 @@ class Params(NamedTuple):
     #: Scale error of the x gyro at switch-on. Raising it makes the start less certain if the speed varies.
     scale_sigma: float = 0.0015
     lever_sigma: float = 0.03  #: distance of the sensor from the point of the tool that moves least, m
-    #: Bias of each accelerometer, m/s^2. The defaults of these three figures are those of a calibrated probe.
+    #: Bias of each accelerometer, m/s^2. The defaults of bias, scale and misalignment are those of a calibrated probe.
     accel_bias_sigma: float = 0.00098
     accel_scale_sigma: float = 0.0001  #: scale error of each accelerometer
     accel_misalignment_sigma: float = 0.0001  #: misalignment of each accelerometer towards each other axis, rad

@@ -143,7 +143,7 @@ class AccelerometerErrors:
     """Influence of the errors of the accelerometers on the level frame (`accelerometer_errors`)."""
 
     influence: Annotated[Array, 2, ACCEL]
-    """Change of the mean force along level x and y per error, in the order of `ACCEL`: 1 for a bias, m/s^2 for M."""
+    """Change of the mean force along horizontal x and y per unit of each error (`ACCEL`); m/s^2 except for biases."""
     age: float
     """Time over which the influence was averaged, s."""
 

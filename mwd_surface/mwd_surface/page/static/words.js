@@ -80,8 +80,9 @@ const MARKS = ["; ", ": ", ", ", " or ", " and ", " · "];
 // Values that people have typed; they stay as typed.
 const TYPED = new Set(["name", "name1", "name2", "operator", "operator_name", "because", "plan", "well", "wellbore", "path", "file", "logo"]);
 const DEPTH = 6;
-const LEAST = 4; // letters of a template
-const LEAST_BEHIND = 6; // the same if it begins with a value that the catalogue does not explain
+// Least number of letters in the fixed parts of a template that has untranslated values; more if such a value is first.
+const LEAST = 4;
+const LEAST_BEHIND = 6;
 const WORK = 80000; // letters searched for one sentence
 const EACH = 100; // letters of a search in any text
 const KEPT = 2000; // sentences that are kept
