@@ -146,7 +146,7 @@ class Run:
 
 
 def write_scenario(path: Path, seconds: float) -> Path:
-    """Write the scenario of a run of so many seconds; it lasts longer."""
+    """Write a scenario that lasts longer than the run."""
     path.write_text(SCENARIO.format(cycles=math.ceil(seconds * RATE / CYCLE_S) + 1))
     return path
 

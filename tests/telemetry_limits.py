@@ -111,7 +111,7 @@ def coded_block_error(ebn0_db: float, bits: int, modulation: str) -> float:
 
 
 def _coherent_pair(energy: float, distance: int) -> float:
-    """Probability to confuse two paths that differ in so many coded bits, energy over N0 each."""
+    """Probability to confuse two paths that differ in `distance` coded bits, each of the given energy over N0."""
     return 0.5 * math.erfc(math.sqrt(distance * energy))
 
 

@@ -39,7 +39,7 @@ def motion(
     """
     Rates strapdown-integrated over each interval and forces at its middle.
 
-    Angles in rad, as numbers or functions of time, s. lag, s: the cross-axis gyros report late by so much.
+    Angles in rad, as numbers or functions of time, s. lag: delay of the cross-axis gyros, s.
     """
 
     def mats(t: Array) -> Array:

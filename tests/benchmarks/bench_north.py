@@ -57,7 +57,7 @@ def limits(runs: int) -> None:
             for one in found:
                 show(north_cells.table_row(one))
                 cells += one
-    # Band of the mean of so many squared normal numbers, normal approximation.
+    # Band of the mean of n squared normal numbers, normal approximation.
     half = 1.96 * math.sqrt(2.0 / runs)
     show("", north_cells.conclusion(cells, runs, 1.0 - half, 1.0 + half))
 

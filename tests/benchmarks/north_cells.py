@@ -239,7 +239,7 @@ def conclusion(cells: list[Cell], runs: int, low: float, high: float) -> str:
     shares = np.array([cell.shares for cell in cells])
     error, sigma, nees = np.sqrt(np.nanmean(shares[:, 0] ** 2)), np.nanmean(shares[:, 1]), np.nanmean(shares[:, 2])
     wide = int((shares[:, 1] > 1.2).sum())
-    # An rms of so few runs is off by chance: 1.2 limits and two of its own sigma.
+    # The rms of a few runs is off by chance: allowed are 1.2 times the limit and two of the rms's own sigma.
     wrong = int((shares[:, 0] > 1.2 * (1.0 + 1.96 / math.sqrt(2.0 * runs))).sum())
     outside = int(((shares[:, 2] < low) | (shares[:, 2] > high)).sum())
     return (

@@ -163,8 +163,8 @@ class _Peaks:
     The two most probable azimuths of n stations; arrays of shape (n,), angles in rad.
 
     azimuth, other : the better one and the second one. apart : difference between them. cost, cost_other : values of
-    `_FitStations.cost`, infinite if there is no second one. angles, density : grid (m,) and probability (n, m) of the
-    circle.
+    `_FitStations.cost`; `cost_other` is infinite for a station with only one azimuth. angles, density : grid (m,) and
+    probability (n, m) of the circle.
     """
 
     azimuth: Array

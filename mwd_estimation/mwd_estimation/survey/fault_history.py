@@ -27,13 +27,14 @@ from mwd_sensors.core.arrays import Stamps
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
 _HARMLESS = (FaultCode.NEVER_CAME, FaultCode.SILENT, FaultCode.INVALID)
-# Kinds whose evidence shows from when on the values were wrong.
+# Kinds of faults whose evidence shows since when the values were wrong.
 _REPEATS = (FaultCode.STUCK, FaultCode.DEAD)
-# Such a magnetometer did no harm where the azimuth had had a sound one for so long, ns, and it was in doubt so soon.
+# A magnetometer that repeats itself did no harm where the azimuth had had a sound one for the first time, ns, and the
+# doubt came within the second.
 _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 # Bits of the sensors that an azimuth rests on.
 AZIMUTH = ACCEL | MAG
-# A doubt rests on samples of so long before, ns; those of the longest average that can be asked for are kept, ns.
+# How far before a doubt the samples lie on which it rests, ns; length of the longest average that can be asked for, ns.
 _EVIDENCE_NS, _KEPT_NS = 3_000_000_000, 3_600_000_000_000
 
 

@@ -160,7 +160,8 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
     """
     Return the index at which to divide the seeks.
 
-    It is the gap nearest the middle after which the string may have changed, or the middle if there is no such gap.
+    The run is divided where the string may have changed: in the gap of this kind that is nearest the middle, or in the
+    middle if there is none.
     """
     hazards = [next(iter(seek.values())).hazard for seek in seeks]
     gaps = [k for k in range(1, len(seeks)) if hazards[k] - hazards[k - 1] > _GAP]

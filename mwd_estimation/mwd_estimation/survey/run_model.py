@@ -68,8 +68,8 @@ class Taken(NamedTuple):
     hours: float = math.nan
     gyro: Solution | None = None
     turning: Turning | None = None
-    #: Cumulative hazard of another string up to here (`hypotheses.hazard`), so that stations may be added in
-    #: any order; NaN: the station follows the last one added.
+    #: Hazard of a change of the string (`hypotheses.hazard`), summed from the start of the run to this station, so
+    #: that stations may be added in any order; NaN: the station follows the last one added.
     hazard: float = math.nan
     #: Time since the first seek of the run's gyro, h; NaN: the station follows the last one added.
     age: float = math.nan

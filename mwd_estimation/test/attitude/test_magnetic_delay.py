@@ -26,7 +26,7 @@ FIELD = 5e-5 * np.array([np.cos(1.1), 0.0, np.sin(1.1)])
 
 
 def drilled(late_s=0.0, cross_axial=(0.0, 0.0), rates=((0.0, 12.0), (11.0, 20.0), (0.0, 8.0), (7.0, 20.0))):
-    """IMU and magnetometer of a string that turns at each of the rates, rad/s, for so many seconds."""
+    """IMU and magnetometer of a string that turns at each of the rates, rad/s, for `seconds` s each."""
     rng = np.random.default_rng(4)
     rate = np.concatenate([np.full(round(seconds * 100), value) for value, seconds in rates])
     # A string takes two seconds to change its speed.

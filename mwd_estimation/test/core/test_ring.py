@@ -24,7 +24,7 @@ class Stamps(ring.Ring):
 
 
 def filled(count):
-    """A ring that has taken so many samples, 10 ns apart from 100 ns on; and the stamps that it still has."""
+    """A ring that has taken `count` samples, 10 ns apart from 100 ns on; and the stamps that it still has."""
     made, stamps = np.zeros(1, dtype=dtype_of(Stamps))[0], 100 + 10 * np.arange(count)
     for stamp in stamps:
         made.rows[ring.next_place(made)].stamp_ns = stamp

@@ -123,7 +123,7 @@ def test_random_forces_over_the_range_are_noise_and_a_tone_of_the_same_size_is_n
 
 
 def refused_by_the_gate(sensor, sizes, expected=5e-5, of=N):
-    """What is observed of the unit of a sensor whose readings of these sizes the gate refused, among so many."""
+    """What is observed of the unit of a sensor of whose readings the gate refused those of these sizes."""
     tool = Tool()
     tool.half_second()
     tool.checks["seen"] = NOTHING

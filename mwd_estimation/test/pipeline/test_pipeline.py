@@ -295,8 +295,8 @@ def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypa
         gc.collect()
         sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
-    # The health of the sensors keeps up to 16 384 samples of the IMU, which come in 41 blocks; so many of the other two
-    # would be 6 MB.
+    # The health of the sensors keeps up to 16 384 samples of the IMU, which come in 41 blocks; the
+    # same number of the other two would be 6 MB.
     assert max(sizes[-41:]) - max(sizes[-82:-41]) < 100_000
     imu["stamp_ns"] = mag["stamp_ns"]
     output = pipeline.push_imu(imu)

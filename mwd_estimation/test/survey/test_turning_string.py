@@ -54,8 +54,8 @@ def string(
     Turns of a tool whose accelerometers see the axis of rotation at (1, mount + whole), its magnetometers at whole.
 
     mount, whole, rad; across: field in the tool, T; arm of the accelerometers, m; wobble of the speed within a turn;
-    scale of the gyro; late: samples by which the magnetometer is stamped late; every: of so many it gives one;
-    standing: seconds after each half second of turns; overtaken: every 37th sample comes so many samples late;
+    scale of the gyro; late: samples by which the magnetometer is stamped late; every: distance of the measured samples;
+    standing: seconds after each half second of turns; overtaken: samples by which every 37th sample comes late;
     bounce: amplitude along the hole in step with the turns, m; slip: of the speed, goes and comes once in five turns.
     """
     n = int(seconds * RATE_HZ)

@@ -38,7 +38,7 @@ def measured(seconds=2.0):
 
 
 def received(probe, until, within=30.0):
-    """Readings until so many have come; the line is read as a node's timer does."""
+    """Readings until the wanted number has come; the line is read as a node's timer does."""
     got, end = [], time.monotonic() + within
     while len(got) < until and time.monotonic() < end:
         got += probe.poll(time.time_ns())
@@ -230,7 +230,7 @@ def test_the_offset_of_a_clock_follows_the_fastest_message_slowly_and_a_new_star
 
 
 def observed(clock, first, count, offset_s, step_s=1.0, way=0):
-    """Take so many observations of a unit's clock, each `step_s` after the one before."""
+    """Take observations of a unit's clock, each `step_s` after the one before."""
     for k in range(first, first + count):
         unit_ns = round(k * step_s * 1e9)
         clock.observe(unit_ns, unit_ns + round(offset_s * 1e9), way)

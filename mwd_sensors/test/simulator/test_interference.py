@@ -49,7 +49,7 @@ def test_s1_s_field_case_turns_the_magnetic_azimuth_as_printed():
         )
         b_n = mat[0] @ disturbed_t[0]
         turned = math.degrees(math.atan2(b_n[1], b_n[0]) - reference.declination)
-        # A field turned east by so much makes the azimuth read low by as much.
+        # A field that is turned east by an angle makes the azimuth read low by the same angle.
         assert turned == pytest.approx(off_deg, abs=0.05)
 
 

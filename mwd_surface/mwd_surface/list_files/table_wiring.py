@@ -29,8 +29,9 @@ from mwd_sensors.core.frames import inclination, wrap_pi
 _LOOKED_AT = 60
 # Reading and reference agree within this share of the total: gravity; field, which interference disturbs.
 _GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
-# A dip or a direction of the hole fits within so much, rad. Interference moves an azimuth by several degrees, so that
-# only a larger difference asks for another wiring, which must then fit three times better.
+# Limits of differences, rad: a dip fits below the first; a direction of the hole asks for another wiring above the
+# second, for interference moves an azimuth by several degrees. The other wiring must fit within the third, and
+# better by the factor in the fourth place.
 _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.radians(6.0), math.radians(4.0), 3.0
 # A wiring is wrong if the dips of at most the first share of the rows fit it, and another one explains at least the
 # second share of them. One row fits one of 48 wirings by chance in a third of the cases, three in one of 10 000.

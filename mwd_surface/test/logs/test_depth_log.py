@@ -165,7 +165,7 @@ def test_thousands_of_gaps_are_one_sentence_and_three_on_the_page():
 
 @given(st.integers(1, 60), st.integers(2, 10), st.lists(st.integers(2, 300), max_size=3))
 def test_a_sector_is_held_for_its_usual_distance_and_never_through_a_gap(spacing, number, gaps):
-    """Values each so many steps, with a few longer gaps: those of the usual distance belong together, gaps do not."""
+    """Values at a regular distance with a few longer gaps: neighbours belong together, values across a gap do not."""
     rows, at = [], 0
     for k in range(2 * number + 3 + len(gaps)):
         rows.append(at)

@@ -45,7 +45,7 @@ def written(folder, streams):
 
 
 def set_midway(stream, after_s, by_s):
-    """A stream whose sensor's clock is set by so much while it records."""
+    """A stream whose sensor's clock is set to another time while it records."""
     name, layout, samples, log_ns = stream
     later = log_ns - log_ns[0] > after_s * SECOND
     return name, layout, awkward.changed(samples, stamp_ns=samples["stamp_ns"] + later * round(by_s * SECOND)), log_ns

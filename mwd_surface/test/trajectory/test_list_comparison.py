@@ -54,6 +54,6 @@ def test_lists_that_cannot_be_compared_say_why():
 
 
 def _from(md):
-    # A hole from the wellhead does not reach so far away: the path starts at its first station.
+    # A hole from the wellhead does not reach this place: the path starts at its first station.
     text = f"md_m,inc,azi_true,tvd_m,north_m,east_m\n{md},0,0,{md},{md},0\n{md + 100},0,0,{md + 100},{md},0\n"
     return survey_list(list_of(text.encode())).definitive()

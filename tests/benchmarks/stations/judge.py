@@ -64,7 +64,7 @@ def new_decision(settings: StationSettings | None = None) -> SurveyDecision:
 
 
 def still(f_t: Array, b_t: Array, second: int) -> StillAverage:
-    """Average of readings at rest, m/s^2 and T, shape (3,), that began so many s after the run."""
+    """Average of readings at rest, m/s^2 and T, shape (3,), that began in this second of the run."""
     imu = Average(np.concatenate([np.zeros(3), f_t]), np.diag([1e-12] * 3 + [FORCE_NOISE**2] * 3), _SAMPLES)
     mag = Average(b_t, FIELD_NOISE**2 * np.eye(3), _SAMPLES)
     start = (1 + second) * _SECOND

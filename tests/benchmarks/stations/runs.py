@@ -305,7 +305,7 @@ def decided(
 
 
 def parts(name: str, count: int, seed: int) -> dict[str, list[Judged]]:
-    """Stations of so many runs of a kind, by the part of the run that is judged."""
+    """Stations of runs of a kind, by the part of the run that is judged."""
     kind, rng = KINDS[name], np.random.default_rng([seed, 100 + list(KINDS).index(name)])
     done = [run(kind, rng) for _ in range(count)]
     return {words: [one for found in done for one in found[part]] for words, part in kind.parts.items()}

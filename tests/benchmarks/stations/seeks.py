@@ -209,7 +209,7 @@ def _unit(stamps: Stamps, values: Array) -> UnitSamples:
 
 
 def rows(name: str, count: int, seed: int) -> list[str]:
-    """Rows under `HEAD` of so many runs of a unit, one for each part that is judged."""
+    """Rows under `HEAD`: runs of a unit, one row for each part that is judged."""
     unit, rng = UNITS[name], np.random.default_rng([seed, 300 + list(UNITS).index(name)])
     runs = [run(unit, rng) for _ in range(count)]
     return [

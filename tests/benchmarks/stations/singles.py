@@ -25,7 +25,7 @@ KINDS: dict[str, Disturbance] = {
     "accelerometers turned 2 deg": disturbances.turned_accelerometers,
     "accelerometers turned 2 deg, as the tool states": disturbances.turned_accelerometers,
 }
-# Settings of kinds that are not judged by those as they come; 2 deg about any axis are so much about each, rms.
+# Settings of kinds that are not judged with the defaults. A turn of 2 deg about any axis has this rms about each axis.
 _SETTINGS = {
     "accelerometers turned 2 deg, as the tool states": StationSettings(
         errors=SensorErrors(mount_deg=2.0 / math.sqrt(3.0))

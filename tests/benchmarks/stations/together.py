@@ -53,7 +53,7 @@ def drawn(name: str, rng: np.random.Generator) -> tuple[Array, Array, Array, Ref
 
 
 def row(name: str, count: int, seed: int) -> str:
-    """Row under `HEAD` of so many runs."""
+    """Row under `HEAD`: the runs of a kind together."""
     rng = np.random.default_rng([seed, 200 + list(RUNS).index(name)])
     raw, errors, sigmas, together, last, refused = [], [], [], [], [], 0
     for _ in range(count):

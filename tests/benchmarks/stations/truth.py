@@ -47,7 +47,7 @@ class Earth:
         )
 
     def changed(self, total: float, dip: float, declination: float) -> Earth:
-        """The field with so many T and rad more."""
+        """The field with total and dip changed by the given T and rad."""
         return dataclasses.replace(
             self, total=self.total + total, dip=self.dip + dip, declination=self.declination + declination
         )

@@ -25,7 +25,7 @@ _EXACT = 1e-9
 STEPS, _EVERY = 7200, 40
 _COARSE = np.arange(0, STEPS, _EVERY)
 _ABOUT = np.unique(np.concatenate([np.arange(-50, 51), np.arange(-240, 241, 5)]))
-# A peak whose density is a smaller share of the highest has no grid of its own, nor have more than so many.
+# Peaks with a grid of their own: their density is at least this share of the highest one; at most this many peaks.
 _WORTH, _MOST = 1e-7, 6
 # Not scipy's: its import would be a fifth of the start of an estimator.
 _ERFC = np.frompyfunc(math.erfc, 1, 1)

@@ -21,7 +21,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_pi
 
-# A step of a gyro's bias: so much, rad, and so many of its sigmas.
+# A step of a gyro's bias turns its azimuth by the first value, rad, plus the second value times its sigma.
 _STEP = math.radians(1.75), 0.75
 # A wrong gyro azimuth has errors of any size (wrapped Cauchy; Mardia and Jupp, Directional Statistics, section 3.5.7):
 # half of them are larger than this, rad.

@@ -125,7 +125,7 @@ class RunFilter:
         hours : float
             Time of the station, h.
         hazard : float
-            Cumulative hazard of another string (`hypotheses.hazard`).
+            Hazard of a change of the string (`hypotheses.hazard`), summed from the start of the run to this station.
         gyro : (float, float), optional
             For a station with a seek: its time since the first seek of the run, h, and 1 sigma of the constant part of
             the gyro's azimuth error, rad.

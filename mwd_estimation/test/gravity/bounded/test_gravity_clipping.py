@@ -69,7 +69,7 @@ def test_the_roll_is_followed_through_a_clipping_gyro_in_a_steep_hole():
 
 
 def _gate(rate_hz: float, interval_s: float) -> float:
-    """Gate in units of the usual square after so many shocks a second, from samples of 0.01 s."""
+    """Gate in units of the usual square after shocks at this rate, from samples of 0.01 s that span the interval."""
     s = bounded.initial(bounded.Params()).record[0]
     s.shocks, s.sums.time, s.period, s.innovations.usual = rate_hz * clipping.SHOCK_MEMORY, interval_s, 0.01, 1.0
     return clipping.jump_gate(s)

@@ -27,7 +27,7 @@ TRUE = {
 
 
 def heard(link, at_s, half_s=20.0, without=(), bits=12, confidence=0.999, **changed):
-    """Words of the true values plus what is changed, rounded to so many bits of a turn (of 2 g, 100 uT)."""
+    """Words of the true values plus what is changed, with the resolution of the words' bits (a turn, 2 g, 100 uT)."""
     ranges = {meanings.G_TOTAL: 20.0, meanings.B_TOTAL: 1e-4}
     values = {}
     for name, value in TRUE.items():
