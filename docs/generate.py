@@ -56,7 +56,7 @@ def fault_cases() -> str:
 
 
 def supervision() -> str:
-    """The table of what is watched of each node."""
+    """Return the table of the readings that the surface node watches in each node."""
     from mwd_surface.live.supervision import TABLE
 
     lines = [

@@ -157,9 +157,10 @@ class AttitudeStream:
         Parameters
         ----------
         block : Block
-            Samples; rejected ones are propagated to their stamps, in place.
+            Samples. The gravity of a rejected sample is replaced by gravity propagated to its stamp.
         models : list of (place, MagneticModelInForce)
-            Field model in force from a sample of the block on; the first is in force from the start of the block.
+            Index of a sample in the block, and the field model that holds from this sample on. The first model holds
+            from the start of the block.
         events : list of BinEvent
             Bins evaluated within the block.
         precision : PrecisionRates

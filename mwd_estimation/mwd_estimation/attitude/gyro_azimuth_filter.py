@@ -73,7 +73,7 @@ def begin(p: Params, s: State) -> None:
 @compiled
 def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
     """Update with one number; ph is its covariance with the states. The station's azimuth has no gain."""
-    # Its covariances change by the gains of the other states, its variance does not (Joseph form with zero gain).
+    # The gains of the other states change the station azimuth's covariances, not its variance (Joseph form, zero gain).
     azimuth, own = s.x[Error.STATION], s.P[Error.STATION, Error.STATION]
     scalar_update(s.P, s.x, ph, variance, innovation)
     s.x[Error.STATION], s.P[Error.STATION, Error.STATION] = azimuth, own

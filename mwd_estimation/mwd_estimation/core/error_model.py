@@ -29,9 +29,9 @@ class SensorErrors:
     #: Axial magnetic field of the drill string, 1 sigma, if its collars are long enough and non-magnetic, nT.
     axial_interference_nt: float = 220.0
     cross_interference_nt: float = 0.0  #: field of the drill string across the axis, each way, nT
-    #: Tool axis against hole axis, in each direction, constant along the hole (XYM1, XYM2), deg.
+    #: Angle between tool axis and hole axis, in each direction, constant along the hole (XYM1, XYM2), deg.
     misalignment_deg: float = 0.1
-    #: Hole axis at the station against the mean hole, different at each station (XYM3E, XYM4E), deg.
+    #: Angle between the hole axis at a station and the mean hole axis, random by station (XYM3E, XYM4E), deg.
     course_misalignment_deg: float = 0.3
     #: Rotation of the accelerometers against the magnetometers about each axis, deg. Not part of the tool code; it is
     #: what remains after both were calibrated in one fixture.

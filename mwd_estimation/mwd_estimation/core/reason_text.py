@@ -155,7 +155,7 @@ WORDS: dict[Code, str] = {
     Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take it again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
     Code.PRECISION_UNIT_FAULT: "{fault}: {remedy}",
-    Code.PRECISION_UNIT_SUSPECT: "something speaks against the precision unit: not used until it is known what",
+    Code.PRECISION_UNIT_SUSPECT: "a check contradicts the precision unit: not used until the cause is known",
     Code.LATITUDE_UNKNOWN: "the latitude is not known: set place.lat_deg and place.lon_deg",
     Code.LATITUDE_POLAR: "latitude {value:.1f deg} is too near the pole: the Earth's rotation is vertical there and "
     "no gyro finds north above {limit:.0f deg}",

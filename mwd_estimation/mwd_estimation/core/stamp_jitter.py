@@ -83,7 +83,7 @@ def follows_no_period(s: JitterState) -> bool:
 def take_step(s: JitterState, step: float) -> None:
     """Take one step, s."""
     if s.count == 0 or step < 0.6 * s.period:
-        # What was taken for one period so far was two, or more, with samples missing.
+        # The period assumed so far was two or more steps long, because samples were missing.
         s.count, s.period = 0, step
     s.count += 1
     share = max(1.0 / s.count, 1.0 / _MEMORY)

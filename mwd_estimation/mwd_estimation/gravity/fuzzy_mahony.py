@@ -31,7 +31,7 @@ WINDOW_MOST = 512
 RPM = 60.0 / (2.0 * math.pi)
 # Correlation time of the disturbance assumed during a start, s.
 _ALIKE = 0.03
-# Least bandwidth at which the remaining error is observed, 1/s, and share of it with which its square is averaged.
+# Least bandwidth of the low-pass for the remaining error, 1/s; bandwidth of its mean square as a share of the first.
 _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
 _INITIALISING = int(Status.INITIALISING)

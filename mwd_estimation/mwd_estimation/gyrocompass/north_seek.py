@@ -35,7 +35,7 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 _RAMPS = range(Error.BIAS_RAMP, Error.SIZE)
 # A bias this many sigmas from zero counts as found; for an x gyro in steady rotation it may really be a scale error.
 _FOUND = 3.0
-# Least change of toolface or inclination, rad, with which a seek gives new information: half an arc of `gyro_errors`.
+# A seek gives new information if toolface or inclination changed by more than this, rad: half an arc of `gyro_errors`.
 _ANOTHER_ATTITUDE = math.radians(15.0)
 
 

@@ -19,8 +19,8 @@ WORST_SIGMA = math.radians(20.0)
 _MAX_LATITUDE_DEG = 85.0
 # Limits on the share of clipped samples, of rotation in a still seek, and of rotation in a rotating seek.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Largest rms sway of the hole axis at rest, rad, because it turns the Earth rate that the gyros measure; and least
-# inclination with which a hole has an azimuth, rad.
+# Largest rms sway of the hole axis at rest, rad: sway turns the Earth rate that the gyros measure. A hole nearer to the
+# vertical than the second angle, rad, has no azimuth.
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Rotation about an axis near horizontal east-west shows no north: least share of the Earth rate that is measured.
 _LEAST_SENSITIVITY = 0.17

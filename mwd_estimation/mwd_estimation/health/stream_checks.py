@@ -20,8 +20,8 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# Score of stamps at which they are a fault (a stamp that does not advance adds 2, one that does subtracts 1), and
-# limit.
+# A stamp that does not advance adds 2 to a score, any other subtracts 1: score from which the stamps are a fault, and
+# upper limit of the score.
 _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Least number of intervals for learning the sample rate; factors above and below which an interval is long or short.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7

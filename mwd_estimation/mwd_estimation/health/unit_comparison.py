@@ -95,7 +95,7 @@ def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began:
         constant += int(channels[k].constant_bins > 0)
     for k in range(3):
         if not still and constant < 3 and channels[k].constant_bins > 0:
-            # This includes an x gyro at the end of its range.
+            # An x gyro at the end of its range is constant too, so it counts as stuck.
             observe(checks[FaultCode.STUCK.value, k], FOR, began, channels[k].last, 0.0)
     return doubtful
 

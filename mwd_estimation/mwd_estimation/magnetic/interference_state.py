@@ -57,7 +57,7 @@ class State:
     prior: Annotated[Array, STATES, STATES]
     field: Annotated[Array, 2]  #: reference H and V, T
     last_ns: int  #: stamp of the last sample; -1 before the first
-    #: `disturbed_s`, `learnt_s`: time of uninterrupted rejection, and time learnt from since the start.
+    #: `disturbed_s`, `learnt_s`: time of the rejected samples since an accepted one, and of all accepted ones, s.
     disturbed_s: float
     learnt_s: float
 
@@ -109,7 +109,7 @@ class Innovation:
     p_vv: float
     p_vh: float
     p_hh: float
-    #: `r_vv`, `r_vh`, `r_hh`: part due to errors that last a correlation time.
+    #: `r_vv`, `r_vh`, `r_hh`: part of their covariance due to errors that last a correlation time, T^2.
     r_vv: float
     r_vh: float
     r_hh: float

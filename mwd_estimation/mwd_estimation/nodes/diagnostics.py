@@ -44,7 +44,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
         return Diagnostic("samples", OK, "all used", values=values)
     if not lately:
         return Diagnostic("samples", OK, f"all used now; {unused} were not used before", values=values)
-    # Each cause with its own remedy; what a sensor fault explains is said there.
+    # Each cause has its own remedy; sensor faults have diagnostics of their own.
     remedies = {
         "gaps, repeated stamps, sensor faults: see the other entries of this node": counters.rejected,
         "magnetic samples come later than those of the IMU: raise tool.magnetometer.delay_s": counters.late_mag,
@@ -78,7 +78,7 @@ def reference_diagnostic(reference: Reference | None) -> Diagnostic:
         message, remedy = "none: azimuth is magnetic and uncorrected", "set place.field, or call set_reference_field"
         return Diagnostic("reference field", WARN, message, remedy)
     if not reference.has_field:
-        # Its source says why it has none, and what to do.
+        # The source of the reference is a sentence: why there is no field, and what to do.
         message, _, remedy = reference.source.rpartition("; ")
         return Diagnostic("reference field", WARN, message or remedy, remedy)
     names = ("total", "dip", "declination", "convergence", "gravity")

@@ -186,7 +186,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     @property
     def _frame(self) -> str:
-        """Frame of the tool's axes: that of the samples, unless they are turned."""
+        """Frame of the tool's axes: the sonde's frame if the mount turns the samples, else the frame of the samples."""
         frame = self._inputs.frames.get("imu/data_raw", "")
         return self.frame(wire.SONDE_FRAME) if self._pipeline.mount.turns else frame
 
@@ -396,7 +396,7 @@ def main(args: Sequence[str] | None = None) -> int:
 # The estimate begins with samples that the recorder has too, so that a recording gives the same results again.
 
 
-# Longest wait for the recorder, s: it tells its state once a second, and at once when a topic begins to arrive.
+# Longest wait for the recorder, s, which publishes its status once a second, and at once when a topic begins.
 _LONGEST_S = 5.0
 # Samples of a topic that wait at most, of a unit of 1 kHz for a minute.
 _MOST = 60_000
@@ -440,7 +440,7 @@ class RecordingGate:
         self._open = False
         self._waiting: dict[str, Samples] = {}
         self._since: float | None = None
-        # Full name of each recorded topic of samples, with the first stamp, ns; 0: none came. None: not told yet.
+        # Full name of each recorded topic of samples, with the first stamp, ns; 0: no sample yet. None: no status yet.
         self._first_ns: dict[str, int] | None = None
         node.add_subscription(RecorderStatus, "recorder", self._on_status, qos.STATE)
 
@@ -597,7 +597,7 @@ class LiveRevisions:
             self.judge_again(pipeline)
 
     def judge_again(self, pipeline: Pipeline) -> None:
-        """Judge all surveys by what the pipeline knows now: call it after a survey, or where a fault has changed."""
+        """Judge all surveys again with the pipeline's present data; call this after a survey or a change of a fault."""
         if self._surveys:
             self._waiting = pipeline.judging_again(_NEWEST)
 
@@ -624,7 +624,7 @@ class LiveRevisions:
             self._job = self._executor.submit(waiting)
 
     def _revise(self, number: int, now: DecidedSurvey) -> None:
-        """Publish a revision that differs from what was said of the survey last."""
+        """Publish a revision if it differs from the last published value of the survey."""
         if number not in self._surveys:
             return
         first, last = self._surveys[number]

@@ -24,7 +24,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
-# Number of samples from which a rate is computed, and the share that is lost; share from which on it is reported.
+# Number of samples for the rate, number of samples for the lost share, and lost share that is reported.
 _RATED, _COUNTED, _LOST = 16, 500, 0.03
 # Difference of the stamps of topics that arrive together, s; number of blocks in a row with a larger difference after
 # which the stamps are not used.
@@ -288,7 +288,7 @@ class InputTopics:
             skew_s = self._skew_ns.get(topic, 0) * 1e-9
             if self._is_skewed(topic) and not self.silent(topic):
                 way = "ahead of" if skew_s > 0.0 else "behind"
-                message = f"{topic} is {abs(skew_s):.1f} s {way} imu/data_raw: it is not used together with it"
+                message = f"{topic} is {abs(skew_s):.1f} s {way} imu/data_raw: the two are not used together"
                 found.append(Diagnostic(f"time {topic}", ERROR, message, "stamp both with one clock"))
         return found
 

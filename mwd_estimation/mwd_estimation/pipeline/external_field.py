@@ -131,8 +131,8 @@ class _Section:
             letters = ", ".join(sorted(have))
             raise ValueError(f"{name}: components {letters} are not X, Y, Z nor H, D, Z nor H, E, Z nor D, I, F")
         if "D" in have and self.baseline is not None and not np.isnan(declination).all():
-            # Some files give the full declination, others a variometer's angle from its baseline: choose the nearer
-            # one.
+            # Some files give the full declination, others a variometer's angle from its baseline. An angle nearer to
+            # zero than to the baseline is from a variometer.
             middle = float(np.nanmedian(declination))
             if abs(wrap_pi(middle)) < abs(wrap_pi(middle - self.baseline)):
                 declination = declination + self.baseline

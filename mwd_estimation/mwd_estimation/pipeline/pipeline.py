@@ -328,7 +328,7 @@ class Pipeline:
 # An estimate that is younger than this begins again with its first sample, ns: too young for a survey to be lost or
 # taken twice. An older one begins with the next sample.
 _YOUNG_NS = 2_000_000_000
-# Largest number of samples that are kept of each stream: those of a unit of 10 kHz, also while its time stands still.
+# Largest number of samples kept of each stream: 2 s of a unit of 10 kHz. It also holds while the stamps do not advance.
 _MOST = 20_000
 _ALL = sum(len(vectors) for vectors in VECTORS.values())
 _MAG = "magnetic_field"
@@ -372,9 +372,9 @@ class NoiseOnset:
 
     def next_change(self, samples: Samples) -> tuple[int, Mapping[str, Noise] | None]:
         """
-        Return how many of these samples of the conventional unit precede the next change of the noise.
+        Return the number of these samples of the conventional unit that come before the next change of the noise.
 
-        Also return the noise that counts after them, by vector; None if nothing changes within the samples.
+        Also return the noise of each vector from that change on; None if the noise does not change within the samples.
         """
         known_ns = {
             vector: ns + (self._delay_ns if vector == _MAG else 0)

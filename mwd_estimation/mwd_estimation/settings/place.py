@@ -81,7 +81,8 @@ class Place:
     )
     declination_deg: float | None = setting(
         None,
-        "Magnetic north from true north at the fixed field, east positive; nan: not given, azimuths stay magnetic.",
+        "Declination of the fixed field: the angle from true north to magnetic north, east positive. nan: not given, "
+        "azimuths stay magnetic.",
         unit="deg",
         low=-180.0,
         high=180.0,
@@ -102,7 +103,8 @@ class Place:
     )
     convergence_deg: float | None = setting(
         None,
-        "Grid north from true north at the fixed field, east positive; nan: no grid is given.",
+        "Grid convergence at the fixed field: the angle from true north to grid north, east positive. nan: no grid is "
+        "given.",
         unit="deg",
         low=-180.0,
         high=180.0,

@@ -64,12 +64,12 @@ class Provisional:
 
     survey: DecidedSurvey
     measured: Measured
-    finding: Finding | None = None  #: what the run says of its azimuth; None where nothing does
+    finding: Finding | None = None  #: finding of the run about its azimuth; None if there is no finding
     #: (ndarray (22,), ndarray (22, 22)) or None; what the run shows of the errors that its stations share, as
     #: `RunModel.shared`.
     shared: tuple[Array, Array] | None = None
-    #: What was known then to speak against its sensors. What later samples show has no say, for how many of them are
-    #: known when a survey is completed depends on how they were cut into blocks.
+    #: Evidence against its sensors when the survey was completed. Later samples are ignored: how many of them are known
+    #: by then depends on how the samples are cut into blocks.
     against: Accusation | None = None
 
     @property
@@ -122,7 +122,7 @@ class SurveyDecision:
     def __init__(self, settings: StationSettings, faults: FaultHistory) -> None:
         self._settings, self._faults = settings, faults
         self._run = RunModel(settings)
-        # Stations of the run in order, with what was found of them, and what left the estimator, by number.
+        # By survey number: stations of the run, in order, with their findings; and the published surveys.
         self._taken: dict[int, tuple[Taken, Finding | None]] = {}
         self._published: dict[int, _Published] = {}
         # The last survey whose azimuth the gyros propagate.
@@ -272,7 +272,7 @@ def _by_the_run(
         now[number] = first
         if finding is not None and finding.repeats is not None:
             continue
-        # What came from a station that is itself revised says nothing any more.
+        # An azimuth propagated from a station that is itself revised is not valid any more.
         if finding is not None and known is not None and above not in revised:
             finding = finding.continued(*known)
         station = judged(one.measured, finding, settings)

@@ -56,7 +56,7 @@ class FaultHistory:
 
     def __init__(self) -> None:
         self._known: dict[int, SensorFault] = {}
-        # Of each sensor: the stamps from which and up to which it was in doubt, in order.
+        # The intervals in which each sensor was in doubt: first and last stamp, in order.
         self._doubts: dict[int, list[tuple[int, int]]] = {}
 
     def note(self, change: SensorFault) -> None:
@@ -167,7 +167,7 @@ def withdrawn(survey: DecidedSurvey, standing: Iterable[SensorFault]) -> Decided
 
 
 def _accusation(verdict: str, found: Sequence[tuple[int, Reason]]) -> Accusation | None:
-    """Return what speaks against sensors, given by their bits with the reason; None where nothing does."""
+    """Return the accusation from pairs of sensor bits and reason; None if there are none."""
     level = any(bits & ~MAG for bits, _ in found)
     return Accusation(verdict, tuple(reason for _, reason in found), level) if found else None
 

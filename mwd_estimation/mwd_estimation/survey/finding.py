@@ -18,9 +18,9 @@ from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# A gyro whose probability of being wrong has risen by more than this factor is contradicted by something.
+# Another sensor contradicts a gyro if the probability that the gyro is wrong rises by more than this factor.
 _CONTRADICTED = 2.0
-# Azimuth known from the station above: half width, rad, and the share that it leaves to all other azimuths.
+# Azimuth propagated from the station above: 1 sigma added to it, rad, and probability of any other azimuth.
 _CONTINUITY, _BROKEN = math.radians(5.0), 0.05
 # A gyro with a larger share than this makes the azimuth.
 _MOSTLY = 0.5

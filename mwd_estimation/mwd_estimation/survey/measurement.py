@@ -39,10 +39,10 @@ _NO_FIELD = 1e-12
 _NO_GRAVITY = 1e-3
 # Where there is no horizontal field any field serves for the slopes of inclination and toolface, T.
 _ANY_FIELD = (1e-5, 2e-5, 3e-5)
-# Axial interference that the single-station correction thinks of, 1 sigma, T.
+# Axial interference that the single-station correction assumes, 1 sigma, T.
 _PLAUSIBLE = 3e-6
-# Its azimuth is refused where it is less certain, nearer to the vertical, rad, or where the field across the axis does
-# not fit: chi-square of one degree of freedom exceeded by chance once in 1000.
+# A corrected azimuth is refused if its 1 sigma is larger than this, rad, if the hole is nearer to the vertical than
+# this, rad, or if the chi-square of the cross-axial field (one degree of freedom, by chance once in 1000) is larger.
 _LEAST_CERTAIN = math.radians(3.0)
 NEAR_VERTICAL = math.radians(1.0)
 _MISFIT = chi_square.limit(0.001, 1)
@@ -252,7 +252,7 @@ def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[N
     if turn is not None:
         return NorthTurn(north, turn), ()
     if north == "true" and not has_field:
-        # A gyro finds it without a declination, and there is nothing else to refer to it.
+        # A gyro finds true north without a declination, and without a field no magnetic azimuth has to be converted.
         return NorthTurn(north, 0.0), ()
     missing = "declination and convergence" if north == "grid" else "declination"
     return NorthTurn("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)

@@ -25,7 +25,7 @@ from mwd_estimation.survey.run_model import RunModel, Taken, elapsed
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.station_settings import StationSettings
 
-# Probability of an external field from which the others of the run speak against a station.
+# A station with a larger probability of an external field is an outlier of its run.
 _OUTLIER = 0.5
 # A run is divided where the hazard of another string is larger than this, rather than in the middle.
 _GAP = 0.1

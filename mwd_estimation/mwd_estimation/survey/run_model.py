@@ -34,13 +34,13 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # Share of the variance of what lasts in a gyro's error that stays the same from station to station.
 _SAME = 0.7
-# Least 1 sigma of it, rad: steps of the bias are counted in it.
+# Least 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
 # A reference farther from the run's first one belongs to another place: T, rad.
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Two stations whose gravity and field lie nearer to each other in tool axes than this, rad, are at one attitude.
 _STAYED = math.radians(0.5)
-# What a string has told that never turned.
+# Estimate from a string that has never turned: no information.
 _NOTHING = Across(np.zeros(2), math.inf)
 # Time between two stations where it is not known, h.
 _STAND = 0.5
@@ -114,7 +114,7 @@ class RunModel:
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
         """
-        Take a station in: what is found of it, None where nothing says anything of the azimuth.
+        Process a station; return the finding about its azimuth, None if no sensor measures the azimuth.
 
         learn: whether the station counts for those after it.
         """
@@ -231,7 +231,7 @@ class RunModel:
 
     def _take_turning(self, model: RunFilter, turning: Turning) -> None:
         """
-        Measure mount and bias across the tool by the turning string, once it tells twice what it told before.
+        Update mount and cross-axial bias from the turning string, once the information has doubled since the last time.
 
         The errors of the two, which share where the magnetometers have the axis of rotation, count as independent.
         """
@@ -252,7 +252,7 @@ class RunModel:
                 self._told[name] = now
 
     def _lay_before(self, one: Row) -> int | None:
-        """Return the last station at which the tool lay alike: an error there repeats here and tells nothing new."""
+        """Return the last station with the same attitude of the tool: the same errors give no information."""
         if not self._lay:
             return None
         apart = np.linalg.norm(np.array(self._lay) - np.array(_directions(one)), axis=2)

@@ -191,7 +191,7 @@ class TurningString:
             self._fit()
             self._begin()
         elif len(self._rows) >= _MOST_BINS:
-            # It turned a little and stands since.
+            # The string turned a little and has stopped.
             self._begin()
 
     @property
@@ -214,14 +214,14 @@ class TurningString:
         middle, rate = 0.5 * self._roll, self._roll / (len(self._rows) * BIN_NS * 1e-9)
         least = max(_SAMPLES * _BINS, _PER_TURN * abs(self._roll) / math.tau)
         for triad, rows in ((self._force, self._rows), (self._field, self._fields)):
-            # A magnetometer that failed for a part of the window tells nothing of it.
+            # Use a triad only if it has samples in the whole window; the magnetometer may have failed in between.
             if len(rows) == len(self._rows) and sum(len(roll) for roll, _, _ in rows) >= least:
                 roll, rates, values = (np.concatenate(parts) for parts in zip(*rows, strict=True))
                 triad.add(_columns(roll, middle, rates / rate - 1.0), values, rate)
 
 
 def _tells(columns: Array) -> bool:
-    """Whether the samples of a window tell a delay from what else is fitted; columns, shape (n, 12)."""
+    """Return whether a window separates the delay from the other fitted values; columns, shape (n, 12)."""
     size = np.linalg.norm(columns, axis=0)
     if not size.min() > 0.0:
         return False

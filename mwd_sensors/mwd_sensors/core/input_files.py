@@ -223,7 +223,7 @@ class _Keys:
     """Keys of the tables that are open: one that comes twice would count with its last value, and nobody be told."""
 
     def __init__(self) -> None:
-        # Of each open collection the keys so far (None: a list), and whether a key comes next.
+        # The keys so far of each open collection (None: a list), and whether a key comes next.
         self._open: list[tuple[set[str] | None, bool]] = []
 
     def take(self, event: Any) -> None:

@@ -27,7 +27,7 @@ def moment(text: str) -> dt.datetime:
     try:
         return found.replace(tzinfo=found.tzinfo or dt.UTC).astimezone(dt.UTC) + dt.timedelta(seconds=leaps)
     except OverflowError as error:
-        raise ValueError(f"{text!r} is beyond the calendar") from error
+        raise ValueError(f"{text!r} is not within the years 1 to 9999") from error
 
 
 def stamp_ns(at: dt.datetime) -> int:

@@ -192,7 +192,7 @@ class SerialProbe:
         return found if self.clock_known else []
 
     def _polled(self, master: polled_line.Master, data: bytes, moment: float, now_ns: int) -> list[Reading]:
-        """Return the samples of the reply that bytes complete, and send the request that is due."""
+        """Return the samples of the replies that `data` completes, and send the next request if it is due."""
         found: list[Reading] = []
         for values, sent_s in master.take(data, moment):
             # The unit measures somewhere between request and reply.
@@ -274,7 +274,11 @@ class SerialProbe:
             self._command("time", now_ns)
 
     def _ask_for_samples(self) -> bool:
-        """Send the command to start or stop samples; return whether it could be sent. A polled unit needs none."""
+        """
+        Send the command to start or stop samples; return whether it could be sent.
+
+        A polled unit needs no command; then return True.
+        """
         if self._settings.protocol == "polled":
             return True
         if self._settings.protocol == "xsens":

@@ -171,7 +171,8 @@ class SondeNode(GraphNode[SondeSettings]):
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _start(self) -> Sonde:
-        # The estimator would take a repetition of the first start's noise for a link that sends its buffer twice.
+        # Each start has other noise. If the noise of the first start came again, the estimator would reject the samples
+        # as a link's buffer that was sent twice.
         sonde = self._sonde = Sonde(self._scenario, self.get_clock().now().nanoseconds, self._starts)
         self._starts += 1
         self._blocks: Iterator[dict[str, Samples]] = sonde.blocks(_BLOCK_S)

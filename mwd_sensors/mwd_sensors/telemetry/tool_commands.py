@@ -169,7 +169,7 @@ def about(tool: ToolConfiguration, frame: Frame) -> str:
 
 def _chosen(table: tuple[float, ...], place: int, name: str) -> float:
     if place >= len(table):
-        raise ValueError(f"{name}: the tool has {len(table)} to choose from, got number {place}")
+        raise ValueError(f"{name}: the tool has {len(table)} values, numbered from 0; got number {place}")
     return table[place]
 
 

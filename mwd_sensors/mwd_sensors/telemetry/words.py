@@ -89,7 +89,7 @@ class Word:
             The value is not finite.
         """
         if not math.isfinite(value):
-            raise ValueError(f"value: a word has no code for {value!r}")
+            raise ValueError(f"value: must be a finite number, got {value!r}")
         count = self.codes(bits)
         if self.logarithmic:
             part = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)

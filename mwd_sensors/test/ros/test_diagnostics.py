@@ -19,7 +19,7 @@ def test_an_exception_is_an_error_while_it_is_recent_and_a_count_afterwards(monk
     assert (found.level, found.values) == (ERROR, (("rig/state", "1"),))
     now[0] += 3.0 * CallbackFailures.RECENT_S
     (found,) = failures.diagnostics()
-    assert (found.level, found.message) == (OK, "none for 3 min; before that see the log")
+    assert (found.level, found.message) == (OK, "no failure for 3 min; see the log")
     failures.count("rig/state")
     (found,) = failures.diagnostics()
     assert (found.level, found.values) == (ERROR, (("rig/state", "2"),))

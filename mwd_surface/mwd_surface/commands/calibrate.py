@@ -96,7 +96,7 @@ def _data(
             terminal.warn(remark)
         return found
     if names := given_names(reading):
-        raise ValueError(f"{names[0]}: says how a recording is read; {run} is none, but a scenario")
+        raise ValueError(f"{names[0]} is an option for recordings; {run} is a scenario")
     scenario = _scenario(run, unit, grade, seed)
     with terminal.waiting(f"simulating {scenario.name}"):
         return calibration_run.simulated(scenario, unit), scenario, 0

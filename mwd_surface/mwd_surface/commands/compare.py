@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 def compare(
     run_a: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Results of `mwd process`, a recording, or a golden folder.")
+        Path, typer.Argument(metavar="RUN", help="Results of `mwd process`, a recording, or a folder of a golden run.")
     ],
     run_b: Annotated[
         Path | None,
-        typer.Argument(metavar="[EXPECTED]", help="Reference of the comparison: results, or a golden folder."),
+        typer.Argument(metavar="[EXPECTED]", help="Reference of the comparison: results, or a golden run."),
     ] = None,
     limit: Annotated[
         list[str] | None,
         typer.Option("--limit", metavar="NAME=VALUE", help="Allowed difference. May be repeated."),
     ] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Store the present results of a golden folder's bag as the expected ones.")
+        bool, typer.Option("--accept", help="Store the present results of a golden run's bag as the expected results.")
     ] = False,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Plot of both runs to write, PNG.", metavar="PNG")
@@ -34,9 +34,9 @@ def compare(
     """
     Show the differences of two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
 
-    Without limits, every printed digit counts. A golden folder contains its own limits, each with its reason; given
-    alone, its bag is processed and compared with its stored results. A recording is processed with the settings of the
-    expected run.
+    Without limits, every printed digit counts. The folder of a golden run holds a bag, the results to expect, and
+    limits with their reasons; given alone, its bag is processed and compared with these results. A recording is
+    processed with the settings of the expected run.
 
     \b
     Examples:

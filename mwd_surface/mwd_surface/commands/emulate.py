@@ -65,7 +65,7 @@ def _samples(source: str, reading: Reading) -> Iterator[dict[str, Samples]]:
     """Return the samples of a recording or of a scenario, by topic, in blocks of time."""
     if not Path(source).exists() or Path(source).suffix in (".yaml", ".yml"):
         if names := given_names(reading):
-            raise ValueError(f"{names[0]}: says how a recording is read; {source} is none, but a scenario")
+            raise ValueError(f"{names[0]} is an option for recordings; {source} is a scenario")
         from mwd_sensors.simulator import scenario_files
         from mwd_sensors.simulator.scenario import read
         from mwd_sensors.simulator.sonde import Sonde

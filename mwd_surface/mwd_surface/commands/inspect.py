@@ -94,7 +94,9 @@ def inspect(
         ("mount", found.mount),
         (
             "turning",
-            f"{found.turns_about} in axes of the IMU" if found.turns_about else "not observed: axes not checked",
+            f"{found.turns_about} in axes of the IMU"
+            if found.turns_about
+            else "the tool never turns in this recording: axes not checked",
         ),
         ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),
         ("surveys", _verdicts(found.surveys)),

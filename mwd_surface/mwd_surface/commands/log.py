@@ -28,7 +28,7 @@ def log(
     step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
     well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the recording has several.")] = "",
     compute: Annotated[
-        bool, typer.Option("--compute", help="Compute the samples from counts and IMU, also if they are recorded.")
+        bool, typer.Option("--compute", help="Compute the samples from counts and IMU, even if the recording has them.")
     ] = False,
     tool: Annotated[
         Path | None, typer.Option("--tool", help="Tool configuration with the log channels, for --compute.")
@@ -87,4 +87,4 @@ def log(
     if found.disordered:
         terminal.warn(f"{found.disordered} samples came after later ones and were placed as they came")
     names = ", ".join(found.channels) or "no channel"
-    terminal.output().print(f"{output}: {names}, {which} pass, steps of {step:g} m", markup=False)
+    terminal.output().print(f"written: {output} ({names}; {which} pass, depth steps of {step:g} m)", markup=False)

@@ -66,7 +66,8 @@ def merge(
     a survey that never arrived is added; `mwd report` and `mwd export` read the file.
 
     Offset and drift of the clock come from the rotation that rig and tool have both recorded. Where the memory has a
-    channel, its samples replace those of the run, which rest on the same pulses; a hole of the memory keeps the run.
+    channel, its samples replace those of the run, which rest on the same pulses; in a gap of the
+    memory the samples of the run remain.
 
     \b
     Examples:
@@ -120,7 +121,9 @@ def merge(
         )
         surveys.parent.mkdir(parents=True, exist_ok=True)
         write_whole(surveys, encoded(listed))
-        say.print(f"{surveys}: {revised} surveys revised by the memory, {added} added", markup=False)
+        text = f"written: {surveys} ({revised} surveys revised from the tool's memory, {added} added)"
+        say.print(text, markup=False)
     for line in gap_lines(logs[1], which):
         terminal.warn(line)
-    say.print(f"{output}: {', '.join(logs[1].channels)}, {which} pass, steps of {step:g} m", markup=False)
+    channels = ", ".join(logs[1].channels)
+    say.print(f"written: {output} ({channels}; {which} pass, depth steps of {step:g} m)", markup=False)

@@ -135,7 +135,7 @@ def path(
         files[stored.name] = encoded(surveys)
     _show(table)
     if against is not None:
-        # Options for the list do not apply to the other one.
+        # The options that say how to read LIST do not apply to the list of --against.
         others = {**options, "tie_on": None, "every": every}
         try:
             other = _surveys(against, others, assigned(against_set, "--against-set"), against_code, surveys)

@@ -192,11 +192,11 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
         if node in known:
             changes.setdefault(node, {})[rest] = value
             continue
-        # The receiver has parameters of the same names: what is set of it names it.
+        # The receiver has parameters of the same names; they are set as receiver.NAME.
         owners = [owner for owner, table in known.items() if name in table and owner != "receiver"]
         if len(owners) > 1:
             raise settings.SettingsError(
-                f"{name}: both {' and '.join(owners)} have it; write for example {owners[0]}.{name}"
+                f"{name}: {' and '.join(owners)} have this parameter; write for example {owners[0]}.{name}"
             )
         if not owners:
             there = [*known["estimator"], *(f"{o}.{n}" for o in ("surface", "sonde") for n in known[o])]

@@ -76,7 +76,7 @@ def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
     console = output()
     for name, value in lines:
         said = say(name)
-        # Both are translated already, and a name with its value is not a sentence.
+        # Translate name and value one by one: together they are not a sentence.
         console.print((f"{' ' * (width - cell_len(said))}{said}  {say(value)}"), markup=False)
 
 

@@ -55,7 +55,7 @@ def check(
     on: Annotated[
         Path | None,
         typer.Option(
-            "--on", help="Pressure of the tool (as in `mwd decode`), to find pulse width, sync and parity blindly."
+            "--on", help="Pressure with the tool's signal (as in `mwd decode`), to find pulse width, sync and parity."
         ),
     ] = None,
     columns: Annotated[str, typer.Option(help="Columns of the pressure, as in `mwd decode`.")] = "",

@@ -191,7 +191,7 @@ class ControlAuthority:
             if pending is None:
                 return False, "no request waits"
             if number != pending.number and (number or judgement == Judgement.GRANT):
-                which = f"request {number} waits no more" if number else "number: must be that of the request"
+                which = f"request {number} is no longer waiting" if number else "number: must be that of the request"
                 return False, f"{which}; request {pending.number} of {pending.name} waits"
             self._pending = None
             if judgement == Judgement.GRANT:

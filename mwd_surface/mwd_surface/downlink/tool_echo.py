@@ -50,7 +50,7 @@ class ToolEcho:
             for old in codes[: codes.index(code) + 1]:
                 del self._sent[old]
         else:
-            # This word may have been on its way when a command arrived, but for no longer than an answer takes.
+            # The tool may have sent this echo before a command arrived: wait until the command's echo is overdue.
             self._sent = {
                 old: now + answer_s if math.isnan(by) else by for old, by in self._sent.items() if not by < now
             }

@@ -240,7 +240,7 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
 
 
 def _assumed(table: SurveyTable, k: int) -> str:
-    """Return the assumption about a station that is not a survey; a survey has it among its flags."""
+    """Return the note on what is assumed at a station without a survey; the flags of a survey contain this note."""
     if table.path.kind[k] == ASSUMED:
         return "assumed, not surveyed"
     return "coordinates assumed" if table.path.assumed and table.records[k] is None else ""

@@ -64,7 +64,7 @@ def report_pdf(table: SurveyTable) -> bytes:
 
         @contextlib.contextmanager
         def use_font_face(self, font_face: FontFace) -> Iterator[None]:
-            """Print with a font face, bold also if the font has no bold weight."""
+            """Print with a font face; thicken the strokes for bold if the font has no bold weight."""
             with contextlib.ExitStack() as stack:
                 if wide and font_face and font_face.emphasis:
                     width = _STROKE * (font_face.size_pt or self.font_size_pt) / self.k

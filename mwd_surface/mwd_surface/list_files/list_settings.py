@@ -2,8 +2,8 @@
 """
 Facts about a list that its file does not state, under the same names in commands, node settings and YAML files.
 
-A question of the reader names an option of `mwd path`, such as "--confirm dogleg". Where the list is named elsewhere,
-as a plan or an offset well, `asked` puts the same word as it is written there.
+The reader's messages name options of `mwd path`, such as "--confirm dogleg". For a list that is read elsewhere, such as
+a plan or an offset well, `asked` rewrites the option in the form that is used there, such as "plan.confirm=dogleg".
 """
 
 from __future__ import annotations

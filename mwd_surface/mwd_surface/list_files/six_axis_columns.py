@@ -87,7 +87,7 @@ _PRINTED = {
     },
     "azimuth": _Quantity("azimuth", ANGLE_UNITS, _AZIMUTHS),
 }
-# What stays the same within a run: the run or assembly, and the tool.
+# Column names of the run or assembly, and of the tool; their values are the same within a run.
 _RUN = ("run", "run_no", "run_number", "run_id", "bha", "bha_no", "bha_number", "bha_run", "assembly")
 _TOOL = ("tool", "tool_id", "tool_no", "tool_serial", "serial", "serial_no", "sonde")
 _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "timestamp", "stamp_ns", "utc")

@@ -184,7 +184,7 @@ def _printed(
         turn, azimuth = north_correction(reference, north), of(f"azimuth_{north}")
         if turn is not None and math.isfinite(azimuth):
             return of("inclination"), azimuth - turn
-    # Of an unnamed north: the one that the reference leads to. A declination does not change this.
+    # An azimuth without a named north counts from the best north that the reference allows.
     return of("inclination"), of("azimuth") - (north_correction(reference, best_north(reference)) or 0.0)
 
 

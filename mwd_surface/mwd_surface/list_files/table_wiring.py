@@ -40,9 +40,9 @@ _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
 _ANOTHER_ATTITUDE = math.radians(10.0)
 _ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s^2": 0.3048, "Gal": 0.01}
 _FIELDS = {"nT": 1e-9, "uT": 1e-6, "mT": 1e-3, "T": 1.0, "gauss": 1e-4, "mgauss": 1e-7}
-# So many ways to put a wiring right are named.
+# Largest number of corrections of a wiring that a message names.
 _NAMED = 4
-# A dead axis reads the same within this share of the total while, by the other two, it should move by the second.
+# An axis is dead if it varies by less than the first share of the total although the others require the second.
 _CONSTANT, _MOVES = 5e-4, 0.1
 # Part of the share above by which a total is off.
 _OFF_SHARE = 0.3
@@ -109,7 +109,7 @@ def wiring_faults(force: Sensor, field: Sensor, expected: Expected) -> tuple[Rea
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
     """Return the unit in which the readings have the right total, where that is another one than was read."""
     ratio = float(np.median(np.linalg.norm(values, axis=1))) / sensor.total
-    # A factor of two is not a unit: without a usable reference, or with a strange total, nothing is said.
+    # Units differ by more than a factor of two: a smaller ratio has another cause, such as a wrong reference.
     if not math.isfinite(ratio) or 0.5 < ratio < 2.0:
         return None
     return next(
@@ -172,7 +172,7 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
     fits = (np.abs(dips - dip[known]) < _DIP_FITS).mean(axis=2) if known.any() else np.ones((len(f), len(b)))
     off = _directions_off(f, b, printed_inclination, printed)
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
-        # What the table says of itself: of the wirings with these angles, those with the best dips.
+        # Compare with the angles in the table: of the wirings that fit them, keep those with the best dips.
         fitting = (off < _DIRECTION_FITS) & (_BETTER * off < off[_AS_IT_IS, _AS_IT_IS])
         fitting &= fits >= max(float(fits[_AS_IT_IS, _AS_IT_IS]), 1.0 / len(dip))
     elif _independent(f_t, b_t) and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW:

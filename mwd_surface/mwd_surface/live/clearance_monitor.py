@@ -65,7 +65,7 @@ class ClearanceMonitor:
         log = self._alarm_log
         if near is None or isinstance(near, str):
             self._live.show(self._clock.now, clearance=(), clearance_remarks=())
-            # What cannot be compared any more is as near as it was: a separation alarm stands.
+            # A text means that the wells cannot be compared now: keep the alarm, because they may still be near.
             if near is None:
                 log.clear_alarm(_SEPARATION)
             self._report_file((near,) if near else ())

@@ -133,7 +133,7 @@ class DiagnosticsMonitor:
             for status in found:
                 level, what = _level(status), status.name.partition(": ")[2]
                 alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
-                # Its own errors raise alarms where they happen, but for what the middleware says.
+                # Errors of this node raise alarms where they occur, except those of the middleware.
                 own = node == self._own_name and not what.startswith("middleware")
                 if alarming and not own and f"input.{what}" not in _SUPERVISED:
                     severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING

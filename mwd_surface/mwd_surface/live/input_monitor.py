@@ -12,7 +12,7 @@ from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS, SourceSelecti
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.list_rules import DEEPEST
 
-# Their data are stamped by us when they arrive.
+# Data of these rig interfaces get the surface's time when they arrive.
 _OURS = (OPCUA, WITS, MODBUS)
 
 
@@ -154,7 +154,7 @@ class BlockTrack:
 
     def carry(self, samples: Samples) -> Samples:
         """
-        Return rig data, `wire.RIG_STATE`, with a bit depth also where block and slips give one; marked valid.
+        Return rig data, `wire.RIG_STATE`; where the source sends no bit depth, block and slips give one, marked valid.
 
         The data are those of one source, or of one after the other, oldest first; they are not changed in place.
         """

@@ -103,7 +103,7 @@ class LinkMonitor:
         for pump, at in zip(message.pump, message.stamp, strict=True):
             times = self._strokes.setdefault(int(pump), deque(maxlen=_STROKES))
             if times and not 0 < stamp_of(at) - times[-1] <= _SLOWEST_NS:
-                # It stood: its rate is that since it started again.
+                # The pump stopped: count its rate from the restart.
                 times.clear()
             times.append(stamp_of(at))
 

@@ -166,7 +166,7 @@ class LiveWell:
         self.topics = frozenset({*self._handlers, *self._supervision.topics})
 
     def _handlers_of(self, *, over_link: bool) -> dict[str, Callable[[bytes], None]]:
-        """From topic to what takes its serialised messages."""
+        """Return the function that processes the serialised messages of each topic."""
 
         def decoded(topic: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
             return lambda data: take(self._decode(topic, data))
@@ -241,7 +241,7 @@ class LiveWell:
             self.clock.now_ns = end
             while taken < len(waiting) and waiting[taken][0] <= end:
                 arrived_ns, topic, data = waiting[taken]
-                # What the surface publishes between two cells, its page shows from the end of the former on.
+                # The page shows a message of the surface from the start of the time cell in which it was published.
                 self._said.shown_ns = arrived_ns - arrived_ns % CELL_NS
                 self._dispatch(topic, data)
                 taken += 1
@@ -353,7 +353,7 @@ __all__ = ["LiveWell", "WellOutlet", "WellSettings", "first_list", "live_setting
 # Find the alarms that are evaluated. A missing alarm means nothing while its cause was not looked for.
 
 
-# What is judged, in words, and the topics of which one must have come.
+# Name of each input that is judged, and its topics; one of them must have arrived.
 _DIRECT = (
     ("samples of the sonde", ("imu/data_raw", "imu/mag", "imu/temperature")),
     ("attitude and surveys", ("attitude",)),

@@ -143,7 +143,7 @@ class SaidByTheSurface:
         if hand is None or math.isnan(hand.bit_depth + hand.data_age):
             return
         set_ns = stamp_of(message.header.stamp) - round(hand.data_age * NANOSECONDS)
-        # A depth is told at the moment at which it is set; a recording that begins later has its age.
+        # A depth is published when it is set, with age 0; a recording that begins later has its present age.
         known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
         if hand.data_age == 0.0 or not known:
             self._on_depth_by_hand(hand.bit_depth, hand.data_age)

@@ -34,8 +34,8 @@ class SourceRules:
     )
     settle: float = setting(
         10.0,
-        "Time for which a preferred source must send without such a gap before it is used again. Raise it where a "
-        "source comes and goes.",
+        "Time for which a preferred source must send, without a gap of silent_after, before it is used again. Raise it "
+        "for a source that comes and goes.",
         unit="s",
         low=0.0,
         high=3600.0,
@@ -52,7 +52,7 @@ class SourceRules:
     )
 
 
-# Of a topic whose sources have no order: the first one stays.
+# Rules for a topic whose sources have no order: the first source stays in force.
 EQUAL = SourceRules(priority=[])
 
 

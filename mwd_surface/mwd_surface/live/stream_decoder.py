@@ -125,7 +125,7 @@ class StreamDecoder:
             for frame in dict.fromkeys(named):
                 of_frame = [message for message, name in zip(messages, frames, strict=True) if name == frame]
                 self._on_rig_input(frame, wire.decode_messages(wire.RIG_STATE, of_frame)[0])
-        # What has no readable header is left for the decoder to count.
+        # Keep messages without a readable header: the decoder counts them as unreadable.
         return [message for message, frame in zip(messages, frames, strict=True) if frame in (source, None)]
 
     def update(self, now: float) -> None:

@@ -211,7 +211,7 @@ TABLE = (
         Severity.WARNING,
         "use a faster disk, or record fewer topics",
         "what does not fit is dropped, counted and recorded as an event",
-        "everything but a part of the recording",
+        "everything continues; only a part of the recording is missing",
     ),
 )
 

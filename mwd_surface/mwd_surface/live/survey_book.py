@@ -250,7 +250,7 @@ class SurveyBook:
     # The list and its path, shown.
 
     def on_list(self, surveys: SurveyList) -> None:
-        """Put a list in force that a surface told, along the planned path of this well where it has one."""
+        """Replace the list by one that a surface node published, along the planned path of this well if it has one."""
         plan = self._plan.plan
         self.replace(surveys if plan is None else surveys.along(plan))
 

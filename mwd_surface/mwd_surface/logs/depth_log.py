@@ -72,7 +72,7 @@ class Curve:
         Bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap.
     gaps : tuple of (float, float)
         Intervals of depth without a value, top and bottom, m, from the first value of the channel in the whole well to
-        its last, or to the depth that its sensor has reached if it stopped; also where this curve is only a part.
+        its last, or to the depth that its sensor has reached if it stopped; even if this curve is only a part.
     """
 
     channel: str
@@ -501,7 +501,7 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
             scores[k + most] = np.corrcoef(a[both], b[both])[0, 1]
     if np.isnan(scores).all():
         return math.nan, math.nan
-    # Of equal shifts, which a log that repeats itself has, the smallest.
+    # Prefer the smallest of several equally good shifts; a periodic log has such shifts.
     best = int(np.nanargmax(scores - 1e-9 * np.abs(np.arange(-most, most + 1))))
     part = 0.0
     if 0 < best < 2 * most and np.isfinite(scores[best - 1 : best + 2]).all():
@@ -537,8 +537,8 @@ _LIMITS: dict[str, Callable[[LogSample], bool]] = {
         and all(0.0 <= seconds <= _LONGEST_S for seconds in one.sector_durations)
     ),
     f"numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
-    "value beyond every measurement": lambda one: all(map(_small, (one.value, *one.sectors))),
-    "sigma or counts negative or beyond every measurement": lambda one: all(
+    "value larger than any measurement": lambda one: all(map(_small, (one.value, *one.sectors))),
+    "sigma or counts negative or larger than any measurement": lambda one: all(
         _within(number, 0.0, _LARGEST) for number in (one.sigma, one.counts, *one.sigma_sectors)
     ),
 }

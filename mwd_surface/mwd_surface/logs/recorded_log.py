@@ -38,7 +38,7 @@ def recorded_samples(bag: Bag, well: str = "", source: str = DIRECT) -> list[Log
             return [sample for sample in found if of_link(sample, source)]
     raise BagError(
         f"{bag.path} has no log samples" + (f" of {well}" if well else ""),
-        "use `--compute` to compute them from the counts and the IMU, if it has these",
+        "if it has pulse counts and an IMU, compute the log samples with `--compute`",
     )
 
 

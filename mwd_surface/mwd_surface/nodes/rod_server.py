@@ -117,7 +117,7 @@ class RodServer:
             )
             log.log_event("rods", text, Severity.WARNING)
         else:
-            log.log_event("rods", f"rod told by {operator_name}: {words}")
+            log.log_event("rods", f"rods counted by {operator_name}: {words}")
         if change == 1 and missed:
             log.log_event("rods", missed, Severity.WARNING)
         return True, words

@@ -362,8 +362,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         )
         found = [diagnostic for part in parts for diagnostic in part.diagnostics()]
         if self._well.decoder.unreadable:
-            text = f"{self._well.decoder.unreadable} could not be read"
-            found.append(Diagnostic("messages", WARN, text, "are all nodes of one version?"))
+            text = f"{self._well.decoder.unreadable} messages could not be read"
+            found.append(Diagnostic("messages", WARN, text, "run all nodes with the same version of this project"))
         return [*found, self._of_inputs()]
 
     def _of_inputs(self) -> Diagnostic:

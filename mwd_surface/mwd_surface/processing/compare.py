@@ -21,18 +21,18 @@ from mwd_surface.processing import run_folder
 from mwd_surface.processing.run_folder import ANGLES, Rows
 
 # Largest allowed differences, by name; without a limit, only rounding of the printed digits is allowed.
-LIMITS = {
-    "survey_inclination_deg": "of a station's inclination, deg",
-    "survey_azimuth_deg": "of a station's azimuth, deg",
-    "survey_toolface_deg": "of a station's toolface, deg",
-    "survey_sigma_share": "of a station's sigmas, as a share of the expected one",
-    "survey_stamp_s": "between the times of a station in the two runs, s",
-    "attitude_inclination_deg": "of the inclination at any one sample, deg",
-    "attitude_azimuth_deg": "of the azimuth at any one sample, deg",
-    "attitude_toolface_deg": "of the toolface at any one sample, deg",
-    "attitude_gravity_deg": "of the direction of gravity at any one sample, deg",
-    "attitude_status_share": "share of the samples whose status words differ",
-}
+LIMITS = (
+    "survey_inclination_deg",
+    "survey_azimuth_deg",
+    "survey_toolface_deg",
+    "survey_sigma_share",  # of a station's sigmas, relative to the expected sigma
+    "survey_stamp_s",  # between the times of a station in the two runs
+    "attitude_inclination_deg",  # at any one sample, like the next three
+    "attitude_azimuth_deg",
+    "attitude_toolface_deg",
+    "attitude_gravity_deg",  # angle between the directions of gravity
+    "attitude_status_share",  # share of the samples whose status words differ
+)
 _STATION_ANGLES = (("inclination_deg", False), ("azimuth_deg", True), ("toolface_deg", True))
 _SIGMAS = ("sigma_inclination_deg", "sigma_azimuth_deg", "sigma_toolface_deg")
 _PAIRED_WITHIN_NS = 2_000_000_000  # stations farther apart in time are different stations

@@ -96,7 +96,7 @@ def _process(path: Path, like: Path, run: Path) -> None:
     with Bag(path) as bag:
         process.process(bag, run, estimator, recorded=recorded_settings(bag))
     if not run_folder.is_run(run):
-        raise ValueError(f"{path} gave no run to compare")
+        raise ValueError(f"{path}: processing gave no results to compare")
 
 
 def _keep_some(source: Path, target: Path) -> None:

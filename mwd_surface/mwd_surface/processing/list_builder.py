@@ -205,7 +205,7 @@ class ListBuilder:
         same = sum(ours.get(uuid) == record for uuid, record in self._live.records.items())
         missing = sum(uuid not in ours for uuid in self._live.records)
         text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
-        return self.surveys, text + (f", {missing} of them are not found again" if missing else "")
+        return self.surveys, text + (f", missing here: {missing}" if missing else "")
 
     def _begin(self, first: DecidedSurvey) -> None:
         """Begin the list where the live list began."""

@@ -69,7 +69,7 @@ def attitude(folder: Path) -> Iterator[Rows]:
     """
     file = attitude_file(folder)
     if file is None:
-        raise FileNotFoundError(2, "no attitude.csv or attitude.parquet in it", str(folder))
+        raise FileNotFoundError(2, "the folder has no attitude.csv or attitude.parquet", str(folder))
     try:
         for batch in _batches(file):
             table = {name: batch.column(name) for name in _COLUMNS}

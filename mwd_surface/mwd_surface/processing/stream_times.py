@@ -11,7 +11,7 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 # A gap is longer than this number of intervals, and longer than this time, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
-# _RATED: number of consecutive samples whose mean interval is that of the stream, also if they arrive in bursts.
+# _RATED: number of consecutive samples whose mean interval is that of the stream, even if they arrive in bursts.
 # _BURSTS: a step above this multiple of the usual interval begins a burst; a step above this multiple of the interval
 # between bursts is a gap.
 _RATED, _BURSTS = 64, 3.0

@@ -111,7 +111,7 @@ def _loaded(line: str) -> Any:
 
 
 def _rows(value: Any, names: Sequence[str]) -> Iterator[dict[str, str]]:
-    """Return the samples in a value as cells by name; names: of the values of a list."""
+    """Yield the samples in a value as cells by name; names: the names of the values, if it is a plain list."""
     if isinstance(value, list) and not any(isinstance(one, (dict, list)) for one in value):
         yield {(names[k] if k < len(names) else str(k + 1)): _cell(one) for k, one in enumerate(value)}
     elif isinstance(value, list):
@@ -132,7 +132,7 @@ def _inside(samples: list[Any], heads: list[list[str]]) -> Iterator[dict[str, st
 
 
 def _side_by_side(lists: dict[str, list[Any]]) -> Iterator[dict[str, str]]:
-    """Return the samples of lists with a value for each sample; one sample without values if there are no lists."""
+    """Yield the samples of an object that has one list per quantity; one empty sample if it has no lists."""
     count = max((len(one) for one in lists.values()), default=0)
     for k in range(count):
         yield {name: _cell(one[k]) for name, one in lists.items() if k < len(one)}

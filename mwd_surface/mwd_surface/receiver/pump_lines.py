@@ -128,7 +128,7 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
             smooth_s[b] /= total
         line += weight[b] * (smooth_c[b] ** 2 + smooth_s[b] ** 2)
         raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
-    # Of noise alone, the average keeps a power share of 1 / (2 sqrt(pi) sigma).
+    # The average of noise alone has a share of 1 / (2 sqrt(pi) sigma) of the power of the noise.
     if line * 2.0 * math.sqrt(math.pi) * sigma < _COHERENT * max(raw - line, 0.0):
         return
     for i in range(n):

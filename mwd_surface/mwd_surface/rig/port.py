@@ -225,7 +225,7 @@ class RigPort:
         try:
             interface.start()
         except MissingPackageError as error:
-            # This cannot succeed until the package is installed and the node restarted.
+            # Do not retry: a start cannot succeed until the package is installed and the node restarted.
             self._down[interface.name] = str(error)
         except InterfaceError as error:
             self._down[interface.name] = str(error)

@@ -86,7 +86,7 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
                         packed.write(file, f"recording/{file.name}")
                         names.append(f"recording/{file.name}")
                 except (BagError, ValueError, FileNotFoundError) as error:
-                    remarks.append(f"{recording} is not in it: {error}")
+                    remarks.append(f"{recording} is not in the bundle: {error}")
         shutil.move(draft, target)
     return Bundle(names, recording, remarks)
 
@@ -192,7 +192,7 @@ def _texts(
                         opened.seek(max(status.st_size - _LOG_BYTES - 1, 0) if pattern == "*.log" else 0)
                         content = opened.read(max(_LOG_BYTES + 1, _MOST_BYTES))
                 except FileNotFoundError:
-                    remarks.append(f"{file} is not in it: it was removed while the bundle was being written")
+                    remarks.append(f"{file} is not in the bundle: it was removed while the bundle was written")
                     continue
                 if pattern == "*.log" and len(content) > _LOG_BYTES:
                     # Keep whole lines only: the rest of a cut line may hold a secret without the word that identifies

@@ -168,7 +168,7 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell without sourcing it"
-        return CheckResult("environment", Level.MISSING, f"ROS {distro} is sourced; this is for jazzy", remedy)
+        return CheckResult("environment", Level.MISSING, f"ROS {distro} is sourced; the program needs jazzy", remedy)
     here = Path(sys.prefix).resolve()
     prefixes = [p for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     others = [p for p in prefixes if Path(p).resolve() != here]

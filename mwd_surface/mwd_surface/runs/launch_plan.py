@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-# Import only for types: a command that visits a running graph starts faster without the simulator and its compiler.
+# Import only for type annotations: commands for a running graph start faster without the simulator and its compiler.
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
 
@@ -362,7 +362,7 @@ def _own_folder() -> Path:
     folder.mkdir(mode=0o700, exist_ok=True)
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
-        raise PermissionError(errno.EPERM, "is not a folder of this user alone", str(folder))
+        raise PermissionError(errno.EPERM, "is not a folder that only this user can write to", str(folder))
     return folder
 
 

@@ -241,7 +241,7 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
     """
     missing = BagError(
         f"{bag.path} has no depth of the bit: neither {RIG} nor a depth set by hand in inputs",
-        "log samples need it: record the rig's data, or set depths by hand",
+        "log samples need a depth: record the rig's data, or set depths by hand",
     )
     namespace = namespace_with(bag, OF_DEPTH, well)
     if namespace is None:

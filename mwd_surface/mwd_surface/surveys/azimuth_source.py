@@ -14,7 +14,7 @@ import math
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import Survey
 
-# Least share of a sensor in the azimuth for it to be named; the estimator ignores a gyro with a smaller share too.
+# A sensor with a smaller share in the azimuth is not named; the estimator ignores such a gyro as well.
 _NAMED = 0.01
 _UNCORRECTED = (AzimuthMethod.RAW, AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAGATED, AzimuthMethod.NONE)
 

@@ -77,7 +77,7 @@ def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ..
             continue
         whole = surveys.definitive(leg.name)
         start = left.get(leg.name, leg.tie_on.measured_depth)
-        # What lies above the beginning of the leg belongs to its parent.
+        # The hole above the beginning of the leg belongs to the parent leg.
         start = max(start, leg.tie_on.measured_depth) if leg.parent else start
         below = whole.md > start
         if np.any(below) and whole.md[0] <= start:

@@ -193,7 +193,8 @@ class DepthTrack:
         self._earlier.append((stamp_ns, bit_depth))
         if len(self._earlier) < self.rules.confirm:
             return False
-        # Without a sonde, readings that continue no others must last, or a short burst of a wrong clock removes all.
+        # Accepting these readings removes all later ones. Without the sonde's clock, a short burst of readings with a
+        # wrong clock must not do so: they must last for `rules.bridge`, or follow an accepted reading.
         lasts = (stamp_ns - self._earlier[0][0]) * NS >= self.rules.bridge
         if sonde_ns is None and not lasts and not self._continues(*self._earlier[0]):
             return False

@@ -54,8 +54,8 @@ def survey_list(
     ----------
     stations : StationList
     well : Well, optional
-        Well; if omitted, the well named by an export of our own. Its north and error model are replaced if the list
-        names others.
+        Well; if omitted, the well stored in the list if this project exported it, else a default well. The north, and
+        for a foreign list the tool code, that the list names replace those of the well.
     tie_on : TieOn, optional
         Start of the path, in the north of the list; stations that are not below it are left out.
     reference : Reference, optional

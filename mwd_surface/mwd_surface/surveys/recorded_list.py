@@ -98,7 +98,7 @@ class RecordedList:
     last : SurveyList or None
         Last list, with legs and plan; None if there is no list.
     without_events : bool
-        Whether the recording has the results of a graph, but not its operator events.
+        Whether the recording has surveys of a live estimator, but no topic of operator events.
     """
 
     first: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)

@@ -253,6 +253,6 @@ class RodLog:
             if written != len(data):
                 file.truncate(size)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        # The lines are in the file also if the folder cannot be synced.
+        # The lines are in the file even if the folder cannot be synced.
         self._kept = len(tally.changes)
         sync_folder(self.path.parent)

@@ -49,8 +49,8 @@ class QualityLimits:
     )
     reject_factor: float = setting(
         1.5,
-        "Multiple of these limits above which a station shows as rejected; between the limit and this multiple it "
-        "shows as doubtful. Raising it shows more stations as doubtful.",
+        "A station beyond gravity, field_nt or dip_deg shows as doubtful, and beyond this multiple of that limit as "
+        "rejected. Raising it shows more stations as doubtful instead of rejected.",
         low=1.0,
     )
 

@@ -122,7 +122,7 @@ class SurveyRecord(MessageRecord):
 
     @property
     def newest_revision(self) -> int:
-        """Number of the newest result of the estimator that the record knows."""
+        """Revision number of the newest result of the estimator in this record; 0 is the value as first decided."""
         return max(one.revision for one in (self.survey, *self.first, *self.revised))
 
     @property

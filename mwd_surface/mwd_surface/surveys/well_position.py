@@ -67,7 +67,7 @@ def programme_of(well: Well) -> Programme | None:
 
 def error_reference(well: Well, survey: Survey) -> ErrorReference:
     """Return the local reference field of a survey, at the place of the well."""
-    # The angle between the well's north and true north must be known; the other one does not affect the result.
+    # The angle between the well's north and true north must be known; the other angle does not affect the result.
     unknown = {North.MAGNETIC: ("declination",), North.GRID: ("convergence",)}.get(
         North[well.north_reference.upper()], ()
     )

@@ -105,7 +105,7 @@ class Advice(MessageRecord):
     from_depth, slide_to_depth, to_depth : float
         Measured depths of the bit: start, end of the slide, end of the interval, m.
     valid_for : float
-        Time after the stamp for which it holds, s; NaN: until the interval is drilled.
+        Time after `stamp_ns` for which the advice holds, s; NaN: it holds until the interval is drilled.
     dogleg_severity, motor_yield : float
         Dogleg severity needed, and dogleg per metre slid, rad/m.
     survey, stamp_ns

@@ -41,7 +41,7 @@ _LOG2_DRAWS = 5
 _APART = math.radians(5.0)
 _VERTICAL = math.radians(1.0)
 _STEP = 30.0
-# Factor by which a correction must not enlarge the azimuth's sigma to be useful.
+# A correction that multiplies the azimuth's sigma by more than this is not useful.
 _MUCH = 1.5
 
 

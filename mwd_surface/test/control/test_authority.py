@@ -173,7 +173,7 @@ def test_nobody_grants_a_request_that_came_in_the_place_of_the_one_that_was_seen
     authority = ControlAuthority(BY_A_PERSON)
     seen = authority.request(asks("holds the toolface", priority=1), 0.0).lease
     other = authority.request(asks("rotates", priority=2), 0.1).lease
-    for number, words in ((seen, f"request {seen} waits no more"), (0, "number: must be that of the request")):
+    for number, words in ((seen, f"request {seen} is no longer waiting"), (0, "number: must be that of the request")):
         done, why = authority.judge(Judgement.GRANT, "toolpusher", 0.2, number=number)
         assert (done, why) == (False, f"{words}; request {other} of rotates waits")
     assert not authority.judge(Judgement.DENY, "toolpusher", 0.2, number=seen)[0]

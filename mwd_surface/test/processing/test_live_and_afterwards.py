@@ -178,7 +178,7 @@ def test_a_recorder_without_the_events_is_told_to_record_them_and_the_decisions_
     skip = ("operator_events", "used_samples")
     live, summary, _ = both(tmp_path, story(schedule=LONG), actions, skip=skip)
     assert any("/w1/operator_events" in text for text in summary.warnings)
-    assert summary.live.endswith("1 of them are not found again")
+    assert summary.live.endswith("missing here: 1")
     judged = {r.survey.uuid: r.operator_name for r in live.records}
     same = [r for r in summary.listed.records if r.survey.uuid in judged]
     assert [r.operator_name for r in same] == [judged[r.survey.uuid] for r in same]

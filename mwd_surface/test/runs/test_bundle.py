@@ -66,7 +66,7 @@ def test_a_file_that_goes_while_it_is_packed_is_named_and_the_rest_is_there(run,
     assert "run/logs/surface.log" in made.names
     assert "run/logs/going.log" not in made.names
     (remark,) = made.remarks
-    assert "going.log is not in it" in remark
+    assert "going.log is not in the bundle" in remark
 
 
 def test_a_log_is_cut_between_lines(run, tmp_path, monkeypatch):

@@ -36,7 +36,7 @@ NEVER = 1e30  # gate that no innovation exceeds
 @compiled
 def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag: bool) -> None:
     """
-    Count shocks, and increase the variance of the velocity by what each of them may have hidden.
+    Count shocks, and increase the variance of the velocity for the part of each shock that may have been clipped.
 
     A force far above the usual may be a shock whose peak was cut off before the sensor averaged it. The lost velocity
     is mostly along the shown force, so its variance is increased in that direction at once.

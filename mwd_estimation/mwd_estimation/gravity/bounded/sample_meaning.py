@@ -18,8 +18,8 @@ from mwd_estimation.gravity.bounded import measurement, mechanisation
 from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Record, Update, forget_density
 from mwd_sensors.core.compiled import compiled
 
-SURE = 3.0  # the meaning changes if the logarithm of the odds of the other one exceeds this
-LEAST_DENSITY = 0.5  # least density of the innovations by which they are weighted
+SURE = 3.0  # samples count as points if the logarithm of the odds for points exceeds this
+LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, which scales their weight in the odds
 
 
 def in_words(found: str) -> str:

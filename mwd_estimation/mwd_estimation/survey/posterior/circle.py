@@ -18,7 +18,7 @@ _VALLEY = 0.5
 _HELD, _SIGMAS = 0.99, 2.576
 # A mode with less probability than this is not named.
 _LEAST = 0.003
-# A smaller 1 sigma of what is not in the density, rad, is none.
+# Least 1 sigma of an additional error, rad, so that the division by it is defined.
 _EXACT = 1e-9
 # The circle has 7200 steps of 0.05 deg. The coarse grid uses every 40th step. The fine grid adds, around each peak of
 # the coarse grid, all steps within 2.5 deg and every fifth step within 12 deg.
@@ -35,8 +35,7 @@ _ERFC = np.frompyfunc(math.erfc, 1, 1)
 class Circle:
     """Summary of a density of the azimuth."""
 
-    #: `mean`, `sigma`: of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half
-    #: width.
+    #: `mean`, `sigma`: of the chief mode, rad; sigma is at least that of a normal density with the same 99 % interval.
     mean: float
     sigma: float
     spread: float  #: at least sigma, and the standard deviation of the whole chief mode, rad

@@ -47,13 +47,13 @@ class SharedErrors(NamedTuple):
 
 Shared = SharedErrors()
 SIZE = Shared.SIZE
-# The level direction of a hole nearer to the vertical than this, rad, is taken as if it were so far from it.
+# A hole nearer to the vertical than this, rad, is treated as if its inclination were this.
 _UPRIGHT = 1e-3
 # Nominal sigmas that are not those of the tool code or the reference. Field from outside on a quiet day, and error of a
 # station's own beside its noise, each component, nT.
 _QUIET_NT, _STATION_NT = 25.0, 15.0
-# What of the reference's sigmas changes from station to station (MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev 5.1): nT,
-# deg, deg, and what of the declination grows with a weak horizontal field, times that field, deg nT.
+# Parts of the reference's sigmas that change from station to station (MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev
+# 5.1): nT, deg, deg; and the part of the declination that is inversely proportional to the horizontal field, deg nT.
 TOTAL_NT, DIP_DEG, _DECLINATION_DEG, DECLINATION_DEGNT = 60.0, 0.08, 0.1, 3000.0
 
 
@@ -82,7 +82,7 @@ GEOMETRY = np.dtype(
     ]
 )
 
-# One record of it.
+# One record of a laid-out station.
 Row = Any
 
 

@@ -227,12 +227,12 @@ class RunFilter:
         branched = self._branched(state)
         r, S, M = self._terms(one, branched)
         of_branch, at = evidence.by_kind.sum(axis=1), evidence.filters
-        # Of a filter and its second one, a hopeless one needs no update.
+        # Do not update a filter, or its second version, whose share of the probability of both is negligible.
         both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
         least = np.where(of_branch[at] > _LEAST * both[at], _LEAST * evidence.highest, math.inf)
         gyro = gyro_residual(one, evidence.angles) if math.isfinite(one["gyro"]) else np.zeros(len(evidence.angles))
         k, step = len(of_branch), gyro_step(one)
-        # A field that is turned says nothing of what is shared.
+        # A field turned about the vertical does not measure the shared errors: its extra variance has no limit.
         extra = np.array([*EXTERNAL_UT**2, OUT, step**2])
         weight, moved, spread = np.zeros((k, 2)), np.zeros((k, 2, 12)), np.zeros((k, 2, 12, 12))
         circle_of = field_model.basis(evidence.angles), gyro

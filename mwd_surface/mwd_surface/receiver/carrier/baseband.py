@@ -46,7 +46,7 @@ class Band:
 
 
 def step_s(carrier: Carrier) -> float:
-    """Return the step of the grid for a carrier, s; first filter out frequencies above a fifth of its rate."""
+    """Return the step of the grid for a carrier, s, with which the low-pass of a `Resampler` passes the band."""
     return 0.2 / (carrier.frequency_hz + _CUT_OFF * carrier.symbol_rate_hz)
 
 

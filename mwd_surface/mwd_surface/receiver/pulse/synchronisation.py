@@ -47,7 +47,7 @@ _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 _UNLIKE = 30.0
 # Limit on the log likelihood ratio for a missing pulse; at 6 dB noise exceeds it in one of a thousand syncs.
 _MISSING = 6.0
-# Least energy of a pulse relative to the best known of the five for it to count as undisturbed and outside data gaps.
+# A pulse with less weighted energy than this share of the largest of the five is disturbed or in a data gap.
 _KNOWN = 0.5
 _MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
 _LEAST_NOISE = 200  # least samples for a noise model
