@@ -6,7 +6,8 @@ A clipped sample is a bound: the pressure was at the limit or beyond it. The sam
 autoregressive model, and the clipped ones are those that make these seconds most probable without crossing the bound
 back (J. Tobin, Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986) 317,
 for the interpolation). Model and samples are estimated in turn. A limit is a value that occurs often and is hardly ever
-exceeded. All lengths are times, and a gap in the times separates models.
+exceeded. The spans of the signal are times; the spans that the model needs to be estimated are numbers of samples. A
+gap in the times separates models.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.whitening import prediction_error_filter
 
 # Clipped samples of a block are replaced together, when the time `_AHEAD_S` after it has passed, because a crest needs
-# both of its flanks: without it the error is three times larger. The model also describes the time before. All three
-# together hold at most about `_MOST` samples, for the cost.
-_BLOCK_S, _AHEAD_S, _BEFORE_S, _MOST = 5.0, 2.0, 25.0, 2048
+# both of its flanks: without it the error is three times larger, and with 2 s a fifth at 10 Hz. The samples before the
+# block are also used: 20 for each coefficient of the model. All together are at most `_MOST` samples, for the cost.
+_BLOCK_S, _AHEAD_S, _EACH, _MOST = 5.0, 4.0, 20, 2048
 # The order covers a stroke of a pump, up to 80 samples: with 48 at 50 Hz the error of the replaced samples is a quarter
-# larger.
-_ORDER_S, _MOST_ORDER, _FLOOR = 1.6, 80, 1e-6
+# larger. At a low rate it still needs two coefficients for each line of the pumps, whether or not the line is folded:
+# with 16 at 10 Hz the error is a third larger, with 8 at 5 Hz twice as large.
+_ORDER_S, _LEAST_ORDER, _MOST_ORDER, _FLOOR = 1.6, 24, 80, 1e-6
 # A value is a limit after this number of samples at it, if it has more samples than this multiple of those beyond it.
 # A value that noise reaches by chance does no harm, because the pressure there is near it.
 _VISITS, _EXCEEDED = 8.0, 8.0
@@ -55,11 +57,11 @@ class Declipper:
 
     def __init__(self, spacing: float) -> None:
         self._spacing = spacing
-        self._order = min(math.ceil(_ORDER_S / spacing), _MOST_ORDER)
+        self._order = min(max(math.ceil(_ORDER_S / spacing), _LEAST_ORDER), _MOST_ORDER)
         self._longest = math.ceil(_LONGEST_S / spacing)
-        share = min(1.0, _MOST * spacing / (_BLOCK_S + _AHEAD_S + _BEFORE_S))
+        self._history = _EACH * self._order
+        share = min(1.0, (_MOST - self._history) * spacing / (_BLOCK_S + _AHEAD_S))
         self._block_s, self._ahead_s = share * _BLOCK_S, share * _AHEAD_S
-        self._history = math.ceil(share * _BEFORE_S / spacing)
         # Samples and sides before those that are not yet returned; their clipped ones are estimated anew in each block.
         self._before = np.zeros((2, 0))
         self._last_s = -math.inf

@@ -49,6 +49,17 @@ def test_a_clipped_sample_lies_beyond_the_limit_and_nearer_to_the_pressure(low, 
     assert rms[1] < 0.5 * rms[0]
 
 
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.85), (0.2, 1.0), (0.1, 0.9)])
+def test_a_slow_gauge_with_lines_above_half_its_rate_is_replaced_nearly_as_well(low, high):
+    """At 5 Hz three of the four lines of the pump are folded; the model needs two coefficients for each."""
+    seen, true = clipped(pressure(1), low, high)[::10], pressure(1)[::10]
+    stage = Declipper(10.0 / RATE)
+    got = np.concatenate([stage.push(TIME[::10], seen)[1], stage.finish()[1]])
+    at = (seen != true) & (TIME[::10] > 40.0)
+    rms = [float(np.sqrt(np.mean((one - true)[at] ** 2))) for one in (seen, got)]
+    assert rms[1] < 0.4 * rms[0]
+
+
 @given(st.lists(st.integers(0, len(TIME)), max_size=20), st.sampled_from([0.0, 0.1]))
 def test_any_cut_of_a_clipped_stream_gives_the_same_bits(cuts, low):
     seen = clipped(pressure(2), low, 0.85)
@@ -87,7 +98,7 @@ def test_no_sample_waits_longer_than_some_seconds_at_any_rate(every):
     waiting = 0
     for time, value in zip(TIME[::every], seen, strict=True):
         waiting += 1 - len(stage.push(np.array([time]), np.array([value]))[0])
-        assert waiting * every / RATE < 8.0
+        assert waiting * every / RATE < 10.0
 
 
 def test_samples_before_a_gap_in_time_do_not_belong_to_the_model_after_it():
