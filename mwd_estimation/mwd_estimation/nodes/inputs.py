@@ -32,6 +32,7 @@ _SKEW_S, _SKEWED = 1.0, 5
 _UNEVEN = 0.1  # mean distance of the steps of stamps from whole periods, of random ones 0.25
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
+_FULL_S = 10.0  # for which a full queue is reported
 _FOREIGN_S = 5.0  # for which a message in another frame or a second copy of a sample is reported
 
 _TYPES = {
@@ -82,6 +83,8 @@ class InputTopics:
         self._imu_ns: int | None = None
         self._skew_ns: dict[str, int] = {}
         self._skewed: dict[str, tuple[int, int]] = {}
+        # When the queue of a topic was last found full.
+        self._full_at: dict[str, float] = {}
         self._rates: dict[str, _Rate] = collections.defaultdict(_Rate)
         self._transforms = Transforms()
         self._transforms_seen = 0
@@ -94,7 +97,10 @@ class InputTopics:
     def take(self, topic: str) -> Samples:
         """Take the samples that wait on a topic, followed by those of the burst topic that replaces it."""
         layout = wire.SONDE_TOPICS[topic]
-        messages = self._in_frame(topic, [message.data for message in self._buffers[topic].take()])
+        waiting = self._buffers[topic].take()
+        if len(waiting) >= qos.LONG_QUEUE:
+            self._full_at[topic] = time.monotonic()
+        messages = self._in_frame(topic, [message.data for message in waiting])
         samples, errors = wire.decode_messages(layout, messages)
         bursts = []
         if topic in _BURST_TOPIC:
@@ -209,6 +215,10 @@ class InputTopics:
             if 0.0 < rate_hz < _SLOWEST_HZ:
                 message = f"rate too low: {rate_hz:.1f} Hz, a turning string needs {_SLOWEST_HZ:g} Hz"
                 return Diagnostic(topic, WARN, message, "raise the rate of the unit; surveys at rest go on", values)
+            if time.monotonic() - self._full_at.get(topic, -_FULL_S) < _FULL_S:
+                message = f"{qos.LONG_QUEUE} samples waited at once, and older ones were dropped"
+                remedy = "this machine is too slow for the stream: stop other programs, or lower the rate of the unit"
+                return Diagnostic(topic, WARN, message, remedy, values)
             lost = self._rates[topic].lost
             values = (*values, ("lost_percent", f"{100.0 * lost:.0f}"))
             if lost > _LOST:

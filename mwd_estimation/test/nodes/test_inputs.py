@@ -16,7 +16,8 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.input_covariance import judge
-from mwd_sensors.ros.diagnostics import WARN
+from mwd_sensors.ros import qos
+from mwd_sensors.ros.diagnostics import OK, WARN
 from mwd_sensors.ros.message_buffer import ReceivedMessage
 
 PLACE = Place(field="fixed", total_nt=45826.0, dip_deg=-17.45, declination_deg=0.0)
@@ -64,6 +65,20 @@ def test_a_rate_that_a_turning_string_outruns_is_named():
     assert slow.message.startswith("rate too low: 1.0 Hz")
     sound = topics(imu__data_raw=stamped(wire.IMU)).diagnostic("imu/data_raw", 40, b"\x02")
     assert sound.message == "arriving"
+
+
+@pytest.mark.fault_case(50)
+def test_a_queue_that_was_full_is_named_and_forgotten(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+    levels = []
+    for waiting_samples in (qos.LONG_QUEUE - 1, qos.LONG_QUEUE):
+        inputs = topics(imu__data_raw=stamped(wire.IMU, waiting_samples, 1000.0))
+        levels.append(inputs.diagnostic("imu/data_raw", waiting_samples, b"\x02").level)
+    now[0] += 60.0
+    arrive(inputs, "imu/data_raw", stamped(wire.IMU, 1000, 1000.0, later_s=60.0))
+    levels.append(inputs.diagnostic("imu/data_raw", 1, b"\x02").level)
+    assert levels == [OK, WARN, OK]
 
 
 @pytest.mark.fault_case(48, 49)

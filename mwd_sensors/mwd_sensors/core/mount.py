@@ -127,10 +127,10 @@ class Transforms:
 
     def add(self, parent: str, child: str, quaternion: tuple[float, float, float, float]) -> None:
         """Add a transform of tf; the quaternion (x, y, z, w) turns vectors from the child's axes into the parent's."""
-        q = np.asarray(quaternion, dtype=float)
-        length = float(np.linalg.norm(q))
-        if child.strip("/") != parent.strip("/") and np.isfinite(length) and length > 0.5:
-            self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q / length))
+        length = math.hypot(*quaternion)
+        if child.strip("/") != parent.strip("/") and math.isfinite(length) and length > 0.5:
+            q = np.asarray(quaternion, dtype=float) / length
+            self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q))
 
     def between(self, source: str, target: str) -> Array | None:
         """Return the rotation, shape (3, 3), from one frame to another; None if no transforms connect them."""

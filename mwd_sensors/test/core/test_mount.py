@@ -84,6 +84,21 @@ def test_the_frames_and_static_transforms_turn_a_magnetometer_into_the_axes_of_t
     assert transforms.between("imu_link", "elsewhere") is None
 
 
+@pytest.mark.fault_case(11)
+@pytest.mark.parametrize("number", [0.0, math.nan, math.inf, 1e308])
+def test_the_last_transform_that_is_a_rotation_counts(number):
+    names, transforms = {"imu": "imu_link", "mag": "mag_link"}, Transforms()
+    for quat in ((0.0, 0.0, 0.0, number), quaternion(TURN), (0.0, 0.0, 0.0, number), (0.0, 0.0, 0.0, number)):
+        transforms.add("imu_link", "mag_link", quat)
+    expected = np.eye(3) if number == 1e308 else TURN
+    assert resolve(MountSettings(), names, transforms).mag == pytest.approx(expected, abs=1e-9)
+    # The sensor is now on a part that nothing joins to the IMU.
+    transforms.add("elsewhere", "mag_link", (0.0, 0.0, 0.0, 1.0))
+    sentence = resolve(MountSettings(), names, transforms).unusable["mag"]
+    assert "'mag_link'" in sentence
+    assert "'imu_link'" in sentence
+
+
 def test_a_ring_of_transforms_ends():
     transforms = Transforms()
     transforms.add("a", "b", (0.0, 0.0, 0.0, 1.0))

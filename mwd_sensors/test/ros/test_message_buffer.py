@@ -2,6 +2,7 @@
 """Messages taken and decoded in one go: nothing lost, nothing out of order."""
 
 import contextlib
+import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,8 @@ from mwd_sensors.core import wire
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
 from mwd_sensors.ros import qos
@@ -101,3 +104,30 @@ def test_a_flood_is_taken_in_bounded_portions():
     handle = Endless()
     buffer = MessageBuffer(SimpleNamespace(handle=handle, msg_type=None))
     assert len(buffer.take()) == handle.taken == 10_000
+
+
+@pytest.mark.ros
+@pytest.mark.fault_case(50)
+def test_a_full_queue_drops_the_oldest_messages():
+    profile = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        node = rclpy.create_node("flooded", namespace=f"/p{os.getpid()}", context=context)
+        subscription = node.create_subscription(Imu, "imu", lambda _message: None, profile, raw=True)
+        publisher = node.create_publisher(Imu, "imu", qos.offered(profile))
+        sent = messages(2000)
+        buffer, taken = MessageBuffer(subscription), []
+        # Send until the two have found each other, then all at once.
+        while not taken:
+            publisher.publish(sent[0])
+            taken = buffer.take()
+        for message in sent:
+            publisher.publish(message)
+        taken = [one.data for one in buffer.take()]
+        while taken[-1] != sent[-1]:
+            taken += [one.data for one in buffer.take()]
+        assert len(taken) <= 60
+        assert taken[-50:] == sent[-50:]
+    finally:
+        rclpy.shutdown(context=context)

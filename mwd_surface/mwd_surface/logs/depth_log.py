@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import FLAGS, LogSample, is_channel_name
 from mwd_surface.surveys.list_rules import DEEPEST as DEEPEST_M
@@ -34,6 +34,7 @@ STEP_M = 0.1  # m, default depth step
 _ON_BOTTOM_M = 0.03
 # Longest time between two depths of the bit across which the depth is interpolated, s; as `depth.bridge`.
 _BRIDGE_S = 30.0
+_CHUNK = 256  # number of steps whose sums are kept together
 _STEP_S = 1.0  # s, length of the parts into which an interval is cut
 _DEPTHS_NS = NANOSECONDS  # ns between the depths that are kept
 _LONGEST_S = 3600.0  # s; no channel has a longer interval
@@ -105,52 +106,76 @@ class Newest:
     quality: int
 
 
-class _Cell:
+class _Sums:
     """
-    Sums over one depth step.
+    Sums over the depth steps of one pass of a channel.
 
     The errors of counts are independent from sample to sample, so their variances add up. All other errors (bias,
     rounding, shared pulses of two words) may be the same in each sample, so their sigmas add up: the mean of many
     samples is not better than one.
+
+    A deep hole has many steps. They are records of arrays, `_CHUNK` steps each, so that a step of a channel without
+    sectors takes 57 bytes.
     """
 
     def __init__(self, sectors: int) -> None:
-        self.weight = self.total = self.variance = self.common = self.counts = 0.0
-        self.samples = self.quality = 0
-        self.sector_weight = np.zeros(sectors)
-        self.sector_total = np.zeros(sectors)
-        self.sector_variance = np.zeros(sectors)
-        self.sector_common = np.zeros(sectors)
+        numbers = [(name, np.float64) for name in ("weight", "total", "variance", "common", "counts")]
+        by_sector = [(f"sector_{name}", np.float64, (sectors,)) for name in ("weight", "total", "variance", "common")]
+        whole = [("samples", np.int64), ("quality", np.int64), ("seen", np.bool_)]
+        self._none = np.zeros(_CHUNK, dtype=[*numbers, *by_sector, *whole])
+        self._chunks: dict[int, Samples] = {}
 
-    def add(self, sample: LogSample, share: float) -> None:
-        """Add the share of a sample that belongs to this step, all at once: its parts have the same error."""
+    def add(self, index: int, sample: LogSample, share: float) -> None:
+        """Add the share of a sample that belongs to a step, all at once: its parts have the same error."""
+        number, place = divmod(index, _CHUNK)
+        if number not in self._chunks:
+            self._chunks[number] = self._none.copy()
+        step = self._chunks[number][place]
+        step["seen"] = True
         # A value of one moment, from a word, has the weight of a second.
         weight = share * (sample.duration or 1.0)
         counted = math.isfinite(sample.counts)
         if math.isfinite(sample.value):
-            self.weight += weight
-            self.total += weight * sample.value
+            step["weight"] += weight
+            step["total"] += weight * sample.value
             if counted:
-                self.variance += (weight * sample.sigma) ** 2
+                step["variance"] += (weight * sample.sigma) ** 2
             else:
-                self.common += weight * sample.sigma
-            self.counts += share * sample.counts
-            self.samples += 1
-            self.quality |= sample.quality
-        if len(self.sector_weight) and len(sample.sectors) == len(self.sector_weight):
+                step["common"] += weight * sample.sigma
+            step["counts"] += share * sample.counts
+            step["samples"] += 1
+            step["quality"] |= sample.quality
+        if sample.sectors and len(sample.sectors) == len(step["sector_weight"]):
             seen = np.array(sample.sector_durations) * share
             known = seen > 0.0
-            self.sector_weight[known] += seen[known]
-            self.sector_total[known] += seen[known] * np.array(sample.sectors)[known]
+            step["sector_weight"][known] += seen[known]
+            step["sector_total"][known] += seen[known] * np.array(sample.sectors)[known]
             errors = seen[known] * np.array(sample.sigma_sectors)[known]
             if counted:
-                self.sector_variance[known] += errors**2
+                step["sector_variance"][known] += errors**2
             else:
-                self.sector_common[known] += errors
+                step["sector_common"][known] += errors
+
+    def steps(self, most: int | None = None) -> tuple[int, Samples]:
+        """Return the index of a step and the sums from it to the deepest step, at most so many steps."""
+        if not self._chunks:
+            return 0, self._none[:0]
+        numbers = sorted(self._chunks)
+        first = numbers[0] * _CHUNK + int(np.argmax(self._chunks[numbers[0]]["seen"]))
+        end = (numbers[-1] + 1) * _CHUNK - int(np.argmax(self._chunks[numbers[-1]]["seen"][::-1]))
+        first = first if most is None else max(first, end - most)
+        begin = first // _CHUNK
+        sums = np.concatenate([self._chunks.get(number, self._none) for number in range(begin, numbers[-1] + 1)])
+        return first, sums[first - begin * _CHUNK : end - begin * _CHUNK]
+
+    def filled(self) -> Array:
+        """Return the indices of the steps that have a value, rising."""
+        parts = [number * _CHUNK + np.flatnonzero(self._chunks[number]["samples"]) for number in sorted(self._chunks)]
+        return np.concatenate([np.zeros(0), *parts])
 
 
 class _DepthChannel:
-    """One channel: its cells by pass, and the deepest depth of its sensor."""
+    """One channel: its sums by pass, and the deepest depth of its sensor."""
 
     def __init__(self, sample: LogSample) -> None:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
@@ -158,17 +183,7 @@ class _DepthChannel:
         self.offset = 0.0
         self.newest: Newest | None = None
         self.newest_ns = -(2**63)
-        self.cells: dict[str, dict[int, _Cell]] = {name: {} for name in PASSES}
-        # Steps that have a value.
-        self.filled: dict[str, set[int]] = {name: set() for name in PASSES}
-
-    def add(self, which: str, index: int, sample: LogSample, share: float) -> None:
-        cells = self.cells[which]
-        if index not in cells:
-            cells[index] = _Cell(self.sectors)
-        cells[index].add(sample, share)
-        if math.isfinite(sample.value):
-            self.filled[which].add(index)
+        self.passes = {name: _Sums(self.sectors) for name in PASSES}
 
 
 class DepthLog:
@@ -360,7 +375,7 @@ class DepthLog:
                 sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset, sample.unit, sample.quality
             )
         for (which, index), steps in shares.items():
-            channel.add(which, index, sample, steps / count)
+            channel.passes[which].add(index, sample, steps / count)
         if not shares:
             self.unplaced[sample.channel] = self.unplaced.get(sample.channel, 0) + 1
 
@@ -396,36 +411,27 @@ class DepthLog:
         if which not in PASSES:
             raise ValueError(f"which: must be one of {', '.join(PASSES)}, got {which!r}")
         found = self._channels[channel]
-        cells = found.cells[which]
-        rows = range(min(cells), max(cells) + 1) if cells else range(0)
-        rows = rows if most is None else rows[-most:]
-        empty = _Cell(found.sectors)
-        taken = [cells.get(index, empty) for index in rows]
-        weight = np.array([cell.weight for cell in taken])
-        spread = np.array([cell.sector_weight for cell in taken]).reshape(len(taken), found.sectors)
+        first, sums = found.passes[which].steps(most)
+        spread, known = sums["sector_weight"], sums["samples"] > 0
         with np.errstate(invalid="ignore", divide="ignore"):
             return Curve(
                 channel=channel,
                 unit=found.unit,
-                depth=(np.array(rows, dtype=float) + 0.5) * self.step_m,
-                value=np.array([cell.total for cell in taken]) / weight,
-                sigma=np.sqrt([cell.variance + cell.common**2 for cell in taken]) / weight,
-                counts=np.array([cell.counts if cell.samples else math.nan for cell in taken]),
-                seconds=weight,
-                samples=np.array([cell.samples for cell in taken], dtype=float),
-                sectors=np.array([cell.sector_total for cell in taken]).reshape(spread.shape) / spread,
-                sigma_sectors=np.sqrt(
-                    np.array([cell.sector_variance + cell.sector_common**2 for cell in taken]).reshape(spread.shape)
-                )
-                / spread,
-                quality=np.array([cell.quality if cell.samples else math.nan for cell in taken]),
+                depth=(first + np.arange(len(sums), dtype=np.float64) + 0.5) * self.step_m,
+                value=sums["total"] / sums["weight"],
+                sigma=np.sqrt(sums["variance"] + sums["common"] ** 2) / sums["weight"],
+                counts=np.where(known, sums["counts"], math.nan),
+                seconds=sums["weight"].copy(),
+                samples=sums["samples"].astype(float),
+                sectors=sums["sector_total"] / spread,
+                sigma_sectors=np.sqrt(sums["sector_variance"] + sums["sector_common"] ** 2) / spread,
+                quality=np.where(known, sums["quality"], math.nan),
                 gaps=self._gaps(found, which),
             )
 
     def _gaps(self, channel: _DepthChannel, which: str) -> tuple[tuple[float, float], ...]:
         """Return the intervals of depth without a value, m: in the whole well, and below a channel that stopped."""
-        steps = channel.filled[which]
-        filled = np.sort(np.fromiter(steps, dtype=float, count=len(steps)))
+        filled = channel.passes[which].filled()
         if not len(filled):
             return ()
         before = np.flatnonzero(np.diff(filled) > 1.0)

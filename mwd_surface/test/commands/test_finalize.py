@@ -5,6 +5,7 @@ import csv
 import hashlib
 import io
 import json
+import resource
 import sys
 
 import example_surveys as example
@@ -13,6 +14,7 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
+import bombs
 from mwd_surface import cli
 from mwd_surface.surveys.survey_source import surveys_of
 from mwd_surface.surveys.survey_store import encoded
@@ -58,10 +60,14 @@ def test_the_files_of_a_final_list_agree_and_its_certificate_is_of_them(tmp_path
     assert source["sha256"] in report
 
 
-def test_a_key_that_cannot_sign_is_refused_before_anything_is_written(tmp_path, monkeypatch, capsys):
+# "endless" is a file of ten gigabytes.
+@pytest.mark.parametrize("kind", ["text", *bombs.PLACES, *bombs.FILES])
+def test_a_key_that_cannot_sign_is_refused_before_anything_is_written(kind, tmp_path, monkeypatch, capsys):
     (tmp_path / "surveys.json").write_bytes(encoded(example.surveys()))
-    (tmp_path / "wrong.pem").write_text("no key", encoding="utf-8")
-    words = ("finalize", f"{tmp_path}=MWD+SRGM", "-o", tmp_path / "out", "--key", tmp_path / "wrong.pem")
-    assert mwd(monkeypatch, *words) != 0
-    assert "no private key in PEM" in capsys.readouterr().err
+    key = tmp_path / "wrong.pem"
+    {"text": lambda path: path.write_text("no key"), **bombs.PLACES, **bombs.FILES}[kind](key)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert mwd(monkeypatch, "finalize", f"{tmp_path}=MWD+SRGM", "-o", tmp_path / "out", "--key", key) != 0
+    assert str(key) in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB

@@ -5,6 +5,7 @@ import dataclasses
 import io
 import itertools
 import math
+import pickle
 import weakref
 
 import lasio
@@ -52,6 +53,28 @@ def ream(at):
     if at <= up + 60.0:
         return 1006.0 - 3.0 * math.sin(math.pi * (at - up) / 60.0)
     return 1006.0 + 0.01 * (at - up - 60.0)
+
+
+def memory_of(hours, depth_of, history=600):
+    """Bytes of a log of one channel without sectors, without the samples that are kept for late ones."""
+    log = DepthLog(history=history)
+    for at in range(0, 3600 * hours, 5):
+        log.add_depth(T0 + at * S, depth_of(at))
+        if at % 10 == 0:
+            log.add([sample(at)])
+    assert log._placed is None
+    return len(pickle.dumps(log))
+
+
+@pytest.mark.fault_case(70)
+def test_memory_follows_the_length_of_the_hole_and_not_the_time(monkeypatch):
+    monkeypatch.setattr(depth_log, "_MOST_KEPT", 100)
+    reamed = [memory_of(hours, lambda at: 1000.0 + 10.0 * abs(math.sin(at / 100.0))) for hours in (2, 4)]
+    # The depths over time are dropped by quarters.
+    assert reamed[1] == pytest.approx(reamed[0], rel=0.05)
+    drilled_m = [memory_of(hours, lambda at: 1000.0 + at * 36.0 / 3600.0) for hours in (2, 4)]
+    # A well of 10 km and eight channels in three passes: 240 MB at 100 bytes a step.
+    assert drilled_m[1] - drilled_m[0] < 100 * 3 * (2 * 36.0 / depth_log.STEP_M + 2 * depth_log._CHUNK)
 
 
 @given(
