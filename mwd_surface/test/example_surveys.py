@@ -106,7 +106,15 @@ def _built(well, tie_on):
             changes["b_total"] = 5.078e-5
         whole = whole.add(survey(k, inc, azi, **changes), 270.0 + 30.0 * k, 0.4)
     whole = whole.accept(9, "Aslaug", "-casing; gyro agrees", START + 90_000 * S)
-    return whole.remark(3, '@washout, "slow" pumps\nsecond line')
+    return commented(whole, 3, '@washout, "slow" pumps\nsecond line')
+
+
+def commented(surveys, sequence, comment):
+    """Return a list with a comment on one of its surveys."""
+    records = surveys.records
+    return surveys.with_records(
+        [dataclasses.replace(r, comment=comment) if r.survey.sequence == sequence else r for r in records]
+    )
 
 
 def stretches():

@@ -7,6 +7,7 @@ from mwd_estimation.attitude import magnetic_delay
 from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status, words
 from mwd_estimation.gravity.bounded import sample_meaning
 from mwd_estimation.health import fault_debounce
@@ -87,8 +88,13 @@ def reference_diagnostic(reference: Reference | None) -> Diagnostic:
     return Diagnostic("reference field", OK, reference.source, values=known)
 
 
-def sensor_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
-    """One entry for each sensor fault; without a fault one entry with the checks that are still undecided."""
+def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnostic]:
+    """
+    One entry for each sensor fault; without a fault one entry with the checks that are still undecided.
+
+    The level follows from what the driller loses (ISA-18.2: priority by consequence): a faulty magnetometer or
+    precision unit is a warning as long as the tool still gives an azimuth, here `has_azimuth`, by its other sensors.
+    """
     faults = pipeline.sensor_faults
     if not faults:
         known = pipeline.sensors_known
@@ -96,22 +102,21 @@ def sensor_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
         message = f"no fault; not yet known: {', '.join(undecided)}" if undecided else "healthy"
         values = tuple((name, CONDITIONS[condition]) for name, condition in known.items())
         return [Diagnostic("sensors", OK, message, values=values)]
-    return [
-        Diagnostic(
-            "sensors" if k == 0 else f"sensors {k + 1}",
-            ERROR if said.severity == "error" else WARN,
-            said.message,
-            said.remedy,
-            (
-                ("kind", said.kind),
-                ("sensor", said.sensor),
-                ("axis", said.axis),
-                ("confidence", f"{said.confidence:.2f}"),
-                ("since_s", f"{fault.since_ns * 1e-9:.1f}"),
-            ),
+    found = []
+    for k, fault in enumerate(faults):
+        said = describe(fault)
+        replaced = has_azimuth and fault.unusable != 0 and not fault.unusable & (GYRO | ACCEL)
+        message = f"{said.message}; the azimuth goes on without it" if replaced else said.message
+        values = (
+            ("kind", said.kind),
+            ("sensor", said.sensor),
+            ("axis", said.axis),
+            ("confidence", f"{said.confidence:.2f}"),
+            ("since_s", f"{fault.since_ns * 1e-9:.1f}"),
         )
-        for k, (fault, said) in enumerate((fault, describe(fault)) for fault in faults)
-    ]
+        level = ERROR if said.severity == "error" and not replaced else WARN
+        found.append(Diagnostic("sensors" if k == 0 else f"sensors {k + 1}", level, message, said.remedy, values))
+    return found
 
 
 def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:

@@ -92,7 +92,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._unused = 0, 0.0
         self._last_tf_ns = 0
         self._last_published_ns = -MIN_SPACING_NS
-        self._last_status = 0
+        self._last_status, self._has_azimuth = 0, False
         self._times_set_back = 0
         self._samples_are = ""
         self._attitude = self.add_publisher(Attitude, "attitude", qos.DEADLINE_STREAM)
@@ -237,6 +237,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._imu.publish_rows(wire.IMU.encode(oriented, frame))
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
+            self._has_azimuth = bool(np.isfinite(output.attitude["azimuth"][-1]))
             self._inputs.at_rest = bool(self._last_status & Status.STILL)
             self._publish_tf(oriented[-1], frame)
 
@@ -380,7 +381,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         lately = time.monotonic() - self._unused[1] < _LATELY_S
         found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable, lately))
         found.append(diagnostics.reference_diagnostic(pipeline.reference))
-        found += diagnostics.sensor_diagnostics(pipeline)
+        found += diagnostics.sensor_diagnostics(pipeline, has_azimuth=self._has_azimuth)
         requested_s = self._requested_s if self._survey_response is not None else None
         found.append(diagnostics.survey_diagnostic(pipeline, self.settings, requested_s))
         found.append(diagnostics.attitude_diagnostic(self._last_status))

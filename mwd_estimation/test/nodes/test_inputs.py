@@ -287,10 +287,34 @@ def test_without_a_gyro_a_still_tool_gives_surveys_and_the_gyro_is_named():
     (survey,) = surveys
     expected = np.arctan2(6.87, 7.0)
     assert survey.station.inclination == pytest.approx(expected, abs=1e-3)
-    (named,) = [found.message for found in diagnostics.sensor_diagnostics(pipeline) if "gyro" in found.message]
+    (named,) = [
+        found.message for found in diagnostics.sensor_diagnostics(pipeline, has_azimuth=True) if "gyro" in found.message
+    ]
     assert named == "gyro is not used: its messages declare it not provided (covariance -1)"
     # The gyro is waited for before gravity is followed without it.
     assert np.isfinite(output.attitude["inclination"][200:]).all()
+
+
+def sensor_entries(imu, mag, *, has_azimuth=True):
+    """Return the diagnostics of the sensors after these samples."""
+    return diagnostics.sensor_diagnostics(estimated(imu, mag)[0], has_azimuth=has_azimuth)
+
+
+@pytest.mark.parametrize(
+    ("vector", "has_azimuth", "level"),
+    [
+        ("magnetic_field", True, diagnostics.WARN),
+        ("magnetic_field", False, diagnostics.ERROR),
+        ("linear_acceleration", True, diagnostics.ERROR),
+    ],
+)
+def test_a_broken_sensor_is_an_error_where_the_tool_loses_an_angle_by_it(vector, has_azimuth, level):
+    imu, mag = still()
+    (mag if vector == "magnetic_field" else imu)[vector] = np.nan
+    found = sensor_entries(imu, mag, has_azimuth=has_azimuth)
+    assert {one.level for one in found if ("sensor", "magnetometer") in one.values or vector != "magnetic_field"} == {
+        level
+    }
 
 
 @pytest.mark.fault_case(14)
@@ -301,12 +325,12 @@ def test_a_sensor_declared_absent_is_named_as_that_and_a_broken_one_as_broken(ve
     imu, mag = still()
     samples = mag if vector == "magnetic_field" else imu
     samples[f"{vector}_covariance"][:, 0] = -1.0
-    declared = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
+    declared = [found for found in sensor_entries(imu, mag, has_azimuth=False) if sensor in found.message]
     message = f"{sensor} is not used: its messages declare it not provided (covariance -1)"
     assert [found.message for found in declared] == [message]
     assert f"{vector}_covariance" in declared[0].remedy
     samples[f"{vector}_covariance"], samples[vector] = 0.0, np.nan
-    (broken,) = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
+    (broken,) = [found for found in sensor_entries(imu, mag, has_azimuth=False) if sensor in found.message]
     assert broken.message == f"{sensor} sends values that are not finite or far outside its range"
     assert "plug" in broken.remedy
 

@@ -364,6 +364,8 @@ SONDE_TOPICS = {
 GAMMA_TOPIC = "gamma/counts"
 #: State of the tool, of a sonde that has a battery.
 STATUS_TOPIC = "tool/status"
+#: Value in the diagnostics of a simulation or replay that has come to its end: it sends no more samples.
+OVER = ("over", "true")
 # Frame names; a node puts its prefix in front of them in headers and transforms (`GraphNode.frame`).
 SONDE_FRAME = "sonde_link"  # x down the hole, z the scribe line
 BIT_FRAME = "bit"  # axes of the sonde, at the bit

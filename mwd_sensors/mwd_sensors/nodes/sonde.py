@@ -325,7 +325,7 @@ class SondeNode(GraphNode[SondeSettings]):
             remedy = f"start {wanted}, or wait until it is active" if wanted else "start the estimator"
             return Diagnostic("scenario", WARN, f"waiting for {wanted or 'a listener'}", remedy, values)
         if self._finished:
-            return Diagnostic("scenario", OK, "over", values=values)
+            return Diagnostic("scenario", OK, "over", values=(*values, wire.OVER))
         elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate
         if rate > 0.0 and (behind := elapsed - self._simulated_until / rate) > 1.0:
             remedy = "lower the rate, or end other programs on this machine"

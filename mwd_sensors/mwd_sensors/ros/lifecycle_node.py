@@ -319,8 +319,13 @@ class GraphNode(LifecycleNode, Generic[T]):
         return "active" if self.active else "inactive" if self._configured else "unconfigured"
 
     def request_stop(self) -> None:
-        """End the process once subscribers have received the last messages; the caller must not publish after this."""
+        """
+        End the process once subscribers have received the last messages; the caller must not publish after this.
+
+        The last diagnostics of the node are among these messages, so that others know why the node has ended.
+        """
         if self._stop_timer is None:
+            self._publish_diagnostics()
             self._stop_asked_at = time.monotonic()
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             self._stop_timer = self.create_timer(_DELIVERY_TIME, self._stop_when_acknowledged, clock=steady)

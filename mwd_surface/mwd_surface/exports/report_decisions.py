@@ -72,7 +72,7 @@ def decisions(table: SurveyTable) -> Section | None:
             ]
             marks += ["", *[""] * (len(lines) - 2), row_mark(record)]
         if record.flags or record.comment:
-            remarks.append((number, plain("; ".join(record.flags)), typed(record.comment)))
+            remarks.append((number, plain("; ".join(record.flags)), plain(record.comment)))
     sheets = []
     if rows:
         columns = (("Survey", ""), ("UTC", ""), ("By", ""), ("Decision", ""), ("MD then", "m"), ("Why", ""))

@@ -35,7 +35,8 @@ _QUANTITY = re.compile(
     r"|deg/s|r/min))?$"
 )
 # Marks that join sentences and lists; the catalogue has those that differ in a language.
-MARKS = ("; ", ": ", ", ", " or ", " and ", " · ")
+SENTENCES = "; "
+MARKS = (SENTENCES, ": ", ", ", " or ", " and ", " · ")
 # Values that people have typed: names of wells, plans, controllers and people, and their reasons. They stay as typed.
 TYPED = frozenset(
     (
@@ -56,6 +57,7 @@ TYPED = frozenset(
 # Least number of letters in the fixed parts of a template that has untranslated values; more if such a value is first.
 _LEAST, _LEAST_BEHIND = 4, 6
 _DEPTH = 6  # of sentences within sentences
+_JOINED = 3  # parts of a sentence that contains the mark which joins sentences
 # Work for one sentence, in letters searched for templates: five times what any text of the sources needs (a test says
 # so). A longer search ends with the best translation found, so that a text of a stranger cannot hold up the page.
 _WORK = 80_000
@@ -138,6 +140,11 @@ class Language:
         return sorted(found, key=lambda template: -template.known)
 
     @functools.cached_property
+    def joined_templates(self) -> list[_Template]:
+        """Those of the texts with values that contain the mark which joins sentences."""
+        return [one for one in self.templates if any(SENTENCES in part for part in one.parts)]
+
+    @functools.cached_property
     def decimal(self) -> str:
         """Decimal mark."""
         if self._decimal or self.code == ENGLISH:
@@ -186,11 +193,15 @@ class _TemplateSearch:
 
     def __init__(self, language: Language) -> None:
         self._language = language
-        self._known: dict[tuple[str, int], _Translation] = {}
+        self._known: dict[tuple[str, int, bool], _Translation] = {}
         self._work = _WORK
 
-    def read(self, text: str, depth: int) -> _Translation:
-        """Return the translation of a text, which is a sentence within others down to `depth`."""
+    def read(self, text: str, depth: int, *, whole: bool = False) -> _Translation:
+        """
+        Return the translation of a text, which is a sentence within others down to `depth`.
+
+        whole: read the text as one sentence only, not as a list of sentences.
+        """
         entries = self._language.entries
         if text in entries:
             return _Translation(entries[text], 0, float("inf"))
@@ -200,17 +211,19 @@ class _TemplateSearch:
         unread = _Translation(text, _letters(text) if len(text) > 1 else 0, 0)
         if not unread.unknown or not depth:
             return unread
-        if (text, depth) not in self._known:
-            self._work -= len(text) + _EACH
+        if (text, depth, whole) not in self._known:
+            # Few templates are searched for a sentence that contains the mark which joins sentences.
+            self._work -= 0 if whole else len(text) + _EACH
             if self._work < 0:
                 return unread
-            best = self._by_template(text, depth, unread)
-            self._known[text, depth] = self._by_parts(text, depth, best) if best.unknown else best
-        return self._known[text, depth]
+            templates = self._language.joined_templates if whole else self._language.templates
+            best = self._by_template(templates, text, depth, unread)
+            self._known[text, depth, whole] = self._by_parts(text, depth, best) if best.unknown and not whole else best
+        return self._known[text, depth, whole]
 
-    def _by_template(self, text: str, depth: int, best: _Translation) -> _Translation:
+    def _by_template(self, templates: list[_Template], text: str, depth: int, best: _Translation) -> _Translation:
         """Return the reading by the template that explains most of the text, and of such the one of most letters."""
-        for template in [one for one in self._language.templates if one.longest in text]:
+        for template in [one for one in templates if one.longest in text]:
             for values in template.readings(text):
                 read = {name: self._value(name, value, depth, template) for name, value in values.items()}
                 unknown = sum(part.unknown for part in read.values())
@@ -232,16 +245,20 @@ class _TemplateSearch:
     def _by_parts(self, text: str, depth: int, best: _Translation) -> _Translation:
         """Return the reading of a list; a text with an unknown part is not a list, but a name or other words."""
         for mark in MARKS:
-            if mark not in text:
-                continue
-            read = []
-            for piece in text.split(mark):
-                read.append(self.read(piece, depth - 1))
-                if read[-1].unknown:
-                    break
-            else:
-                return _Translation(self._language.entries.get(mark, mark).join(piece.text for piece in read), 0, 0)
+            if mark in text and (read := self._listed(mark, text.split(mark), depth - 1)) is not None:
+                return _Translation(self._language.entries.get(mark, mark).join(read), 0, 0)
         return best
+
+    def _listed(self, mark: str, pieces: list[str], depth: int) -> list[str] | None:
+        """Return the translated members of a list; a sentence may contain the mark. None if it is not a list."""
+        if not pieces:
+            return []
+        for count in range(1, min(len(pieces), _JOINED if mark == SENTENCES else 1) + 1):
+            member = self.read(mark.join(pieces[:count]), depth, whole=count > 1)
+            rest = None if member.unknown else self._listed(mark, pieces[count:], depth)
+            if rest is not None:
+                return [member.text, *rest]
+        return None
 
 
 def _letters(text: str) -> int:

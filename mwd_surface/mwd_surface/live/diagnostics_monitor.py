@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 from mwd_sensors.core.unknown import or_nan
+from mwd_sensors.core.wire import OVER
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_context import WellContext
@@ -35,10 +36,14 @@ class DiagnosticsMonitor:
     ----------
     reference : ReferenceField or None
         The reference field the estimator has in force.
+    over_at : float or None
+        When a simulation or replay last said that it sends no more samples, s; None while none has said so.
     """
 
     def __init__(self, context: WellContext, full_name: str) -> None:
         self.reference: ReferenceField | None = None
+        self.over_at: float | None = None
+        self._source = ""
         self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
         self._well = Well()
@@ -57,7 +62,9 @@ class DiagnosticsMonitor:
         """Accept the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
         ours = [s for s in array.status if s.hardware_id == self._namespace]
         if ours:
-            self._diagnostics_of[ours[0].name.partition(":")[0]] = (self._clock.now, ours)
+            node = ours[0].name.partition(":")[0]
+            self._diagnostics_of[node] = (self._clock.now, ours)
+            self._follow_end(node, any((pair.key, pair.value) == OVER for status in ours for pair in status.values))
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
             if status.name.endswith("estimator: survey") and not self._live.parts.over_link:
@@ -70,6 +77,17 @@ class DiagnosticsMonitor:
                     )
             elif status.name.endswith(("estimator: reference field", "receiver: reference field")):
                 self._on_reference(values, status.message)
+
+    def _follow_end(self, node: str, over: bool) -> None:
+        """Note that a simulation or replay has come to its end, or that the same node has begun anew."""
+        if over and self.over_at is None:
+            self._alarm_log.log_event("scenario", "over: no more samples come, and their absence raises no alarm")
+        if over:
+            self.over_at, self._source = self._clock.now, node
+        elif node == self._source:
+            self.over_at, self._source = None, ""
+        if self._live.parts.over != (self.over_at is not None):
+            self._live.show(self._clock.now, over=self.over_at is not None)
 
     def on_north_seek(self, feedback: Any) -> None:
         """Show the progress of a north seek: NorthSeek feedback."""

@@ -80,8 +80,9 @@ class LinkMonitor:
         self._qualities[quality.link] = dataclasses.replace(status, at=self._clock.now, strokes=strokes)
         causes = {}
         for link, one in self._qualities.items():
-            # Before the first samples nothing is wrong yet: the rig may be about to start.
-            if one.state == DOUBTFUL or (one.state == NO_INPUT and one.stamp_ns):
+            # Before the first samples nothing is wrong yet, and nothing is missed after the end of a simulation.
+            missed = one.state == NO_INPUT and one.stamp_ns and not self._live.parts.over
+            if one.state == DOUBTFUL or missed:
                 only = len(self._qualities) == 1
                 severity = Severity.CRITICAL if one.state == NO_INPUT and only else Severity.WARNING
                 name = "link.state" if only else f"link.state.{link}"

@@ -309,6 +309,7 @@ class LiveWell:
         self.diagnostics.update(now)
         self.inputs.update(now, shown=not self._said.tells_inputs)
         depths = self.inputs.table.depth_difference
+        self._supervision.over_at = self.diagnostics.over_at
         self._supervision.update(now, book.depth.clock_difference, depths, self._outlet.readings())
         self._link.update()
         self.decoder.update(now)
@@ -516,6 +517,8 @@ class SlideRecorder:
 
 # Gathers the readings of the supervision table: silent topics, clocks, heartbeats, disk and queue.
 
+_TRAILING = 2.0  # s after the end of the samples, for what is computed from the last of them
+
 
 class SupervisionMonitor:
     """
@@ -527,6 +530,9 @@ class SupervisionMonitor:
         Topics whose silence the table watches.
     judged : set of str
         Rows that had a reading at the last update.
+    over_at : float or None
+        When the simulation or replay that makes the data last said that it is over, s. What has been silent since then
+        raises no alarm (ISA-18.2: suppressed by design).
     """
 
     def __init__(self, context: WellContext) -> None:
@@ -539,6 +545,7 @@ class SupervisionMonitor:
         self._stamp_ns = -1
         self._advanced_at = self._sampled_at = 0.0
         self.judged: set[str] = set()
+        self.over_at: float | None = None
 
     @property
     def heard(self) -> frozenset[str]:
@@ -582,8 +589,10 @@ class SupervisionMonitor:
         now: time, s. clock_difference: between the clocks of rig and sonde, s, None if unknown. depth_difference:
         between the sources of depth, m, NaN if unknown. machine: readings of the computer, by the id of their row.
         """
-        readings = {f"input.{topic}": now - at for topic, at in self._received_at.items()}
-        readings |= {f"heartbeat.{node}": now - at for node, at in self._beat_at.items()}
+        last = {f"input.{topic}": at for topic, at in self._received_at.items()}
+        last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}
+        expected = -math.inf if self.over_at is None else self.over_at + _TRAILING
+        readings = {alarm: now - at for alarm, at in last.items() if at > expected}
         readings |= self._figures
         readings["clock.sonde"] = self._sampled_at - self._advanced_at
         if clock_difference is not None:

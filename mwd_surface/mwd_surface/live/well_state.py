@@ -339,6 +339,8 @@ class WellState:
         Whether somebody described the well; False: its description is assumed.
     over_link : bool or None
         Whether a telemetry link stands between tool and surface; None: not known.
+    over : bool
+        Whether the simulation or replay that makes the data has come to its end.
     history, trend, depth_log : Chart
         Charts over the last minutes, over the last hours (in larger steps), and over the depth of the sensor.
     logs : tuple of Curve
@@ -360,6 +362,7 @@ class WellState:
     well: Well = dataclasses.field(default_factory=Well)
     well_given: bool = True
     over_link: bool | None = None
+    over: bool = False
     reference_given: ReferenceField | None = None
     surveys: SurveyList = dataclasses.field(default_factory=SurveyList)
     path: Definitive | None = None

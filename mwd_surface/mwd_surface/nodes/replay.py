@@ -308,7 +308,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
             message = "over; subscribers acknowledge the last messages" if self._over else "waiting for a listener"
-            return (Diagnostic("replay", OK, message, values=values),)
+            return (Diagnostic("replay", OK, message, values=(*values, wire.OVER) if self._over else values),)
         now = time.monotonic()
         if self._bag is not None:
             values += (("position_s", f"{(self._pace.position_ns(now) - self._bag.start_ns) * 1e-9:.3f}"),)

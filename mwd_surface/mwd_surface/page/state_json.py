@@ -119,7 +119,7 @@ class StateJson:
         whole = ("surveys",)
         return {
             "well": _View(
-                ("well", "well_given", "over_link", "reference_given", "surveys"), section, lambda: _well(state)
+                ("well", "well_given", "over_link", "over", "reference_given", "surveys"), section, lambda: _well(state)
             ),
             "quality": _View(whole, north, lambda: self._quality(state)),
             "surveys": _View(whole, north, lambda: self._surveys(state, most)),
@@ -174,6 +174,7 @@ def _well(state: WellState) -> Table:
         **{name: plain(getattr(state.well, name)) for name in shown},
         "section_azimuth": number(state.section_azimuth),
         "over_link": state.over_link,
+        "over": state.over,
         "given": state.well_given,
         "field": plain(state.reference),
     }

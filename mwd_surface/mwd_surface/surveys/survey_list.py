@@ -271,11 +271,6 @@ class SurveyList:
         """Return the list with other records; order, path and flags are computed again."""
         return self._with(records)
 
-    def remark(self, sequence: int, comment: str) -> SurveyList:
-        """Return the list with a new comment on a survey; ValueError if there is no such survey."""
-        old = self.find(sequence)
-        return self._with([dataclasses.replace(r, comment=comment) if r is old else r for r in self.records])
-
     def tied_on(self, tie_on: TieOn, leg: str | None = None) -> SurveyList:
         """
         Return the list with a new tie-on of a leg.

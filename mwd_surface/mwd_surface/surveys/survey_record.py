@@ -62,6 +62,9 @@ class SurveyRecord(MessageRecord):
     interfaces use. `first` is the value as first decided, if it has been replaced. `revised` is the estimator's revised
     value from the whole run, if it was not made definitive because a person has decided or must still decide.
 
+    comment: remarks of the program, joined by "; ": why there is no depth, what a decision changed. What people write
+    is in `reason`.
+
     decisions: all decisions, oldest first; the last one is in force. They are kept in the file of the list only.
     decided_revision: revision that was present at the last decision; kept in the file only.
 

@@ -145,3 +145,34 @@ def test_a_wrong_word_is_refused_before_anything_starts(start, tmp_path):
         assert sentence in err
         assert "Traceback" not in err
         assert nodes_of(process) == []
+
+
+# A magnetometer that fails for a while in a tool whose gyros go on with the azimuth.
+FAILING = (
+    "name: brief\nschedule: [{kind: still, seconds: 14.0}, {kind: drill, seconds: 13.0, rpm: 60.0, rop_m_h: 360.0}, "
+    "{kind: still, seconds: 14.0}]\nwell: {stations: [[0.0, 40.0, 70.0], [150.0, 40.0, 70.0]], bit_m: 103.0}\n"
+    "precision: {grade: tactical_north}\nfaults: [{component: mag, fault: 'off', start_s: 19.0, seconds: 5.0}]\n"
+)
+_GONE_S = 6.0  # longer than what the table of supervision allows for any input
+
+
+def test_after_the_end_of_a_scenario_with_a_fault_no_alarm_stands_and_none_waits(start, tmp_path):
+    (tmp_path / "brief.yaml").write_text(FAILING)
+    process = start("--no-record", "--no-rig", "--hold")
+    page = re.search(r"http://\S+", line_with(process, "http://"))[0]
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    over_at = None
+    while over_at is None or time.monotonic() - over_at < _GONE_S:
+        with opener.open(f"{page}state.json", timeout=30.0) as answer:
+            shown = json.load(answer)["sections"]
+        over_at = over_at or (time.monotonic() if shown.get("well", {}).get("over") else None)
+        assert process.poll() is None
+        time.sleep(0.2)
+    raised = [event["source"] for event in shown["events"]["rows"] if event["kind"] == "raised"]
+    assert any("sensors" in source for source in raised), "the fault raised no alarm"
+    assert shown["streams"]["sonde"]["state"] != "live"
+    assert shown["alarms"]["rows"] == []
+    assert shown["alarms"]["not_evaluated"] == []
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, out + err

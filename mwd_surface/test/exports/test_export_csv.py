@@ -83,7 +83,7 @@ def test_no_text_starts_like_a_formula(text):
 @pytest.mark.slow
 @given(st.text(max_size=60))
 def test_any_remark_stays_one_cell_of_one_line(text):
-    whole = example.surveys().remark(1, text)
+    whole = example.commented(example.surveys(), 1, text)
     rows = list(csv.DictReader(io.StringIO(raw_csv(whole))))
     assert len(rows) == 12
     assert rows[0]["comment"][:1] not in tuple("=+-@")

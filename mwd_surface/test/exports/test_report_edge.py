@@ -84,16 +84,16 @@ TYPED = ("no data at all", "north", "stop: the tool turns", "seen at 12 m", "too
 @pytest.mark.parametrize("typed", TYPED)
 @pytest.mark.parametrize("said", [ENGLISH, CHINESE])
 def test_what_people_typed_is_neither_translated_nor_converted(typed, said):
-    """Names of the head, people, their reasons and comments, in a report in another language and in feet."""
+    """Names of the head, people, and their reasons, in a report in another language and in feet."""
     surveys = example.table().surveys
-    surveys = surveys.remark(1, typed).reject(2, typed, f"{typed} seen", 10**18)
+    surveys = surveys.reject(2, typed, f"{typed} seen", 10**18)
     names = dict.fromkeys(("name", "company", "field", "rig", "service_company", "job_number", "revision"), typed)
     surveys = dataclasses.replace(surveys, well=dataclasses.replace(surveys.well, **names))
     report = for_people(content(survey_table(surveys, 10**18)), said, "field")
     assert sum(value == typed for _, value in report.header) == len(names)
     cells = [cell for sheet in report.sheets for row in sheet.rows for cell in row]
     assert cells.count(f"{typed} seen") == 1  # the reason
-    assert cells.count(typed) == 2  # the person, and the comment
+    assert cells.count(typed) == 1  # the person
     assert typed in report.title
 
 

@@ -31,15 +31,26 @@ def test_a_sentence_of_every_template_is_translated_whole():
         assert all(value in said for value in values.values()), template
 
 
+SENTENCES = [
+    text(Reason(code, 0.123, 0.456, (0.3, 0.4), ("gyro", "magnetometer"), (Reason(ReasonCode.NO_MAGNETOMETER),)))
+    for code in ReasonCode
+    if "FAULT" not in code.name
+]
+
+
 def test_every_reason_is_translated_with_its_numbers():
-    reasons = [
-        Reason(code, 0.123, 0.456, (0.3, 0.4), ("gyro", "magnetometer"), (Reason(ReasonCode.NO_MAGNETOMETER),))
-        for code in ReasonCode
-        if "FAULT" not in code.name
-    ]
-    for reason in reasons:
-        english = text(reason)
+    for english in SENTENCES:
         assert CHINESE.unknown(english) == 0, (english, CHINESE.say(english))
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.sampled_from(SENTENCES), min_size=2, max_size=3, unique=True))
+def test_joined_reasons_are_translated_each_also_where_a_reason_has_the_mark_that_joins_them(reasons):
+    joined = "; ".join(reasons)
+    said, alone = CHINESE.say(joined), [CHINESE.say(one) for one in reasons]
+    assert CHINESE.unknown(joined) == 0
+    # The mark between reasons may be read as one of a list within a reason.
+    assert sorted(filter(str.isalnum, said)) == sorted(filter(str.isalnum, "".join(alone)))
 
 
 def test_the_words_of_a_sentence_stay_with_its_values():

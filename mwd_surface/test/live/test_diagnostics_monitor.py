@@ -9,6 +9,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from mwd_sensors.core.wire import OVER
 from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_state import WellState
@@ -52,3 +53,22 @@ def test_values_that_are_no_numbers_give_no_field_and_no_times(foreign):
     assert fields[-1] is None
     found.on_diagnostics(said("survey", elapsed_s=foreign, remaining_s="20"))
     assert (progress[-1].elapsed, progress[-1].remaining) == (0.0, 20.0)
+
+
+def test_the_end_of_a_simulation_lasts_until_its_node_begins_anew():
+    found, _, _ = monitor()
+    found._alarm_log = SimpleNamespace(log_event=lambda *_: None)
+
+    def scenario(node, *values):
+        pairs = [KeyValue(key=key, value=value) for key, value in values]
+        status = DiagnosticStatus(name=f"/w/{node}: scenario", hardware_id="/w", message="said", values=pairs)
+        found.on_diagnostics(DiagnosticArray(status=[status]))
+
+    scenario("sonde", ("imu/data_raw", "3"))
+    assert found.over_at is None
+    scenario("sonde", OVER)
+    assert found.over_at == found._clock.now
+    scenario("estimator")
+    assert found.over_at is not None
+    scenario("sonde")
+    assert found.over_at is None

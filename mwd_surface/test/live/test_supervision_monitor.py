@@ -65,3 +65,14 @@ def test_nodes_and_topics_that_fall_silent_are_named_and_forgotten_when_they_are
         monitor.on_heartbeat(Heartbeat(f"/well_1/{node}", "/well_1").message("active", b"\0"))
     monitor.update(monitor._clock.now, 0.0, 0.0, MACHINE)
     assert not [key for key in alarms.standing if key.startswith("heartbeat.")]
+
+
+def test_what_is_silent_after_the_end_of_a_simulation_raises_no_alarm_and_what_came_again_does(watched):
+    monitor, alarms = watched
+    monitor.over_at = monitor._clock.now
+    monitor.update(monitor._clock.now + 30.0, 0.0, 0.0, MACHINE)
+    assert not [key for key in alarms.standing if key.startswith(("input.", "heartbeat."))]
+    monitor._clock.now_ns += 10 * 10**9
+    monitor.message_received("imu/data_raw")
+    monitor.update(monitor._clock.now + 30.0, 0.0, 0.0, MACHINE)
+    assert [key for key in alarms.standing if key.startswith(("input.", "heartbeat."))] == ["input.imu/data_raw"]

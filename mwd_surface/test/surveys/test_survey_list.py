@@ -328,13 +328,6 @@ def test_a_list_survives_json_and_says_what_does_not_belong():
         SurveyList.from_mapping(orphan)
 
 
-def test_a_remark_changes_nothing_else():
-    whole = filled(*CURVE)
-    noted = whole.remark(2, "washout")
-    assert noted.find(2).comment == "washout"
-    np.testing.assert_array_equal(noted.definitive().positions, whole.definitive().positions)
-
-
 @pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(1.0, 3000.0), st.floats(0.0, 90.0), st.floats(0.0, 360.0)), max_size=12))
 def test_whatever_comes_the_path_increases_and_is_finite_and_nothing_is_lost(stations):

@@ -215,7 +215,7 @@ def test_a_list_that_cannot_be_written_leaves_the_files_as_they_were(tmp_path):
         whole = grown(SurveyList(well=WELL), 2)
         store.save(whole)
         before = store.current.read_bytes()
-        bad = whole.remark(1, "\ud800")
+        bad = whole.with_records([dataclasses.replace(one, comment="\ud800") for one in whole.records])
         with pytest.raises(ValueError, match="surrogates"):
             store.save(bad)
         assert store.current.read_bytes() == before

@@ -93,12 +93,13 @@ function telemetryPill(link, now) {
   return ["link", kind, t`${say(link.name)}: ${words}`];
 }
 
-function linkPills(streams, now, silent, link) {
+function linkPills(streams, now, silent, link, over) {
   const stream = (name) => stateOfStream(streams[name], now, silent);
   // Over a link, no data come directly from the sonde.
   const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => t`no ${STREAM_NAMES[name].toLowerCase()}` + (stream(name) === "none" ? "" : ` ${units.age(now - streams[name].at)}`);
   if (silent) return [["system", "reject", t("link lost")]];
+  if (over) return [["system", "idle", t("no more data: the run is over")]];
   const pills = down.map((name) => ["system", "doubtful", word(name)]);
   if (link) return [...pills, telemetryPill(link, now)];
   return pills.length ? pills : [["system", "good", t("link")]];
@@ -116,7 +117,7 @@ export function showPills(sections, now, silent, select, replayed) {
   const { streams, recorder, attitude, rig } = sections;
   const list = [];
   const alive = (name) => streams && stateOfStream(streams[name], now, silent) === "live";
-  if (streams) list.push(...linkPills(streams, now, silent, sections.link));
+  if (streams) list.push(...linkPills(streams, now, silent, sections.link, sections.well?.over));
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
@@ -157,7 +158,7 @@ export function byUrgency(rows) {
 export const alarmState = (a) => (!a.active ? "returned" : a.acknowledged ? "acknowledged" : "unacknowledged");
 
 // Line that is always shown: the most urgent active alarm or, if none is active, the ended alarms not acknowledged yet.
-export function showAlarmStrip({ alarms }, now) {
+export function showAlarmStrip({ alarms, well }, now) {
   if (!alarms) return;
   const rows = byUrgency(alarms.rows);
   const [first] = rows;
@@ -170,7 +171,7 @@ export function showAlarmStrip({ alarms }, now) {
   const [what, remedy, age] = strip.children;
   const none = unknown ? t`No alarm is known; ${unknown}` : first ? t("✓ No alarm is active") : t("✓ No alarms");
   setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${say(first.severity_word).toUpperCase()}${t(": ")}${say(first.text)}` : none);
-  setText(remedy, first?.active ? say(first.remedy) : first ? t`gone, not yet acknowledged: ${rows.map((a) => say(a.text)).join(t("; "))}` : "");
+  setText(remedy, first?.active ? say(first.remedy) : first ? t`gone, not yet acknowledged: ${rows.map((a) => say(a.text)).join(t("; "))}` : well?.over ? t("The run is over: no more data comes.") : "");
   setText(age, first?.active ? [
     alarms.epoch === null ? t`since ${units.clock(first.raised_ns)} UTC` : t`for ${units.age(Math.max(0, now + alarms.epoch - first.raised_ns / 1e9))}`,
     first.acknowledged ? t("acknowledged") : "", rows.length > 1 ? t`+ ${rows.length - 1} more` : "",

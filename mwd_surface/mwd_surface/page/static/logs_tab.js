@@ -39,7 +39,7 @@ function gapText(channels) {
   if (!found.length) return t("First pass, without gaps");
   const one = (gap) => t`${units.number("depth", gap[0])} to ${units.number("depth", gap[1])}`;
   const gaps = found.map((c) => `${title(c.name)} ${c.gaps.map(one).join(", ")}` + (c.gap_count > c.gaps.length ? t` and ${c.gap_count - c.gaps.length} more` : ""));
-  return t`First pass; no data: ${gaps.join("; ")} ${units.unit("depth")}`;
+  return t`First pass; no data: ${gaps.join(t("; "))} ${units.unit("depth")}`;
 }
 
 function tracks(channels, { width, height }) {
@@ -64,7 +64,7 @@ function frame(plot, text, { left, wide, height }) {
 // Why a value is not the mean around the hole; empty if it is.
 function doubtOf(row) {
   const quality = row[4] || 0;
-  return [quality & SATURATED ? t("Detector saturated: a lower bound") : "", quality & ONE_SIDED ? t("Measured on one side of the hole") : ""].filter(Boolean).join("; ");
+  return [quality & SATURATED ? t("Detector saturated: a lower bound") : "", quality & ONE_SIDED ? t("Measured on one side of the hole") : ""].filter(Boolean).join(t("; "));
 }
 
 function curve(plot, channel, room) {

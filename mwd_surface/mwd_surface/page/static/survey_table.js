@@ -26,7 +26,7 @@ const revised = (row) => row.revised ? pill(REVISED[row.revised.verdict] || "inf
 
 // Note on the assumptions behind depths and positions; null if there are none.
 export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
-  pill("doubtful", t("coordinates assumed")), ` ${path.assumptions.map(say).join("; ")}`);
+  pill("doubtful", t("coordinates assumed")), ` ${path.assumptions.map(say).join(t("; "))}`);
 
 let remarksOpen = false;
 
@@ -130,7 +130,7 @@ export class SurveyTable {
   }
 
   projected(path) {
-    const k = path ? path.kind.indexOf(t("projected")) : -1;
+    const k = path ? path.kind.indexOf("projected") : -1;
     if (k < 0) return null;
     const names = ["measured_depth", "inclination", "azimuth", "vertical_depth", "north", "east", "vertical_section", "dogleg_severity"];
     return { ...Object.fromEntries(names.map((name) => [name, path[name][k]])), assumed: path.assumptions.length > 0 };
@@ -187,7 +187,7 @@ export class SurveyTable {
       ...(row.disturbances.length ? [[t("May be disturbed by"), row.disturbances.map(([words, odds]) => `${say(words)} ${percent(odds)}`).join(", ")]] : []),
       [t("Judged by"), (row.accepted_by === "automatic" ? t("automatic") : row.accepted_by) + (row.judged_reason ? `: ${row.judged_reason}` : "")],
       [t("Leg, tool"), [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
-      [t("Comment"), row.comment || "–"],
+      [t("Comment"), say(row.comment) || "–"],
     ];
     const why = [...row.reasons, ...row.flags];
     const box = el("div", { class: "detail" },

@@ -59,7 +59,7 @@ function battery(b) {
       row(t("Used"), t`${with_sigma("charge", b.used, b.sigma_used)} of ${with_sigma("charge", b.capacity, 0)}`),
       row(t("Mean current"), with_sigma("current", b.current, 0)),
     ], "tool-battery"),
-    b.assumed.length ? el("p", { class: "quiet-text" }, t`Assumed: ${b.assumed.map((text) => say(text)).join("; ")}`) : null,
+    b.assumed.length ? el("p", { class: "quiet-text" }, t`Assumed: ${b.assumed.map((text) => say(text)).join(t("; "))}`) : null,
   ].filter(Boolean).map((one) => el("div", {}, one));
 }
 

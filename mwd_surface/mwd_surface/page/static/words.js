@@ -47,6 +47,8 @@ const templates = [...entries].filter(([english]) => /\{[a-z]\w*\}/.test(english
   const fixed = parts.reduce((a, b) => (b.length > a.length ? b : a));
   return { parts, names: english.match(/\{\w+\}/g).map((name) => name.slice(1, -1)), translated, fixed, known: letters(parts.join("")) };
 }).sort((a, b) => b.known - a.known); // those that explain most letters first
+// Those of them that contain the mark which joins sentences.
+const joined = templates.filter(({ parts }) => parts.some((part) => part.includes("; ")));
 
 // Values of a template in a text; null if the text is another sentence. Fixed parts are found in one pass, from the left
 // or, if `last`, from the right: a value may contain such a part.
@@ -80,6 +82,7 @@ const MARKS = ["; ", ": ", ", ", " or ", " and ", " · "];
 // Values that people have typed; they stay as typed.
 const TYPED = new Set(["name", "name1", "name2", "operator", "operator_name", "because", "plan", "well", "wellbore", "path", "file", "logo"]);
 const DEPTH = 6;
+const JOINED = 3; // parts of a sentence that contains the mark which joins sentences
 // Least number of letters in the fixed parts of a template that has untranslated values; more if such a value is first.
 const LEAST = 4;
 const LEAST_BEHIND = 6;
@@ -97,27 +100,29 @@ function readings(template, text) {
 }
 
 // Search for the translation of one text, with a limit of its work: `search` holds the texts read and the work left.
-function read(text, depth, search) {
+// whole: the text is read as one sentence only, not as a list of sentences.
+function read(text, depth, search, whole = false) {
   const exact = entries.get(text);
   if (exact) return { text: exact, unknown: 0, known: Infinity };
   if (QUANTITY.test(text)) return { text: decimal(text).replace(/ deg$/, "°").replace(/ sigma/, "σ"), unknown: 0, known: 0 };
   // A single letter is the name of an axis.
   const unread = { text, unknown: text.length > 1 ? letters(text) : 0, known: 0 };
   if (!unread.unknown || !depth) return unread;
-  const key = `${depth}${text}`;
+  const key = `${depth}${whole}${text}`;
   if (!search.read.has(key)) {
-    search.work -= text.length + EACH;
+    // Few templates are searched for a sentence that contains the mark which joins sentences.
+    search.work -= whole ? 0 : text.length + EACH;
     if (search.work < 0) return unread;
-    const best = byTemplate(text, depth, unread, search);
-    search.read.set(key, best.unknown ? byParts(text, depth, best, search) : best);
+    const best = byTemplate(whole ? joined : templates, text, depth, unread, search);
+    search.read.set(key, best.unknown && !whole ? byParts(text, depth, best, search) : best);
   }
   return search.read.get(key);
 }
 
 // Reading by the template that explains most of the text, and of such the one of most letters.
-function byTemplate(text, depth, unread, search) {
+function byTemplate(among, text, depth, unread, search) {
   let best = unread;
-  for (const template of templates.filter(({ fixed }) => text.includes(fixed))) {
+  for (const template of among.filter(({ fixed }) => text.includes(fixed))) {
     for (const found of readings(template, text)) {
       const values = {};
       let unknown = 0;
@@ -140,14 +145,21 @@ function byTemplate(text, depth, unread, search) {
 // Reading of a list; a text of which one part is unknown is no list, but a name or other words.
 function byParts(text, depth, best, search) {
   for (const mark of MARKS.filter((one) => text.includes(one))) {
-    const pieces = [];
-    for (const piece of text.split(mark)) {
-      pieces.push(read(piece, depth - 1, search));
-      if (pieces[pieces.length - 1].unknown) break;
-    }
-    if (!pieces[pieces.length - 1].unknown) return { text: pieces.map((piece) => piece.text).join(entries.get(mark) || mark), unknown: 0, known: 0 };
+    const members = listed(mark, text.split(mark), depth - 1, search);
+    if (members) return { text: members.join(entries.get(mark) || mark), unknown: 0, known: 0 };
   }
   return best;
+}
+
+// Translated members of a list, of which sentences may contain the mark itself; null if it is not a list.
+function listed(mark, pieces, depth, search) {
+  if (!pieces.length) return [];
+  for (let count = 1; count <= Math.min(pieces.length, mark === "; " ? JOINED : 1); count++) {
+    const member = read(pieces.slice(0, count).join(mark), depth, search, count > 1);
+    const rest = member.unknown ? null : listed(mark, pieces.slice(count), depth, search);
+    if (rest) return [member.text, ...rest];
+  }
+  return null;
 }
 
 // Sentence of the surface unit in the language of the page; an empty text for null.
