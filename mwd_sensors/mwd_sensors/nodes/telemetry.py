@@ -24,8 +24,8 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import Telemetry
 
 _TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
-# The channel lags behind the run by the sum of these, s of wall time and s of the run, so that the tool's signals arrive
-# before their time is simulated.
+# The channel lags behind the run by the sum of these, s of wall time and s of the run, so that the tool's signals have
+# arrived when their time is simulated.
 _WALL_S, _RUN_S = 2.0, 1.0
 
 
