@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames, Earth models, wire layouts, calibration, the simulated sonde and the base class of the nodes."""
+"""Frames, Earth models, message layouts, calibration, the simulated sonde and the base class of the nodes."""

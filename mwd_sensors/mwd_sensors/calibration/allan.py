@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Allan deviation: identify the parts of a sensor's noise in a recording at rest.
+Allan deviation: identify white noise, bias instability and random walk of a sensor in a recording at rest.
 
 Sources: IEEE Std 952-1997, annex C; overlapping estimator of Howe, Allan and Barnes (1981).
 """
@@ -108,7 +108,8 @@ def figures(curve: AllanCurve, axis: int | None = None) -> AllanFigures:
     """
     Read the noise figures from a curve; axis selects a column, None is for a curve of one axis.
 
-    White noise is fitted where the slope is near -1/2, random walk where it is near +1/2 beyond the floor.
+    White noise is fitted where the slope is near -1/2, up to the averaging time of the floor; random walk where the
+    slope is near +1/2, at longer averaging times.
     """
     deviation = curve.deviation if axis is None else curve.deviation[:, axis]
     log_tau, log_dev = np.log(curve.tau), np.log(np.maximum(deviation, 1e-300))

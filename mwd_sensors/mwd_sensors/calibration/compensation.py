@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core.arrays import Array, Samples
 
-# Number of temperatures kept, so that late samples still find their temperature.
+# Number of newest temperatures that are kept for samples that arrive late.
 _KEPT = 4096
 
 
@@ -67,7 +67,7 @@ class Compensation:
         return np.asarray(np.searchsorted(self._stamps, stamp_ns, side="left") > 0)
 
     def _corrected(self, triad: TriadCalibration, samples: Samples, field: str) -> Array:
-        # Strictly before, because the order of two messages with equal stamps is chance.
+        # Use temperatures from strictly before the sample: the order of two messages with equal stamps is random.
         index = np.searchsorted(self._stamps, samples["stamp_ns"], side="left") - 1
         celsius = np.full(len(samples), triad.reference_c)
         celsius[index >= 0] = self._celsius[index[index >= 0]]

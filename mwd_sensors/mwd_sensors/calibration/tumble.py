@@ -66,6 +66,7 @@ def fit_magnetometer(
     strength, dip : float
         Strength, T, and dip, rad, of the field at the place of the run.
     celsius : array_like, shape (m,)
+        Temperature, degC.
 
     Raises
     ------
@@ -96,16 +97,17 @@ def fit_magnetometer(
 
 def fit_gyro(gyro: ArrayLike, at_rest: TumbleRests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
-    Calibrate gyros: bias and its temperature slope from the rests, scale and misalignment from the rotations between.
+    Calibrate gyros: bias and its temperature slope from the rests, scale and misalignment from the rotations.
 
     Parameters
     ----------
     gyro : array_like, shape (n, 3)
         Readings of the whole run, rad/s.
-    at_rest : Rests
+    at_rest : TumbleRests
         Rests of the same run.
     accelerometer : TriadCalibration
-        Calibration that gives the direction of gravity in each rest; each rotation must carry it into the next rest.
+        Calibration that gives the direction of gravity in each rest; a rotation between two rests must turn the
+        direction of the first rest to the direction of the second.
     rate : float
         Sample rate, Hz.
 
@@ -169,7 +171,7 @@ def calibrate(
     gyro, accel, mag : array_like, shape (n, 3)
         Readings, rad/s, m/s^2, T (or None).
     celsius : array_like, shape (n,)
-        Temperature at each sample.
+        Temperature at each sample, degC.
     rate : float
         Sample rate, Hz.
     gravity : float
@@ -210,7 +212,7 @@ def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: floa
 
 
 def _carried(steps: Array, down: Array) -> Array:
-    """Return gravity's direction, shape (k, 3), in tool axes after the rotation vectors steps, shape (n, k, 3)."""
+    """Return the directions of gravity, shape (k, 3), in tool axes after the rotation vectors steps, (n, k, 3), rad."""
     # Rotations are multiplied in pairs, as a tree, so that a long rotation takes few array operations.
     q = quat_from_rotvec(steps)
     while len(q) > 1:
@@ -227,7 +229,7 @@ def _symmetric(p: Array) -> Array:
 # Find the intervals at rest in a tumble run and average the readings in them.
 
 
-MIN_POSES = 12
+MIN_POSES = 12  # least number of rests for a calibration
 
 
 @dataclasses.dataclass(frozen=True)
@@ -277,7 +279,7 @@ def rests(
     seconds : float
         Duration of the shortest rest, s.
     quiet_rate, quiet_force : float
-        Largest range of the readings within half a second at rest, rad/s and m/s^2.
+        A window of half a second is at rest if the range of the readings is below these, rad/s and m/s^2.
 
     Raises
     ------
@@ -291,7 +293,7 @@ def rests(
     count = len(f) // window
     shape = (count, window, 3)
     spans = [np.ptp(x[: count * window].reshape(shape), axis=1).max(axis=1) for x in (w, f)]
-    # A steady rotation is quiet too; at rest the specific force of neighbouring windows must also agree.
+    # Readings in a steady rotation are quiet too; at rest the specific force of neighbouring windows must also agree.
     mean_f = f[: count * window].reshape(shape).mean(axis=1)
     drift = np.linalg.norm(np.diff(mean_f, axis=0, prepend=mean_f[:1]), axis=1)
     drift = np.maximum(drift, np.append(drift[1:], 0.0))
@@ -376,10 +378,10 @@ def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bo
     """
     Return 1 sigma of the parameters of a least-squares fit, from the scatter of its residuals.
 
-    Each rest has `parts` residuals, stored one after the other (interleaved) or all firsts before all seconds. A slow
-    drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent. The result is
-    therefore the larger of the ordinary sigma and the one by Newey and West (Econometrica 55, 1987), with a lag of a
-    fifth of the rests.
+    Each rest has `parts` residuals, stored next to each other (interleaved) or in `parts` blocks with one residual of
+    each rest. A slow drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent.
+    The result is therefore the larger of the ordinary sigma and the sigma by Newey and West (Econometrica 55, 1987),
+    with lags up to a fifth of the rests.
     """
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian / size
@@ -405,9 +407,10 @@ def allow_for_drift(
     sigma_bias: Array, sigma_bias_per_c: Array, scatter: Array | float, span: float
 ) -> tuple[Array, Array]:
     """
-    Increase sigmas for drift: add half the residual scatter to the bias, and twice the scatter per range to its slope.
+    Increase sigmas of bias and of its slope for drift.
 
-    A sensor that drifts while the temperature happens to rise looks like a sensor that depends on temperature.
+    Add in quadrature half the residual scatter to the bias, and twice the scatter per range to the slope. A sensor that
+    drifts while the temperature happens to rise looks like a sensor that depends on temperature.
     """
     return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
 

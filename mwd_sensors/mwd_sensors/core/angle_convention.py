@@ -20,7 +20,7 @@ _RIGHT = math.pi / 2.0
 
 
 class AngleConvention(enum.StrEnum):
-    """Vertical angle that people of a well use; the value is the word of the settings."""
+    """Convention for the vertical angle at a well; the value is the word in the settings."""
 
     INCLINATION = "inclination"
     DIP_UP = "dip_up"  #: from the horizontal, positive where the hole rises
@@ -31,7 +31,7 @@ class AngleConvention(enum.StrEnum):
     @overload
     def shown(self, inclination: Array) -> Array: ...
     def shown(self, inclination: float | Array) -> float | Array:
-        """Return the angle that people read, rad, of an inclination, rad; NaN stays NaN."""
+        """Return the angle to show to people, rad, for an inclination, rad; NaN stays NaN."""
         if self is AngleConvention.INCLINATION:
             return inclination
         return inclination - _RIGHT if self is AngleConvention.DIP_UP else _RIGHT - inclination
@@ -41,14 +41,14 @@ class AngleConvention(enum.StrEnum):
     @overload
     def inclination(self, shown: Array) -> Array: ...
     def inclination(self, shown: float | Array) -> float | Array:
-        """Return the inclination, rad, of an angle that people have written, rad."""
+        """Return the inclination, rad, for an angle that people have written in this convention, rad."""
         if self is AngleConvention.INCLINATION:
             return shown
         return shown + _RIGHT if self is AngleConvention.DIP_UP else _RIGHT - shown
 
     @property
     def sign(self) -> float:
-        """Sign of a difference: -1 where the angle that people read falls with a rising inclination."""
+        """Factor from a difference of inclinations to the difference of the shown angles: -1 for DIP_DOWN, else 1."""
         return -1.0 if self is AngleConvention.DIP_DOWN else 1.0
 
     @property

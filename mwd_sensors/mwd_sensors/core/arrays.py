@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Array types of all packages, so that a signature says what an array holds, and a function that joins samples."""
+"""Array types for the signatures of all packages, and a function that joins arrays of samples."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ Array = NDArray[np.float64]
 
 Vector = Array | tuple[float, float, float]
 """
-Three components: an array of shape (3,), or the numbers themselves.
+Three components: an array of shape (3,), or a tuple of three numbers.
 
-Kernels that run once a sample pass plain numbers, because numba counts references to an array at each call.
+Kernels that run once per sample pass tuples: numba counts the references to an array at each call, which takes time.
 """
 
 Stamps = NDArray[np.int64]
@@ -31,6 +31,6 @@ Samples = NDArray[np.void]
 
 def joined(parts: Sequence[Samples]) -> Samples:
     """Concatenate arrays of samples that share one dtype; at least one array is needed."""
-    # As raw bytes: numpy is slow at joining records because it visits each field.
+    # Join the samples as raw bytes: numpy copies records field by field, which is slow.
     kind = parts[0].dtype
     return np.concatenate([part.view(f"V{kind.itemsize}") for part in parts]).view(kind)

@@ -3,8 +3,8 @@
 Size limits for every reader of files and network peers. A reader stops with a clear message at its limit.
 
 Readers use memory and time in proportion to the size of their input. The budget limits the cases where a small input
-can ask for much more: compression, aliases, repeated chunks, times far apart and deep nesting. SECURITY.md shows the
-same table.
+demands much more: compression, aliases, repeated chunks, times far apart and deep nesting. SECURITY.md shows the same
+table.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ class BudgetError(ValueError):
 @dataclasses.dataclass(frozen=True)
 class Budget:
     """
-    Limits of one reader; None means that this quantity is not limited, or that another column limits it.
+    Limits of one reader; None means that this quantity is not limited, or that another limit covers it.
 
     Attributes
     ----------
     reads : str
         Inputs that the budget applies to.
     size : int
-        Bytes read.
+        Largest number of bytes that are read.
     unpacked : int, optional
-        Bytes in memory of one piece after decompression.
+        Largest size of one piece after decompression, bytes.
     records : int, optional
-        Rows, values, samples or records.
+        Largest number of rows, values, samples or records.
     columns : int, optional
-        Fields of a row, or lines of a header.
+        Largest number of fields of a row, or of lines of a header.
     seconds : float, optional
-        Time from the first record to the last.
+        Longest time from the first record to the last, s.
     nesting : int, optional
-        Levels of nesting.
+        Largest number of levels of nesting.
     """
 
     reads: str
@@ -51,7 +51,7 @@ class Budget:
 
     def check(self, what: str, amount: float) -> None:
         """
-        Compare an amount with one column of the budget.
+        Compare an amount with the limit `what`, one of the attributes of this class.
 
         Raises
         ------
@@ -153,7 +153,7 @@ BUDGETS = (
 
 
 def table() -> str:
-    """Return the table of SECURITY.md."""
+    """Return all budgets as the Markdown table of SECURITY.md."""
     rows = ["| input | bytes | piece unpacked | records | columns | days | nesting |", "|---|---|---|---|---|---|---|"]
     for one in BUDGETS:
         cells = [

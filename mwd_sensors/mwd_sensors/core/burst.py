@@ -18,7 +18,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import WireError
 
 TYPE_NAME = "mwd_msgs/msg/ImuBurst"
-MOST = 1000  # most samples in one burst, the bound in the message definition
+MOST = 1000  # largest number of samples in one burst, the bound in the message definition
 # Topic of the bursts -> topic of the single samples that they contain.
 TOPICS = {"imu/burst": "imu/data_raw", "gyro/burst": "gyro/data_raw"}
 
@@ -71,7 +71,7 @@ def parts(samples: Samples, size: int) -> list[slice]:
     """
     Split samples into slices for bursts of at most `size` samples with equal covariances.
 
-    A sample whose covariance says that it was clipped therefore starts a new burst.
+    The covariance of a clipped sample differs (`mark_clipped`), so clipping starts a new burst.
     """
     changes = np.zeros(max(len(samples) - 1, 0), dtype=np.bool_)
     for name in _COVARIANCES:
@@ -82,12 +82,12 @@ def parts(samples: Samples, size: int) -> list[slice]:
 
 def decode(message: bytes) -> Samples:
     """
-    Decode a burst to samples of dtype `wire.IMU` without orientation (its first covariance element is -1).
+    Decode a burst to samples of dtype `wire.IMU` without orientation (first element of `orientation_covariance`: -1).
 
     Raises
     ------
     WireError
-        Bytes that are not a burst.
+        The bytes are not a burst.
     """
     name = wire.frame_id(message)
     size = _HEAD.size(name)
@@ -111,7 +111,7 @@ def decode(message: bytes) -> Samples:
 
 
 def bare(count: int = 1) -> Samples:
-    """Return `count` zero samples marked as having no orientation: -1 in its first covariance element (REP-145)."""
+    """Return `count` zero samples without orientation: first element of `orientation_covariance` -1 (REP-145)."""
     samples = wire.IMU.empty(count)
     samples["orientation_covariance"][:, 0] = -1.0
     return samples

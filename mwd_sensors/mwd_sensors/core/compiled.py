@@ -27,21 +27,22 @@ from numba.core.registry import CPUDispatcher
 F = TypeVar("F", bound=Callable[..., Any])
 
 _OURS = "mwd_"
-_UNUSED_S = 30 * 86400.0  # a cache folder of another installation that was not used for this time is removed
+_UNUSED_S = 30 * 86400.0  # a cache folder of another installation is removed if no process used it for this time, s
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]
     """
     Compiled function that shares its machine code with other processes, through a cache on disk.
 
-    numba's own cache looks at the file of the function only, so it would keep the old machine code of a changed
-    function that the kernel calls. Here the folder of the cache is named by all the files that the kernel is made of.
+    numba's own cache checks only the file of the kernel itself. After a change in the file of a called function it
+    would return the old machine code. Here the name of the cache folder is a hash over the files of all modules that
+    the kernel uses.
     """
 
     folder: Path | None = None
 
     def enable_caching(self) -> None:
-        """Keep the machine code in the folder of the kernel's module, if there is one that can be written."""
+        """Cache the machine code in the cache folder of the kernel's module, if that folder can be written."""
         self.folder = _cache_folder(self.py_func.__module__)
         if self.folder is not None:
             before = numba.config.CACHE_DIR
@@ -52,7 +53,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
                 numba.config.CACHE_DIR = before
 
     def compile(self, sig: Any) -> Any:
-        """Return the machine code for these types, from the cache if another process has compiled it."""
+        """Return the machine code for argument types, from the cache if another process has compiled it."""
         with self._alone():
             try:
                 return super().compile(sig)
@@ -80,8 +81,8 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
 
         Without this, nodes and test workers that start together would each compile the same kernels for minutes.
         """
-        # A kernel waits only for kernels that it calls, so processes cannot wait for each other in a circle. They could
-        # if two names share a lock byte; the system detects that deadlock and refuses the lock.
+        # A kernel waits only for kernels that it calls, so processes cannot deadlock, except if two kernel names have
+        # the same lock byte. The operating system detects that deadlock and refuses the lock.
         file = None if self.folder is None else _lock_file(self.folder)
         place = zlib.crc32(self.py_func.__qualname__.encode())
         locked = False
@@ -110,7 +111,7 @@ class OldKernel(Kernel):
         return {}
 
     def __call__(self, *args: Any, **keywords: Any) -> Any:
-        """Call the machine code for the types of these arguments."""
+        """Call the machine code for the types of the arguments; compile it at the first call."""
         if keywords or not any(isinstance(arg, tuple) for arg in args):
             return super().__call__(*args, **keywords)
         kinds = tuple(map(_kind, args))
@@ -126,9 +127,9 @@ def compiled(function: F) -> F:
 
     The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: for small arrays loops are
     faster than matrix products). The machine code is cached next to the module. It is rebuilt when the module changes,
-    or any module that its names come from. Floating point stays strict (no fast-math), so that a block of samples gives
-    the same bits as the same samples one by one. The kernel releases the interpreter lock; other threads must not touch
-    the arrays of a call until it returns.
+    or a module of this project from which it imports names. Floating point stays strict (no fast-math), so that a block
+    of samples gives the same bits as the same samples one by one. The kernel releases the interpreter lock; other
+    threads must not change the arrays of a call until it returns.
     """
     kind = Kernel if numba.version_info.short >= (0, 61) else OldKernel
     kernel = kind(function, targetoptions={"nopython": True, "nogil": True, "fastmath": False})
@@ -156,11 +157,12 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
 @functools.cache
 def _cache_folder(module: str) -> Path | None:
     """
-    Return the folder of the machine code of a module's kernels, and remove the folders that nobody needs any more.
+    Return the cache folder for the machine code of a module's kernels, and remove outdated cache folders.
 
-    It is below NUMBA_CACHE_DIR, else next to the module, else in the cache of the user; None if all are read-only.
-    Several installations may share a place, so the folder's name has a mark of the installation. Removed are the former
-    versions of this installation, and folders of others that no process has used for `_UNUSED_S`.
+    The cache folder is below NUMBA_CACHE_DIR if set, else next to the module, else in the user's cache; None if all of
+    these are read-only. Several installations may share one of these folders, so the name contains a hash of the
+    module's path. Outdated are folders of former versions of this installation, and folders of other installations
+    that no process has used for `_UNUSED_S`.
     """
     stamp = hashlib.sha256(repr(_stamps(module)).encode()).hexdigest()[:16]
     source = Path(getattr(sys.modules[module], "__file__", None) or "none.py")
@@ -171,7 +173,7 @@ def _cache_folder(module: str) -> Path | None:
         folder = place / f"{own}{stamp}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            # The time of change of a folder says when it was used last.
+            # Set the modification time, which `_is_unused` reads as the time of last use.
             os.utime(folder)
         except OSError:
             continue
@@ -194,12 +196,12 @@ def _is_unused(folder: Path) -> bool:
 @functools.cache
 def _lock_file(folder: Path) -> int | None:
     """
-    Open the lock file of a cache folder, in which one byte stands for each kernel, and return its descriptor.
+    Open the lock file of a cache folder and return its descriptor; None if the file cannot be opened.
 
-    Returns None when the file cannot be opened.
+    A process locks one byte of the file for each kernel that it compiles.
     """
     try:
-        # Never closed: when a process closes a file, it loses all its locks on that file.
+        # Never close the file: a process that closes a file loses all its locks on that file.
         return os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError:
         return None
@@ -207,7 +209,7 @@ def _lock_file(folder: Path) -> int | None:
 
 @functools.cache
 def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
-    """Return name, time of change and size of the files of a module and of all our modules that its names come from."""
+    """Return name, modification time, ns, and size, bytes, of a module and of all modules of this project it uses."""
     seen: set[str] = set()
     waiting = [name]
     while waiting:
@@ -217,7 +219,7 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
             continue
         seen.add(at)
         if hasattr(module, "__path__"):
-            # The names in a package are whatever modules were imported so far, which differs from process to process.
+            # Skip the names in a package: they are the modules imported so far, which differ between processes.
             continue
         for value in list(vars(module).values()):
             # Values that a kernel can use: modules, other kernels, enumerations and named tuples of settings.

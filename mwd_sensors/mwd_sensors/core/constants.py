@@ -8,7 +8,8 @@ import math
 # Standard acceleration of gravity, m/s^2 (CGPM 1901).
 STANDARD_GRAVITY = 9.80665
 # Largest difference of gravity on land or at sea from standard gravity, m/s^2: WGS 84 normal gravity is 9.7803 at the
-# equator and 9.8322 at the pole, less 0.003 for each km of height. A reading outside this is wrong at any well.
+# equator and 9.8322 at the pole, less 0.003 for each km of height. A reading with a larger difference is wrong at any
+# well.
 GRAVITY_FARTHEST = 0.04
 # 1 sigma of gravity when the place is not known, m/s^2: half the range of normal gravity over the latitudes, plus
 # heights of one or two km.

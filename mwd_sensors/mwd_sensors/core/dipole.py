@@ -3,7 +3,7 @@
 Alternating field of a small coil (a magnetic dipole) in uniform, conducting ground.
 
 Source: J. R. Wait, Electromagnetic Waves in Stratified Media, 2nd ed., 1970 (dipole in a conducting medium,
-displacement currents neglected). Without conductivity it is the static dipole.
+displacement currents neglected). Without conductivity the field is that of a static dipole.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def dipole_field(offset: ArrayLike, moment: ArrayLike, wave: complex = 0.0) -> N
     Parameters
     ----------
     offset : array_like, shape (..., 3)
-        Vector from the dipole to the point of the field, m; not zero.
+        Vector from the dipole to the point at which the field is computed, m; not zero.
     moment : array_like, shape (..., 3)
         Moment of the dipole (current times turns times area), A m^2, in the same axes.
     wave : complex
@@ -39,7 +39,8 @@ def dipole_field(offset: ArrayLike, moment: ArrayLike, wave: complex = 0.0) -> N
     Returns
     -------
     ndarray, shape (..., 3)
-        Complex amplitude of the field, T; its phase counts from that of the current. Real in ground without loss.
+        Complex amplitude of the field, T; its phase is relative to the phase of the current. Real in ground without
+        loss.
     """
     r, m = np.asarray(offset, dtype=float), np.asarray(moment, dtype=float)
     distance = np.linalg.norm(r, axis=-1, keepdims=True)

@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import EARTH_RATE
 
-# WGS 84 (NIMA TR8350.2): rotation, rad/s; equatorial radius, m; flattening; GM, m^3/s^2; normal gravity, m/s^2.
+# WGS 84 (NIMA TR8350.2): equatorial radius, m; flattening; GM, m^3/s^2; normal gravity at equator and pole, m/s^2;
+# squared eccentricity; polar radius, m.
 _RADIUS = 6378137.0
 _FLATTENING = 1.0 / 298.257223563
 _GM = 3.986004418e14
@@ -28,9 +29,11 @@ _GRAVITY_EQUATOR = 9.7803253359
 _GRAVITY_POLE = 9.8321849378
 _ECCENTRICITY_2 = _FLATTENING * (2.0 - _FLATTENING)
 _POLAR_RADIUS = _RADIUS * (1.0 - _FLATTENING)
+# Newtonian constant of gravitation, m^3/(kg s^2) (CODATA 2018).
 _NEWTON = 6.6743e-11
 
 MODELS = ("wmm2025", "igrf")
+# First and last decimal year for which each model is valid.
 _YEARS = {"wmm2025": (2025.0, 2030.0), "igrf": (1900.0, 2030.0)}
 
 
@@ -133,7 +136,7 @@ def magnetic_field(lat: float, lon: float, height: float, date: datetime.date, m
 
 
 def field_at_year(lat: float, lon: float, height: float, year: float, model: str = "wmm2025") -> Array:
-    """Return the field like `magnetic_field`, for a decimal year, as in the models' published test tables."""
+    """Return the field as `magnetic_field` does, for a decimal year instead of a date."""
     if model not in MODELS:
         raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
     if not -math.pi / 2 <= lat <= math.pi / 2:
@@ -166,7 +169,7 @@ def years(model: str) -> tuple[float, float]:
 
 
 def decimal_year(date: datetime.date) -> float:
-    """Return the year with its fraction at the start of the day."""
+    """Return a date as a decimal year, for the start of the day."""
     start = datetime.date(date.year, 1, 1)
     days = (datetime.date(date.year + 1, 1, 1) - start).days
     return date.year + (datetime.date(date.year, date.month, date.day) - start).days / days
@@ -198,7 +201,7 @@ def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670
 
 
 def gravity_gradient(lat: float, density: float = 2670.0) -> float:
-    """Return how fast gravity grows with depth below ground, 1/s^2; arguments as for `gravity`."""
+    """Return the increase of gravity with depth below ground, m/s^2 per m; arguments as for `gravity`."""
     sin2 = math.sin(lat) ** 2
     return 2.0 * _normal_gravity(sin2) * _steepness(sin2) / _RADIUS - 4.0 * math.pi * _NEWTON * density
 
@@ -210,7 +213,7 @@ def _normal_gravity(sin2: float) -> float:
 
 
 def _steepness(sin2: float) -> float:
-    """Return the factor on 2 gravity / radius in the free-air gradient; sin2 as in `_normal_gravity`."""
+    """Return the free-air gradient divided by 2 gravity / radius; sin2 as in `_normal_gravity`."""
     m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
     return 1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2
 
@@ -229,12 +232,12 @@ def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
     lat, lon : float
         WGS 84, rad.
     crs : str, optional
-        Any projected system that pyproj understands ("EPSG:32652"); the default is the UTM zone of the place.
+        Projected coordinate system in a notation of pyproj ("EPSG:32652"); the default is the UTM zone of the place.
 
     Raises
     ------
     ValueError
-        pyproj does not know the system, or the system has no convergence at this place.
+        The system is unknown or not projected, the place is far outside its area, or it has no convergence there.
     """
     return map_grid(lat, lon, crs).convergence
 
@@ -294,7 +297,7 @@ def utm_zone(lat: float, lon: float) -> str:
     """
     Return the EPSG code of the UTM zone, with the wider zones of south-western Norway and Svalbard; lat, lon in rad.
 
-    Nearer to a pole than any zone it is that of the polar grid (UPS).
+    North of 84 deg and south of -80 deg there is no UTM zone; there, return the code of the polar grid (UPS).
 
     Source: NGA.SIG.0012, The Universal Grids and the Transverse Mercator and Polar Stereographic Map Projections, 2014,
     section 7 (zone 32V, and 31X, 33X, 35X, 37X).
@@ -311,7 +314,7 @@ def utm_zone(lat: float, lon: float) -> str:
     return f"EPSG:{32600 + zone if lat >= 0.0 else 32700 + zone}"
 
 
-# How far outside its area a grid may still be used, deg: wells next to a zone keep the grid of their oil field.
+# A grid may be used up to this distance outside its area, deg: wells next to a zone keep the grid of their oil field.
 _BESIDE_DEG = 6.0
 _SOURCES = {"wmm2025": "WMM2025 (pygeomag)", "igrf": "IGRF14 (ppigrf)"}
 

@@ -3,8 +3,8 @@
 Make text from files and peers safe to show: no hidden characters, and no contents of files.
 
 Names of topics and frames, messages of peers and errors of libraries may contain anything. `printable` escapes hidden
-characters, for logs, alarms and terminals. `without_contents` says that a file cannot be used without quoting it, for
-messages that reach people who may not be allowed to read the file.
+characters, for logs, alarms and terminals. `without_contents` returns a message about a file that cannot be used; the
+message does not quote the file, because it reaches people who may not be allowed to read the file.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _LONGEST_NAME = 200
 
 
 def not_a_file_name(name: str) -> str:
-    """Return why a text is not the name of a file in a given folder, because it names another; empty if it is one."""
+    """Return the reason if a text is a path instead of a plain file name; empty if it is a plain file name."""
     if name.strip() in (".", "..") or any(mark in name for mark in "/\\\0") or _DRIVE.match(name):
         return "is a path; give a file name without folders"
     return ""
@@ -57,10 +57,10 @@ _DRIVE = re.compile(r"\s*[A-Za-z]:")
 
 def without_contents(path: Path | str, error: BaseException, advice: str = "") -> str:
     """
-    Say that a file cannot be used, without quoting its content.
+    Return a message that a file cannot be used, without quoting its content.
 
-    The text goes to alarms, logs, recordings and a page without login, and the file may be a secret whose path somebody
-    gave by mistake. advice is a command that tells the user more.
+    The message goes to alarms, logs, recordings and a page without login, and the file may be a secret whose path
+    somebody gave by mistake. advice is a command with which the user can find the cause.
     """
     if isinstance(error, OSError) or isinstance(error.__cause__, OSError):
         cause = error if isinstance(error, OSError) else error.__cause__

@@ -2,15 +2,15 @@
 """
 Frames, angles and rotations. Signs change between conventions in this file only.
 
-Frames and their letters (the name of a vector ends in the letter of its frame, that of a matrix in two letters):
+Frames and their letters (the name of a vector ends in the letter of its frame, the name of a matrix in two letters):
 
 - ``t`` tool: x down-hole along the axis, z along the scribe line (bend), y completes the right-handed frame.
 - ``n`` local level: north, east, down.
 - ``e`` local level for ROS (REP-103): east, north, up.
 
 ``mat_nt @ v_t`` is in ``n``. Quaternions are Hamilton, scalar last (x, y, z, w), and rotate tool to level.
-Inclination is from the vertical, azimuth clockwise from north, toolface clockwise looking down-hole from the
-high side to the scribe line (gravity) or from north to it (magnetic). All angles are in rad.
+Inclination is from the vertical, azimuth clockwise from north. The toolface of the scribe line is clockwise looking
+down-hole, from the high side (gravity toolface) or from north (magnetic toolface). All angles are in rad.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 TAU = 2.0 * np.pi
-# Rows: east, north, up of a vector given as north, east, down; its own inverse.
+# Rotation from north-east-down to east-north-up; the matrix is its own inverse.
 MAT_EN: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -56,7 +56,7 @@ def gravity_toolface(f_t: ArrayLike) -> Array:
     Return the angle from the high side to the scribe line, clockwise looking down-hole.
 
     f_t, shape (..., 3): specific force in tool axes, m/s^2 (up at rest). Returns shape (...), rad in [0, 2 pi).
-    It has no meaning in a vertical hole, where the cross-axis force is noise: use `magnetic_toolface` there.
+    The angle has no meaning in a vertical hole, where the cross-axis force is noise: use `magnetic_toolface` there.
     """
     f_t = np.asarray(f_t, dtype=float)
     return wrap_tau(np.arctan2(f_t[..., 1], f_t[..., 2]))
@@ -93,8 +93,8 @@ def hole_angles(mat_nt: ArrayLike) -> tuple[Array, Array, Array]:
     Return inclination, azimuth and gravity toolface of a tool-to-NED rotation; the inverse of `mat_nt`.
 
     mat_nt has shape (..., 3, 3). Returns three arrays of shape (...), rad in [0, pi], [0, 2 pi), [0, 2 pi). In an
-    exactly
-    vertical hole azimuth is 0 and toolface is the angle from north, so that the rotation is still reproduced.
+    exactly vertical hole azimuth is 0 and toolface is the angle from north, so that `mat_nt` of the three angles still
+    reproduces the rotation.
     """
     mat = np.asarray(mat_nt, dtype=float)
     across = np.hypot(mat[..., 0, 0], mat[..., 1, 0])
@@ -111,7 +111,7 @@ def magnetic_toolface(mat_nt: ArrayLike) -> Array:
     """
     Return the angle from north to the scribe line, both projected on the horizontal plane, clockwise from above.
 
-    mat_nt, shape (..., 3, 3). Returns shape (...), rad in [0, 2 pi). Meant for near-vertical holes.
+    mat_nt, shape (..., 3, 3), rotates tool axes to NED. Returns shape (...), rad in [0, 2 pi). For near-vertical holes.
     """
     mat = np.asarray(mat_nt, dtype=float)
     return wrap_tau(np.arctan2(mat[..., 1, 2], mat[..., 0, 2]))
@@ -159,7 +159,7 @@ def quat_from_mat(mat: ArrayLike) -> Array:
 @compiled
 def _quaternions(mats: Array, out: Array) -> None:
     """Fill out, shape (n, 4), with the quaternions of rotation matrices, shape (n, 3, 3)."""
-    # Four times the products of the components: row k is q_k * q.
+    # Four times the products of the quaternion's components: row k is 4 q_k * q.
     products = np.empty((4, 4))
     for n in range(len(mats)):
         mat, q = mats[n], out[n]

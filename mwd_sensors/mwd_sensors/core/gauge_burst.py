@@ -27,7 +27,7 @@ TOPICS = {
     "coil": ("rig/coil_voltage", VOLTAGE),
     "serial": ("rig/serial", SERIAL),
 }
-MOST = 100_000  # most samples in one burst, the bound in the message definition
+MOST = 100_000  # largest number of samples in one burst, the bound in the message definition
 _HEAD = wire.Layout(PRESSURE, (("period", "float64", 1), ("count", "uint32", 1)))
 _STROKE_HEAD = wire.Layout(STROKES, (("count", "uint32", 1),))
 _PADDING = bytes(4)
@@ -40,7 +40,7 @@ def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str =
     Parameters
     ----------
     stamp_ns : int
-        Stamp of the first sample.
+        Stamp of the first sample, ns since 1970.
     period_s : float
         Time from one sample to the next, s.
     values : ndarray, shape (n,)
@@ -68,7 +68,7 @@ def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str =
 
 def decode(message: bytes, kind: str = PRESSURE) -> tuple[int, float, Array]:
     """
-    Return stamp of the first sample, ns, period, s, and samples, shape (n,); bytes of a serial line become numbers.
+    Return stamp of the first sample, ns, period, s, and samples, Pa, V or byte values, shape (n,), of a burst.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def encode_strokes(until_ns: int, strokes: Sequence[tuple[int, int]], frame_id: 
     Parameters
     ----------
     until_ns : int
-        All strokes up to this stamp are in this message or in an earlier one.
+        Stamp up to which all strokes are in this message or in an earlier one, ns since 1970.
     strokes : sequence of (int, int)
         Number of the pump, from 1, and stamp, ns, of each stroke, in order of time.
     """

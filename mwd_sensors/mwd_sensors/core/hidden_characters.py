@@ -17,7 +17,8 @@ _UNUSUAL = re.compile(r"[^\n\t -~]")
 _WITHOUT_SHAPE = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\uffa0\U0001d159\U000e0100-\U000e01ef]"
 )
-# Persian, Hindi and other scripts write these two between letters, where they change the shape of the letters.
+# Zero-width non-joiner and joiner: Persian, Hindi and other scripts write them between letters to change the shape of
+# the letters. The codes of these scripts are not below `_FIRST_SCRIPT`.
 _JOINERS, _FIRST_SCRIPT = "\u200c\u200d", "\u0370"
 
 

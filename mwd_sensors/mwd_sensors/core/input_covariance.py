@@ -3,13 +3,13 @@
 Interpret the covariances in sensor messages: absent vectors, clipped axes, values that are not credible.
 
 In sensor_msgs (Imu.msg, MagneticField.msg) a covariance of zeros means "unknown", and -1 in its first element means
-that the quantity is not provided, whatever its numbers are. The estimator uses the noise from the tool's settings, or
-the stated noise where that is larger (`NoiseWatch`). A smaller stated covariance, or one that is not credible, never
+that the quantity is not provided and its values must be ignored. The estimator uses the noise from the tool's settings,
+or the stated noise where that is larger (`NoiseWatch`). A smaller stated covariance, or one that is not credible, never
 makes an estimate more certain.
 
-A driver whose unit reports clipping also writes that into the covariance, because recordings keep covariances and any
-driver can write them: an axis that was beyond its range during the sample has the sigma `CLIPPED`, which is larger than
-any range.
+A driver whose unit reports clipping also marks it in the covariance, because recordings keep covariances and any driver
+can write them: an axis that was outside its range during the sample has the sigma `CLIPPED`, which is larger than any
+range.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 
-# Vectors of each message, with a sigma that is too large for any such sensor (rad/s, m/s^2, T).
+# Vectors of each message, and for each the largest credible sigma and magnitude on an axis (rad/s, m/s^2, T).
 VECTORS = {
     wire.IMU.type_name: (("angular_velocity", 50.0), ("linear_acceleration", 1000.0)),
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
@@ -37,11 +37,12 @@ VECTORS = {
 CLIPPED = {"angular_velocity": 20.0, "linear_acceleration": 200.0, "magnetic_field": 2e-3}
 _CLIPPED_LEAST, _CLIPPED_MOST = 0.5, 1.25
 ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"
-# A covariance is not credible if samples at rest scatter by this factor more than it states. Pumps shake a tool at rest
-# by ten times the noise of its sensors; a covariance in a wrong unit is off by a thousand or more.
+# A covariance is not credible if the scatter of samples at rest is larger than this factor times its sigma. Pumps shake
+# a tool at rest by ten times the noise of its sensors; the sigma of a wrong unit is wrong by a thousand or more.
 _INCREDIBLE = 100.0
 
-# Number of first samples from which the sample period is measured, and number from which a scatter is computed.
+# Number of samples at the start of a stream from which the sample period is measured; number of samples at rest from
+# which a scatter is computed.
 _RATED, _SCATTERED = 16, 64
 
 
@@ -75,8 +76,8 @@ class NoiseWatch:
     """
     Noise of each vector as stated by the covariances of the first samples of its stream.
 
-    Later covariances are ignored; otherwise the estimate would depend on when they arrive. `rest` compares the stated
-    noise with the scatter of samples at rest.
+    Later covariances are ignored; otherwise the estimate would depend on their time of arrival. `rest` compares the
+    stated noise with the scatter of samples at rest.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ class NoiseWatch:
         self._sigma: dict[str, float] = {}
 
     def take(self, samples: Samples, type_name: str) -> None:
-        """Accept samples of one message type in order of time; an entry of `noise` does not change once it is there."""
+        """Accept samples of one message type in order of time; each entry of `noise` is set once and then kept."""
         for vector, widest in VECTORS.get(type_name, ()):
             stated = f"{vector}_covariance"
             if vector in self.noise or stated not in (samples.dtype.names or ()) or not len(samples):
@@ -109,7 +110,7 @@ class NoiseWatch:
             if not stamps:
                 first: NDArray[np.float64] = np.asarray(samples[stated][:1])
                 believed = first[0, 0] != -1.0 and bool(_credible(first, widest)[0])
-                # A clipped axis says nothing about the noise.
+                # The variance of a clipped axis is a mark, not the noise.
                 noise = np.where(clipped(samples[:1], vector)[0], 0.0, first[0, ::4])
                 self._sigma[vector] = float(np.sqrt(noise.max())) if believed else 0.0
             stamps += samples["stamp_ns"][: _RATED - len(stamps)].tolist()
@@ -118,7 +119,7 @@ class NoiseWatch:
                 self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Add samples; if the tool is at rest (`still`), keep the smallest scatter of each vector."""
+        """Compute the scatter of samples at rest (`still`) and keep the smallest of each vector; motion starts anew."""
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)
@@ -133,7 +134,7 @@ class NoiseWatch:
 
     @property
     def not_credible(self) -> dict[str, str]:
-        """Vectors whose samples scatter at rest by far more than their covariance states: `TOO_SMALL`."""
+        """Note `TOO_SMALL` by vector, for vectors whose scatter at rest is far larger than their stated sigma."""
         return {
             vector: TOO_SMALL
             for vector, scatter in self._least.items()
@@ -198,7 +199,7 @@ def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
     if name not in (samples.dtype.names or ()):
         return np.zeros((len(samples), 3), dtype=np.bool_)
     variances, own = samples[name][:, ::4], CLIPPED[vector] ** 2
-    # Strictly above the lower end: a covariance exactly there is a round number that a driver made up.
+    # Exclude the lower limit itself: it is a power of ten, which drivers write that do not know their covariance.
     found = (variances > _CLIPPED_LEAST**2 * own) & (variances <= _CLIPPED_MOST**2 * own)
     return np.asarray(found, dtype=np.bool_)
 

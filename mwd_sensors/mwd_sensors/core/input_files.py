@@ -25,12 +25,13 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import MB, Budget, BudgetError
 from mwd_sensors.core.settings import SettingsError
 
-_PIECE = 1_000_000  # bytes
-# Longest plain YAML scalar that may be a number: Python needs quadratic time for the conversion of long ones.
+_PIECE = 1_000_000  # bytes that are read or counted at a time
+# Largest number of characters of a number in YAML: Python needs quadratic time for the conversion of long numbers.
 _LONGEST_NUMBER = 100
 _NUMBER = re.compile(r"[-+0-9._:xXoObBa-fA-F]+")
-_LONGEST_LINE = 20_000  # characters
-# Most YAML directives (%TAG). Our files need none, and the parser compares each directive with all before it.
+_LONGEST_LINE = 20_000  # largest number of characters of a line in a table
+# Largest number of YAML directives (%TAG). The files of this project need none, and the parser compares each directive
+# with all before it.
 _MOST_DIRECTIVES = 100
 _DIRECTIVE = re.compile(r"^%", re.MULTILINE)
 
@@ -73,7 +74,7 @@ def check_regular(path: Path | str, budget: Budget) -> int:
     Raises
     ------
     OSError
-        As `read_file`.
+        The file cannot be opened, is not a regular file, or is larger than the budget; `strerror` says which.
     """
     handle = open_regular(path)
     try:
@@ -100,7 +101,7 @@ def read_file(path: Path | str, budget: Budget) -> bytes:
         `strerror` says which.
     """
     with os.fdopen(open_regular(path), "rb") as file:
-        # In pieces: one read of the largest allowed size would allocate that much memory even for a short file.
+        # Read in pieces: one read of the largest allowed size would allocate that much memory even for a short file.
         pieces, size = [], 0
         while size <= budget.size and (piece := file.read(_PIECE)):
             pieces.append(piece)
@@ -117,7 +118,7 @@ def read_text(path: Path | str, budget: Budget) -> str:
     Raises
     ------
     SettingsError
-        It is not UTF-8; names the file.
+        The file is not UTF-8; the message names the file.
     """
     try:
         return read_file(path, budget).decode("utf-8-sig")
@@ -134,7 +135,7 @@ def check_lines(text: str, budget: Budget) -> None:
     BudgetError
         The text has more lines than the allowed records, or a line has too many fields or characters.
     """
-    # Lines as `str.splitlines` sees them, counted without making them.
+    # Count the lines as `str.splitlines` divides them, without creating the lines.
     ends = itertools.islice(_LINE_END.finditer(text), budget.records)
     budget.check("records", sum(1 for _ in ends) + 1)
     if budget.columns is None or len(text) <= budget.columns:
@@ -215,25 +216,25 @@ def load_yaml(text: str) -> Any:
     try:
         return yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
     except (ValueError, OverflowError) as error:
-        # A tag can ask for a number anywhere, and Python refuses some numbers.
+        # A tag such as !!int requests a conversion of any text, and Python refuses some of them.
         raise yaml.YAMLError("a value does not fit its notation or tag") from error
 
 
 class _Keys:
-    """Keys of the tables that are open: one that comes twice would count with its last value, and nobody be told."""
+    """Keys of the open tables of a YAML text. The YAML library would silently use the last value of a repeated key."""
 
     def __init__(self) -> None:
-        # The keys so far of each open collection (None: a list), and whether a key comes next.
+        # For each open collection: the keys so far (None for a list), and whether the next value is a key.
         self._open: list[tuple[set[str] | None, bool]] = []
 
     def take(self, event: Any) -> None:
         """
-        Follow one event of the text.
+        Process one event of the YAML parser.
 
         Raises
         ------
         yaml.YAMLError
-            A key of this table has come before.
+            A key occurs twice in one table.
         """
         if isinstance(event, yaml.CollectionEndEvent):
             self._open.pop()

@@ -14,7 +14,7 @@ import math
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-# Ratios of neighbouring terms in the series of sin(a) / a and of (1 - cos(a)) / a^2.
+# Ratios of successive terms in the power series of sin(a) / a and of (1 - cos(a)) / a^2, without sign and a^2.
 _S1, _S2, _S3, _S4 = 1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0
 _C1, _C2, _C3, _C4 = 1.0 / 24.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0
 
@@ -171,7 +171,7 @@ def in_turned_axes(gx: float, gy: float, gz: float, px: float, py: float, pz: fl
     """
     angle2 = px * px + py * py + pz * pz
     if angle2 < 0.01:
-        # Series; its first omitted term is below 1e-17. Cheaper than sine and cosine, and without cancellation.
+        # Power series; the first omitted term is below 1e-17. Faster than sine and cosine, and without cancellation.
         s = 1.0 - angle2 * _S1 * (1.0 - angle2 * _S2 * (1.0 - angle2 * _S3 * (1.0 - angle2 * _S4)))
         c = 0.5 - angle2 * _C1 * (1.0 - angle2 * _C2 * (1.0 - angle2 * _C3 * (1.0 - angle2 * _C4)))
     else:
@@ -195,8 +195,8 @@ def coning_rotation(
     """
     Return the rotation vector of a sample, rad, with coning correction: b + share/12 a x b (S3 eq 5).
 
-    b is the angle of this sample (rate times dt) and a that of the sample before. share is 1 for mean rates and 0 if
-    the sensor already integrates its rates (strapdown).
+    b is the rotation during this sample (rate times dt), rad, and a the rotation during the sample before. share is 1
+    for mean rates and 0 if the sensor already integrates its rates (strapdown).
     """
     c = share / 12.0
     return bx + c * (ay * bz - az * by), by + c * (az * bx - ax * bz), bz + c * (ax * by - ay * bx)

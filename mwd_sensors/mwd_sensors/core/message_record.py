@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Records that are also messages: the names of the fields are equal, so a new field needs no code for either direction.
+Conversion between records and ROS messages of equal field names, so that a new field needs no conversion code.
 
 No ROS code is imported: a message is any object with the fields of its definition, and the caller passes the function
 that makes one (`mwd_sensors.ros.messages.make` in a node, `Definitions.make` for a file).
@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 from mwd_sensors.core.wire import NANOSECONDS
 
-#: Makes a message from its full name, such as "mwd_msgs/msg/Survey", and its fields.
+#: Function that makes a message from its full name, such as "mwd_msgs/msg/Survey", and its fields.
 Make = Callable[[str, dict[str, Any]], Any]
 TIME, HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _hints: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
@@ -31,9 +31,9 @@ class MessageRecord:
     """
     Base of dataclasses whose fields are those of a message.
 
-    A stamp in nanoseconds `x_ns` is the time `x` of the message; `stamp_ns` and `frame_id` are in its header. A tuple
-    is an array, a member of an enumeration its number. Two records are equal if each field is equal; an unknown number
-    (NaN) equals an unknown number.
+    A field `x_ns`, ns since 1970, is the time `x` in the message; `stamp_ns` and `frame_id` are in the message's
+    header. A tuple is an array in the message, and a member of an enumeration is its number. Two records are equal if
+    each field is equal; NaN equals NaN.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def time_message(stamp_ns: int, make: Make) -> Any:
 
 
 def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]]:
-    """Return by field: whether it is in the header, its name in the message, and its type if it is to be converted."""
+    """Return by field: whether it is in the header, its name in the message, and its type if it must be converted."""
     found: dict[str, tuple[bool, str, Any]] = {}
     for field in dataclasses.fields(record):  # type: ignore[arg-type]
         if field.name in record.NOT_SENT:
@@ -138,7 +138,7 @@ def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]
     return found
 
 
-# Evaluating the annotations takes longer than the conversion.
+# Cached, because evaluating the annotations takes longer than converting a message.
 _sent: Callable[[Any], dict[str, tuple[bool, str, Any]]] = functools.cache(_sent_fields)
 
 

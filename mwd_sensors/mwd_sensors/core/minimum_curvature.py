@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-# A direction whose sine of inclination is below this is vertical (down or up) and has no azimuth.
+# Sine of inclination below which a direction is vertical (down or up) and has no azimuth.
 VERTICAL = 1e-9
-# If a dogleg is closer to 180 deg than this, rad, the two directions do not determine the plane of the arc.
+# Two directions do not determine the plane of an arc if their dogleg differs from 180 deg by less than this, rad.
 REVERSAL = 1e-6
 
 
@@ -40,15 +40,15 @@ def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = V
 
     A vertical station has no azimuth: the number that a list prints there carries no meaning. Such a station takes the
     azimuth of the hole next to it, first that of the hole below, then that of the hole above, because the arcs to them
-    leave the vertical in these directions. Between the vertical and `known_from` the station's own azimuth counts with
-    the square of its share of the horizontal, so that the result is continuous in inclination and azimuth.
+    leave the vertical in these directions. Between the vertical and `known_from` the station's own azimuth has the
+    weight (sin(inclination) / sin(known_from))^2, so that the result is continuous in inclination and azimuth.
 
     Parameters
     ----------
     inclination, azimuth : array_like, shape (n,)
-        rad.
+        Inclination from the vertical and azimuth, rad.
     known_from : float
-        Angle from the vertical from which the station's own azimuth counts in full, rad.
+        Smallest angle from the vertical at which the station's own azimuth has the full weight 1, rad.
 
     Returns
     -------
@@ -183,9 +183,10 @@ def interpolate(
 
 def _on_arc(upper_t: Array, lower_t: Array, angle: Array, share: Array) -> tuple[Array, Array]:
     """
-    Return tangent and offset from the upper station, divided by the arc's length, at a share of the arc; (..., 3) each.
+    Return the tangent at a point of the arc, and the point's offset from the upper station divided by the arc's length.
 
-    upper_t, lower_t, shape (..., 3), are the tangents at the stations; angle, shape (...), is the dogleg, rad.
+    upper_t, lower_t, shape (..., 3), are the tangents at the stations; angle, shape (...), is the dogleg, rad; share,
+    shape (...), is the arc length from the upper station to the point, 1 at the lower one. Both results: (..., 3).
     """
     part = share * angle
     sinc_full = np.sinc(angle / np.pi)
@@ -212,7 +213,7 @@ def build_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: f
     """
     Return the change of inclination of the interval that ends at each station, rad per `per` metres, shape (n,).
 
-    The first is 0.
+    The first value is 0.
     """
     depth, inc, _ = checked_stations(md, inclination, azimuth)
     return _rate(depth, np.diff(inc), per)
@@ -222,8 +223,8 @@ def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: fl
     """
     Return the change of azimuth of the interval that ends at each station, rad per `per` metres, shape (n,).
 
-    The first is 0. The azimuth turns the short way round. An interval that starts or ends vertical has turn 0, because
-    its azimuth has no meaning there.
+    The first value is 0. A change of azimuth is between -180 and 180 deg. An interval that starts or ends vertical has
+    the rate 0, because the azimuth has no meaning there.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
     vertical = np.sin(inc) < VERTICAL
@@ -256,10 +257,10 @@ def closure(positions: ArrayLike) -> float:
 
 def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> tuple[Array, Array, Array]:
     """
-    Check the three columns and return them as float arrays of shape (n,), n >= 1.
+    Check measured depth, inclination and azimuth, and return them as float arrays of shape (n,), n >= 1.
 
-    The azimuth of a vertical station is replaced by that of the hole next to it (`directions`), so that no result
-    depends on the meaningless number that a list has there.
+    The azimuth of a vertical station is replaced by the azimuth of the hole next to it (`directions`), so that no
+    result depends on the meaningless number that a list has there.
 
     Raises
     ------

@@ -21,8 +21,9 @@ from mwd_sensors.core.settings import setting
 
 AS_IMU, TF = "as imu", "tf"
 ALONG = math.cos(math.radians(8.0))
-"""Least cosine for a direction that counts as an axis of the unit; an uncalibrated gyro errs by some degrees."""
-# Largest deviation from a rotation that is accepted as rounding of the given numbers.
+"""A direction is taken for an axis of the unit if the cosine of the angle between them is above this (angle below
+8 deg): the measured axis of an uncalibrated gyro is wrong by some degrees."""
+# Largest error of a quaternion's length, or of an element of R R', that is accepted as rounding of the given numbers.
 _ROUNDING = 2e-3
 _HALF_ABOUT_Z = np.diag([-1.0, -1.0, 1.0])
 
@@ -31,7 +32,8 @@ def _presets() -> dict[str, Array]:
     """
     Return the preset rotations; rows are the tool axes x, y, z in axes of the unit.
 
-    "-down" presets are cyclic permutations of the axes. "-up" presets are these, turned half round about the tool's z.
+    "-down" presets are cyclic permutations of the axes. An "-up" preset is the "-down" preset of the same axis turned
+    by 180 deg about the tool's z axis.
     """
     found = {}
     for k, axis in enumerate("xyz"):
@@ -141,7 +143,7 @@ class Transforms:
         return None
 
     def full_name(self, frame: str) -> str:
-        """Return the name of a frame in the transforms, with the prefix of a well if only that name exists."""
+        """Return the name of a frame in the transforms, with a well's prefix if only one prefixed name exists there."""
         known = {name for child, (parent, _) in self._to_parent.items() for name in (child, parent)}
         prefixed = [name for name in known if name.endswith(f"/{frame}")]
         return prefixed[0] if frame not in known and len(prefixed) == 1 else frame
@@ -166,6 +168,7 @@ class Mount:
     Attributes
     ----------
     imu, mag, precision : ndarray, shape (3, 3)
+        Rotation from the axes of the conventional unit, magnetometer and high-precision unit to the tool axes.
     reversed_accelerometer : bool
         True if the accelerometer of the conventional unit reads gravity instead of specific force.
     unusable : dict of str to str
@@ -220,8 +223,9 @@ def resolve(
     Returns
     -------
     Mount
-        A unit whose rotation is not known gets that of the conventional unit. It is listed in `unusable`; the precision
-        unit is listed in `assumed`, because its rates can be compared with those of the conventional unit.
+        A unit whose rotation is not known gets the rotation of the conventional unit and is listed in `unusable`. A
+        precision unit with the mount `as imu` is listed in `assumed` instead, because its rates can be compared with
+        the rates of the conventional unit.
     """
     names, transforms = names or {}, transforms or Transforms()
     unusable: dict[str, str] = {}
@@ -258,7 +262,7 @@ def resolve(
 
 
 def _snapped(mat: Array) -> Array:
-    """Round a matrix that is an exchange of axes up to rounding errors to the exact one."""
+    """Return the exact matrix if `mat` exchanges axes apart from rounding errors; else return `mat`."""
     whole = np.round(mat)
     # Adding zero turns -0 into 0.
     return whole + 0.0 if np.abs(mat - whole).max() < 1e-9 else mat
@@ -292,7 +296,7 @@ def turned(mat: Array, vectors: Array) -> Array:
 
 
 def words(mat: Array) -> str:
-    """Return the name of a rotation for users: its preset, or the nine numbers."""
+    """Return the text for users of a rotation: the name of the preset, or the nine numbers."""
     for name, preset in PRESETS.items():
         if np.array_equal(mat, preset):
             return name
@@ -303,10 +307,10 @@ def by_turning(turn: Array) -> Array:
     """
     Return the rotation from unit to tool axes, shape (3, 3), of a unit on a rotating string.
 
-    turn, shape (3,), is the rotation of the string in axes of the unit, of any length; it points down-hole (see
-    `axis_down`). If it lies along an axis of the unit, the result is the preset. Otherwise the result is the preset of
-    the nearest axis followed by the smallest rotation from there, because rotation does not show where the scribe line
-    is.
+    turn, shape (3,), is the rotation vector of the string in axes of the unit, of any length; it points down-hole (see
+    `axis_down`). If it lies along an axis of the unit, the result is the preset of this axis. Otherwise the result is
+    the preset of the nearest axis, followed by the smallest rotation that makes the vector point down-hole: rotation of
+    the string does not show where the scribe line is.
     """
     axis = np.asarray(turn, dtype=float) / np.linalg.norm(turn)
     k = int(np.abs(axis).argmax())

@@ -24,7 +24,7 @@ def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
     Raises
     ------
     OSError
-        The folder does not exist or the disk refuses; the existing file is unchanged.
+        The folder does not exist or the disk cannot store the file; the existing file is unchanged.
     """
     draft = path.with_name(f".{path.name}.writing")
     try:
@@ -44,12 +44,12 @@ def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
 
 def sync_folder(folder: Path) -> None:
     """
-    Make the disk store the names in a folder.
+    Store the file names of a folder on the disk (fsync), so that they survive a power cut.
 
     Raises
     ------
     OSError
-        The system refuses.
+        The folder cannot be opened or synced.
     """
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

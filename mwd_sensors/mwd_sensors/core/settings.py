@@ -24,7 +24,7 @@ T = TypeVar("T")
 #: A number of a record that may be unknown: NaN in the record, null in a file.
 Number = typing.Annotated[float, "unknown"]
 
-_MOST_NAMES = 12  # most names that a message lists
+_MOST_NAMES = 12  # largest number of names that a message lists
 # Types of the fields of a class; cached, because evaluating the annotations takes longer than checking the values.
 _types: Callable[[Any], dict[str, Any]] = functools.cache(functools.partial(typing.get_type_hints, include_extras=True))
 _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
@@ -85,7 +85,7 @@ def setting(
     fixed : bool
         True if a running node cannot change the value (read-only parameter).
     expert : bool
-        True if a user of the defaults never needs to read about the field; the reference lists these fields last.
+        True if the default suits nearly all users; the reference lists these fields last.
     """
     metadata = {"rule": Rule(doc, unit, low, high, choices, fixed, expert)}
     if isinstance(default, (list, dict, set)):
@@ -170,7 +170,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
     known = flat(settings)
     later = {name: value for name, value in changes.items() if name not in known}
     if later and len(later) < len(changes):
-        # A choice may bring its own settings, whose names exist only after the choice is made.
+        # The value of one setting may add further settings, whose names exist only after that value is set.
         first = changed(settings, {name: value for name, value in changes.items() if name in known})
         return changed(first, later)
     for name, value in changes.items():
@@ -226,7 +226,7 @@ def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
 
 def _checked_union(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     options = typing.get_args(kind)
-    # NaN is the only way for a ROS parameter to say "not given".
+    # A ROS parameter of type double has no empty value: NaN means "not given".
     if type(None) in options and (value is None or (isinstance(value, float) and math.isnan(value))):
         return None
     errors = []
@@ -262,11 +262,11 @@ def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> 
         raise SettingsError(f"{where}: {value!r} is not one of {known}; {rule.text()}") from None
 
 
-_LONGEST_TEXT = 4096  # No path is longer.
+_LONGEST_TEXT = 4096  # largest number of characters of a text: the longest path of Linux
 
 
 def _short(value: Any) -> str:
-    """Write a value for a message, shortened to what fits on one line."""
+    """Return a value as text for a message, shortened to `_MOST_QUOTED` characters."""
     words = repr(value)
     return words if len(words) <= _MOST_QUOTED else f"{words[:_MOST_QUOTED]}..."
 

@@ -56,10 +56,10 @@ def _lines(settings: Any, indent: int) -> list[str]:
         else:
             # A parameter file cannot hold an empty list; a list with one empty text stands for it.
             plain = (list(value) or [""]) if isinstance(value, (list, tuple)) else value
-            # Nor can it hold an empty value: NaN stands for a number that is not given.
+            # A parameter file cannot hold an empty value either: NaN stands for a number that is not given.
             plain = math.nan if plain is None else plain
             text = yaml.safe_dump(plain, default_flow_style=True, width=10**6, allow_unicode=True)
-            # The YAML library ends a bare scalar with a document mark.
+            # The YAML library writes a document mark (...) after a bare scalar.
             scalar = text.removesuffix("...\n").strip()
             lines.append(f"{space}{field.name}: {scalar}")
     return lines

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time limits for a process to end after it was asked to stop, used by the process and by the one that started it."""
+"""Time limits for a process to end after it was asked to stop, used by the process itself and by its supervisor."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class StopTime:
 
     def __init__(self, patience: float, limit: float, process: int | str = "self") -> None:
         self._patience, self._limit = patience, limit
-        self._schedule = Path(f"/proc/{process}/schedstat")  # of the main thread
+        self._schedule = Path(f"/proc/{process}/schedstat")  # scheduler statistics of the main thread
         self._began, self._waited_before, self._waited = time.monotonic(), self._waited_for_processor(), 0.0
 
     def elapsed(self) -> float:

@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-LPM = 1e-3 / 60.0  #: m^3/s in a litre a minute
-RPM = math.pi / 30.0  #: rad/s in a revolution a minute
-# Quantity -> unit -> factor to the SI unit, which comes first.
+LPM = 1e-3 / 60.0  #: one litre per minute, m^3/s
+RPM = math.pi / 30.0  #: one revolution per minute, rad/s
+# Quantity -> unit -> factor to the SI unit. The SI unit is the first unit of each quantity.
 FACTORS: dict[str, dict[str, float]] = {
     "acceleration": {"m/s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY},
     "rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
     "field": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
 }
-# Quantity -> (unit, lowest, highest median magnitude that means this unit). Vibration can raise the specific force to
-# several times gravity but never halve its median; external interference can treble the magnetic field.
+# Quantity -> (unit, lowest and highest median magnitude of readings in this unit). Vibration can raise the specific
+# force to several times gravity but never halve its median; external interference can treble the magnetic field.
 _RANGES = {
     "acceleration": (("g", 0.3, 5.0), ("mg", 400.0, 5e3), ("m/s2", 5.0, 400.0)),
     "rate": (("deg/s", 60.0, 1e4), ("rad/s", 0.0, 60.0)),
@@ -46,11 +46,11 @@ def factor(quantity: str, unit: str) -> float:
 
 def doubt(quantity: str, readings: ArrayLike) -> tuple[str, str] | None:
     """
-    Describe the problem of readings that are declared as SI but are not.
+    Describe the problem of readings that are declared as SI but seem to be in another unit.
 
     readings, shape (n, 3), are declared as m/s^2, rad/s or T; rows that are not finite are ignored. Returns None if
-    their median magnitude is plausible or no row is finite. Otherwise returns (sentence, unit): the unit that would
-    make the magnitude plausible, or an empty text if none would.
+    their median magnitude is plausible or no row is finite. Otherwise returns a sentence and the unit in which the
+    magnitude would be plausible; the unit is an empty text if the magnitude is plausible in no unit.
     """
     values = np.asarray(readings, dtype=float)
     values = values[np.isfinite(values).all(axis=1)]

@@ -7,10 +7,10 @@ import math
 
 
 def or_none(value: float) -> float | None:
-    """Return the number, or None where it is not known."""
+    """Return a number, or None for NaN."""
     return None if math.isnan(value) else float(value)
 
 
 def or_nan(value: float | None) -> float:
-    """Return the number, or NaN where there is none."""
+    """Return a number, or NaN for None."""
     return math.nan if value is None else float(value)

@@ -20,7 +20,7 @@ def moment(text: str) -> dt.datetime:
     Raises
     ------
     ValueError
-        The text is not a time, or the time is outside the calendar.
+        The text is not a time, or the time is outside the years 1 to 9999.
     """
     plain, leaps = _LEAP_SECOND.subn(":59:59", text.strip())
     found = dt.datetime.fromisoformat(plain)

@@ -78,7 +78,7 @@ class Layout:
         )
 
     def row_dtype(self, frame_bytes: int) -> np.dtype[np.void]:
-        """Return the dtype of one message on the wire, for a frame name of this many bytes (without its final NUL)."""
+        """Return the dtype of one message on the wire; frame_bytes counts the frame name without its final NUL."""
         return _row_dtype(self, frame_bytes)
 
     def size(self, frame_id: str) -> int:
@@ -121,14 +121,16 @@ class Layout:
         Parameters
         ----------
         rows : ndarray of uint8, shape (n, size), or bytes
-            Messages, or the bytes of a single one.
+            Messages, or the bytes of a single message.
         fields : tuple of str, optional
-            Fields to read in addition to the stamp, as in `dtype_of`; the covariances are most of a message's bytes.
+            Fields to read in addition to the stamp, as in `dtype_of`. Leaving out the covariances saves most of the
+            copying.
 
         Raises
         ------
         WireError
-            The byte order is another, the length does not fit this layout, or the frame names differ in length.
+            The bytes are not little-endian CDR, their length does not fit this layout, or the frame names differ in
+            length.
         """
         if isinstance(rows, (bytes, bytearray, memoryview)):
             rows = np.frombuffer(rows, dtype=np.uint8)[None, :]
@@ -290,7 +292,7 @@ RIG_STATE = Layout(
         ("in_slips", "bool", 1),
     ),
 )
-# Field of RIG_STATE -> bit of `valid` that says that the field has a value.
+# Field of RIG_STATE -> bit of `valid` that is set if the field has a value.
 RIG_VALID = {name: 1 << k for k, name in enumerate(name for name, *_ in RIG_STATE.fields if name != "valid")}
 TRUTH = Layout(
     "mwd_msgs/msg/Truth",
@@ -342,7 +344,7 @@ TOOL_STATUS = Layout(
 #: Self-tests by their bit in TOOL_STATUS.
 SELF_TESTS = {1: "sensors", 2: "magnetometer", 4: "detector", 8: "memory", 16: "clock", 32: "battery"}
 
-#: A vector whose message does not say what it means; no topic of the graph uses it.
+#: Vector without a stated quantity or unit; no topic of this project uses it.
 VECTOR = Layout("geometry_msgs/msg/Vector3Stamped", (("vector", "float64", 3),))
 LAYOUTS = {
     layout.type_name: layout
@@ -360,14 +362,14 @@ SONDE_TOPICS = {
     "truth": TRUTH,
     "rig/state": RIG_STATE,
 }
-#: Counts of the gamma detector, of a sonde that has one.
+#: Topic of the gamma detector's counts, if the sonde has a detector.
 GAMMA_TOPIC = "gamma/counts"
-#: State of the tool, of a sonde that has a battery.
+#: Topic of the tool's status, if the sonde has a battery.
 STATUS_TOPIC = "tool/status"
 #: Value in the diagnostics of a simulation or replay that has come to its end: it sends no more samples.
 OVER = ("over", "true")
 # Frame names; a node puts its prefix in front of them in headers and transforms (`GraphNode.frame`).
-SONDE_FRAME = "sonde_link"  # x down the hole, z the scribe line
+SONDE_FRAME = "sonde_link"  # x down the hole, z along the scribe line
 BIT_FRAME = "bit"  # axes of the sonde, at the bit
 RIG_FRAME = "rig_floor"  # axes of local_enu; origin of the measured depth
 WELLHEAD_FRAME = "wellhead"  # north, east, down from the start of the well path

@@ -32,8 +32,8 @@ XSENS_FIELD_T = 50e-6
 PROTOCOLS = ("binary", "ascii", "xsens", "polled")
 # Longest wait for commands between two samples, and for the host to read the line, s.
 _WAIT_S = 0.02
-# At the end the emulator keeps the line open until the host has read nothing for the first time, at most for the second
-# time, s: closing the line would discard what the host has not read.
+# At the end the emulator keeps the line open until it has had no unread bytes for `_QUIET_S`, s, at most for
+# `_LONGEST_DRAIN_S`, s: closing the line would discard unread bytes.
 _QUIET_S, _LONGEST_DRAIN_S = 0.2, 10.0
 
 
@@ -47,7 +47,7 @@ class Emulator:
         binary, ascii, xsens or polled. xsens sends no precision unit and obeys start and stop only.
         With polled the unit replies to each request with its newest samples, and sends nothing by itself.
     link : Path, optional
-        Further name for the line, in addition to /dev/pts/....
+        Symbolic link to create for the host's end of the line, whose own name is /dev/pts/....
     wait_for_start : bool
         Send nothing until the command start, or the first request, arrives.
     frame : PolledFrame, optional
@@ -139,7 +139,7 @@ class Emulator:
         self.close()
 
     def _wait_for_request(self, unit: polled_line.Unit) -> None:
-        """Keep the values until they have been asked for, within a time limit."""
+        """Keep the newest values until the host has requested them, at most for `_LONGEST_DRAIN_S`."""
         answered, end = unit.answered, time.monotonic() + _LONGEST_DRAIN_S
         while unit.answered == answered and time.monotonic() < end:
             self._obey(_WAIT_S)
@@ -174,7 +174,7 @@ class Emulator:
                 data = data[os.write(self._master, data) :]
 
     def _drain(self) -> None:
-        """Answer commands until the host has read everything and a moment longer, within a time limit."""
+        """Answer commands until the line has had no unread bytes for `_QUIET_S`, at most for `_LONGEST_DRAIN_S`."""
         began = busy = time.monotonic()
         while (now := time.monotonic()) < min(busy + _QUIET_S, began + _LONGEST_DRAIN_S):
             self._obey(_WAIT_S)

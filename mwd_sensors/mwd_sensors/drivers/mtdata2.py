@@ -27,26 +27,26 @@ COUNT, FINE_TIME, TEMPERATURE = 0x1020, 0x1060, 0x0810
 ACCELERATION, DELTA_V, RATE_OF_TURN, DELTA_Q, FIELD, STATUS = 0x4020, 0x4010, 0x8020, 0x8030, 0xC020, 0xE020
 _TICK_NS, _WRAP = 100_000, 2**32  # unit of the fine time (0.1 ms), and where it wraps
 _EXTENDED = 0xFF
-# Bit number in the unit's status word -> our status bit.
+# Bit number in the unit's status word -> bit of `Reading.status`.
 _CLIPS = dict(zip(range(8, 17), (*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG), strict=True))
-# Numbers in each item that is read; all other items are ignored.
+# Number of values in each item that is read; all other items are ignored.
 _WIDTHS = {COUNT: 1, FINE_TIME: 1, STATUS: 1, TEMPERATURE: 1}
 _WIDTHS |= {ACCELERATION: 3, DELTA_V: 3, RATE_OF_TURN: 3, DELTA_Q: 4, FIELD: 3}
 _KIND = 0xFFF0  # mask of an identifier without the number format
-_LONGEST = 2 * 2048
+_LONGEST = 2 * 2048  # longest message, bytes
 _WHOLE_BYTES = 8  # size of the longest integer
-_FASTEST_S, _SLOWEST_S = 1e-4, 1.0
+_FASTEST_S, _SLOWEST_S = 1e-4, 1.0  # shortest and longest plausible interval of the increments, s
 
 
 def message(kind: int, data: bytes = b"") -> bytes:
-    """Return a message of this kind."""
+    """Return the bytes of a message of a kind (one byte) with its data."""
     size = bytes([len(data)]) if len(data) < _EXTENDED else bytes([_EXTENDED]) + len(data).to_bytes(2, "big")
     body = bytes([BUS, kind]) + size + data
     return bytes([PREAMBLE]) + body + bytes([-sum(body) & 0xFF])
 
 
 def item(identifier: int, content: bytes) -> bytes:
-    """Return an item of MTData2."""
+    """Return the bytes of an item of MTData2."""
     return struct.pack(">HB", identifier, len(content)) + content
 
 
@@ -143,7 +143,7 @@ class MtReader:
         return found
 
     def _advance(self, ticks: int, count: int | None) -> float:
-        """Advance the time to that of a packet and return the interval of its increments, s; NaN if it is not known."""
+        """Advance the time to a packet's time; return the interval of its increments, s, NaN if it is not known."""
         packets = 1
         if count is not None and self._count >= 0:
             packets = (count - self._count) % 65536
@@ -178,7 +178,7 @@ def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
 
 
 def _motion(items: dict[int, tuple[float, ...]], interval: float) -> tuple[float, ...] | None:
-    """Return rate and force of a packet, from increments if present, else from rates; None if one is missing."""
+    """Return rate, rad/s, and force, m/s^2, of a packet, from increments if present; None if one is missing."""
     if DELTA_Q in items and DELTA_V in items:
         if math.isnan(interval):
             return None
@@ -200,7 +200,7 @@ def _status(word: int) -> int:
 
 
 def _word(status: int) -> int:
-    """Return the unit's status word for our status bits; the inverse of `_status`."""
+    """Return the unit's status word for the bits of `Reading.status`; the inverse of `_status`."""
     return sum((1 << bit for bit, ours in _CLIPS.items() if status & ours), 0 if status & FAULT else 1)
 
 
@@ -213,7 +213,7 @@ def packet(
     field_t: float = 1.0,
 ) -> bytes:
     """
-    Encode an IMU sample as an MTi packet with increments and with what was measured since the previous packet.
+    Encode an IMU sample as an MTi packet with increments, and with field and temperature since the previous packet.
 
     Parameters
     ----------

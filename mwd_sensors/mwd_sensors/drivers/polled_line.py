@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Polled line (RS-485, one master): address, command, reply, CRC-16 of Modbus; both ends, independent of any port.
+Polled line (RS-485, one master) with the CRC-16 of Modbus: master and unit, without access to a port.
 
 Request: start bytes, address, command, fixed data, check. Reply: start bytes, address, command, number of data bytes
 if `counted`, data, check. The check covers all bytes from the address on. With the usual settings this is Modbus RTU.
@@ -51,14 +51,14 @@ NAMES = {topic: tuple(f"{name}_{axis}" for name in names for axis in "xyz") for 
 NAMES["imu/temperature"] = ("temperature",)
 _CHECK_BYTES, _REFUSED, _CODE = 2, 0x80, {1: "unknown command", 2: "unknown data", 3: "wrong number", 4: "unit failed"}
 _LARGEST_FLOAT32 = 3.4e38
-# Units of step and offset: SI value of 1. A unit that is not known is refused, because a value in SI in its place would
-# be wrong by its factor.
+# Unit of step and offset -> SI value of 1 in this unit. An unknown unit is refused, because its numbers taken as SI
+# would be wrong.
 _UNITS = {one: meanings.factor(one) for one in ("", "rad", "deg", "m/s^2", "g", "mg", "T", "mT", "uT", "nT", "G", "mG")}
 _UNITS |= {one: meanings.factor(one) for one in ("degC", "rpm", "V", "mV", "A", "mA", "C", "Ah", "s", "h")}
 _UNITS |= {"rad/s": 1.0, "deg/s": math.radians(1.0), "deg/h": math.radians(1.0) / 3600.0, "ms": 1e-3, "us": 1e-6}
 _UNITS |= {"m": 1.0, "ft": 0.3048, "m/s": 1.0, "rad/m": 1.0, "m^3/s": 1.0, "gAPI": 1.0}
 _UNITS |= {"Pa": 1.0, "bar": 1e5, "N": 1.0, "kN": 1e3, "N m": 1.0}
-_LEAST_STEP = 1e-15  # smaller than the last digit of any gauge, with its unit far from the least float
+_LEAST_STEP = 1e-15  # smallest step: below the resolution of any gauge, and far above the smallest float in any unit
 _LONGEST = 512  # more bytes without a frame are dropped
 _MODBUS_DATA = 4  # bytes between command and check of a usual Modbus request
 _UNKNOWN_COMMAND, _UNKNOWN_DATA = 1, 2
@@ -97,7 +97,7 @@ class Item:
         Raises
         ------
         ValueError
-            The step is 0, or so small that no value has a number; or the unit is not known.
+            The absolute step is smaller than `_LEAST_STEP`, or the unit is not known.
         """
         if abs(self.step) < _LEAST_STEP:
             raise ValueError(f"step: must not be 0, or nearer to 0 than {_LEAST_STEP:g}")
@@ -106,7 +106,7 @@ class Item:
 
     @property
     def line(self) -> tuple[float, float]:
-        """SI value of the number 0, and its change when the number rises by 1."""
+        """SI value of the number 0, and change of the SI value when the number rises by 1."""
         factor = _UNITS[self.unit]
         return self.offset * factor, self.step * factor
 
@@ -154,7 +154,7 @@ def _probe_polls() -> tuple[Poll, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class PolledFrame:
-    """Frame of a polled line, and when the master polls."""
+    """Frame of a polled line, and the timing of the master's requests."""
 
     address: int = setting(1, "Address of the unit.", low=0, high=255)
     start: str = setting("", "Bytes before the address, in hex; not part of the check.")
@@ -223,7 +223,8 @@ def read(path: Path, names: Iterable[str]) -> PolledFrame:
     except (yaml.YAMLError, ValueError) as error:
         raise ValueError(without_contents(path, error)) from None
     if not isinstance(given, dict):
-        # The path is a parameter of a node: a secret given by mistake is one word, and must not be quoted.
+        # The path is a node parameter and may be the path of a secret by mistake. A secret is often a single word,
+        # which is valid YAML, and must not be quoted.
         raise ValueError(without_contents(path, ValueError()))  # noqa: TRY004  (a fault of the file)
     try:
         frame = settings.from_mapping(PolledFrame, given)
@@ -258,7 +259,8 @@ def reply(frame: PolledFrame, poll: Poll, values: Mapping[str, float]) -> bytes:
     """
     Return the bytes of a reply.
 
-    values: SI by quantity, the time in ns. A value that is missing, not finite, or beyond its form is sent as unknown.
+    values maps each quantity to its value in SI, the time to ns. A value that is missing, not finite, or outside the
+    range of its form is sent as unknown.
     """
     data = b"".join(_packed(item, values.get(item.quantity, math.nan), frame) for item in poll.items)
     count = bytes([poll.length]) if frame.counted else b""
@@ -270,7 +272,7 @@ def _refusal(frame: PolledFrame, command: int, code: int) -> bytes:
 
 
 def _limits(form: str) -> tuple[int, int, int]:
-    """Return lowest and highest number of an integer form, and the one that means unknown."""
+    """Return lowest and highest number of an integer form, and the number that means unknown."""
     bits = 8 * struct.calcsize(FORMS[form])
     if form.startswith("u"):
         return 0, (1 << bits) - 2, (1 << bits) - 1
@@ -285,7 +287,7 @@ def _packed(item: Item, value: float, frame: PolledFrame) -> bytes:
         number: float = line if abs(line) <= largest else math.nan
     else:
         low, high, unknown = _limits(item.form)
-        # A time in ns has more digits than a float.
+        # Send a time in ns without float arithmetic, because it has more digits than a float.
         exact = step == 1 and offset == 0.0
         number = unknown if not math.isfinite(line) else int(value) if exact else round(line)
         number = number if low <= number <= high else unknown
@@ -302,7 +304,7 @@ def _unpacked(item: Item, data: bytes, frame: PolledFrame) -> float:
 
 
 def _ticks(item: Item) -> int:
-    """Return the time of 1, ns."""
+    """Return the time in ns for which the number of an item rises by 1, at least 1."""
     return max(round(item.line[1] * NANOSECONDS), 1)
 
 
@@ -316,7 +318,7 @@ def _ordered(data: bytes, frame: PolledFrame) -> bytes:
 
 
 def _values(frame: PolledFrame, poll: Poll, data: bytes) -> dict[str, float]:
-    """Return the values in the data of a reply: SI, the time in ns."""
+    """Return the values in the data of a reply by quantity, in SI, the time in ns."""
     found, at = {}, 0
     for item in poll.items:
         size = struct.calcsize(FORMS[item.form])
@@ -327,7 +329,7 @@ def _values(frame: PolledFrame, poll: Poll, data: bytes) -> dict[str, float]:
 
 
 def readings(values: Mapping[str, float], stamp_ns: int) -> list[Reading]:
-    """Return the samples of each topic whose values are all there and finite."""
+    """Return one sample for each topic whose values are all present and finite."""
     status = values.get(STATUS, math.nan)
     bits = int(status) if math.isfinite(status) else 0
     found = []
@@ -340,7 +342,7 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[Reading]:
 
 
 class ReplyValues(NamedTuple):
-    """Values of a reply, SI, the time in ns; moment at which its request was sent, s."""
+    """Values of a reply by quantity, in SI, the time in ns; steady time at which the request was sent, s."""
 
     values: dict[str, float]
     sent_s: float
@@ -350,15 +352,15 @@ class Master:
     """
     Master of a polled line: sends the requests in turn and reads the replies.
 
-    Times are any steady time in s. A request is repeated after `timeout_s`; before that, the line must have been quiet
-    for as long again, so that a late reply is not taken for the reply to the next request.
+    Times are any steady time in s. After a wait of `timeout_s` for a reply, the line must be quiet for another
+    `timeout_s` before the request is repeated, so that a late reply is not taken for the reply to the next request.
 
     Attributes
     ----------
     counters : Counters
         Replies read, replies with errors, and requests without any reply in spite of all repetitions.
     trouble : dict of str to int
-        Sentence on each kind of error, with its number.
+        Number of errors of each kind, by a sentence about the kind.
     """
 
     def __init__(self, frame: PolledFrame) -> None:
@@ -380,7 +382,7 @@ class Master:
         if now_s < self._free_s or (self._turn == 0 and not self._tries and now_s < self._round_s):
             return b""
         if self._turn == 0 and not self._tries:
-            # A round that is late does not make the next one early.
+            # Do not shorten the period after a late round.
             self._round_s = max(self._round_s + self.frame.period_s, now_s)
         self._held = b""
         self._sent, self._sent_s = request(self.frame, self._poll), now_s
@@ -395,7 +397,7 @@ class Master:
         return self.frame.polls[self._turn]
 
     def take(self, data: bytes, now_s: float) -> list[ReplyValues]:
-        """Accept bytes from the line and return the reply that they complete."""
+        """Accept bytes from the line; return the values of the reply that `data` completes, or an empty list."""
         if not data:
             return []
         if not self._sent:
@@ -427,7 +429,7 @@ class Master:
         return []
 
     def _drop_echo(self) -> None:
-        """Remove our own request, which many adapters of RS-485 return."""
+        """Remove the echo of the master's request, which many RS-485 adapters return."""
         self._held = self._held.removeprefix(self._sent)
 
     def _is_refusal(self, body: bytes) -> bool:
@@ -442,7 +444,7 @@ class Master:
         return head, 1 + len(head) + self._poll.length + _CHECK_BYTES
 
     def _content(self, body: bytes) -> dict[str, float] | None:
-        """Return the values of a reply that begins at `body`, or None if it is not complete and right."""
+        """Return the values of a reply that begins at `body`; None if it is incomplete or a byte is wrong."""
         head, size = self._expected()
         whole = body[:size]
         if len(whole) < size or not whole.startswith(head, 1):
@@ -499,8 +501,9 @@ class Unit:
     Attributes
     ----------
     answered : int
+        Number of replies and refusals.
     trouble : dict of str to int
-        Sentence on each kind of error, with its number.
+        Number of errors of each kind, by a sentence about the kind.
     """
 
     def __init__(self, frame: PolledFrame) -> None:
@@ -517,8 +520,9 @@ class Unit:
         Returns
         -------
         Poll, bytes or None
-            The poll of the last request in them, to be answered by `reply`, or a refusal to send; None for silence. A
-            host that repeated its request gets one answer, with the newest values.
+            The poll of the last request, which the caller answers with `reply`; or the bytes of a refusal, which the
+            caller sends; or None if nothing must be sent. A host that repeated its request gets one answer, with the
+            newest values.
         """
         self._held = (self._held + data)[-_LONGEST:]
         found: Poll | bytes | None = None
@@ -531,7 +535,7 @@ class Unit:
         return found
 
     def _next(self) -> tuple[int, Poll | bytes | None] | None:
-        """Return the bytes used by the next request to this unit, and what to answer; None if there is none."""
+        """Return the number of bytes to the end of the next request, and its poll or refusal; None without request."""
         head = bytes.fromhex(self.frame.start) + bytes([self.frame.address])
         at = self._held.find(head)
         while at >= 0:

@@ -69,7 +69,7 @@ def answer(given: Answer, counter: int, text: bool) -> bytes:
 
 class Splitter:
     """
-    Splits the bytes of a line into frames or text lines with a valid check, however the bytes are cut into blocks.
+    Splits the bytes of a line, in blocks of any size, into frames or text lines with a valid check.
 
     text selects lines of text instead of binary frames.
     """

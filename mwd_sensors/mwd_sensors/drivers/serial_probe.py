@@ -21,8 +21,8 @@ from mwd_sensors.drivers.mtdata2 import MtReader
 from mwd_sensors.drivers.probe_protocol import ProbeReader
 from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, Answer, Reading
 
-_RETRY_S = 1.0
-_EXCHANGE_S, _FIRST_S = 1.0, 0.1  # time between two requests of the unit's time, and the same before it is known
+_RETRY_S = 1.0  # time between two attempts to open the line
+_EXCHANGE_S, _FIRST_S = 1.0, 0.1  # time between two requests for the unit's time, and the same while it is not known
 _END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 
 
@@ -87,7 +87,7 @@ def polled_frame(settings: LineSettings) -> polled_line.PolledFrame:
     Raises
     ------
     ValueError
-        The file cannot be used, or the unit's own stamps are wanted and its replies have no time.
+        The file cannot be used, or `clock` is unit and the replies have no time of the unit.
     OSError
         The file cannot be read.
     """
@@ -117,6 +117,7 @@ class SerialProbe:
     faults : int
         Number of samples in which the unit reports a fault.
     received : int
+        Number of samples received.
     """
 
     def __init__(self, settings: LineSettings) -> None:
@@ -126,7 +127,7 @@ class SerialProbe:
         self._line: serial.Serial | None = None
         self._next_try = self._next_exchange = 0.0
         self._counter = 0
-        # Whether samples are wanted, and the number received when the last exchange was made.
+        # Whether the unit shall send samples, and the number of samples received before the last exchange.
         self._wanted, self._received_before = True, 0
         self.failure, self.info = "", ""
         self.connections = self.faults = self.received = 0
@@ -207,7 +208,7 @@ class SerialProbe:
                 stamp_ns = int(unit)
                 self.clock.observe(stamp_ns, now_ns, half_ns)
                 if stamp_ns == self._polled_ns:
-                    continue  # asked twice for one sample
+                    continue  # the unit sent the same sample as in its last reply
             self._polled_ns = stamp_ns
             found += polled_line.readings(values, stamp_ns)
         if self._wanted and (asked := master.due(moment)) and not self._write(asked):
@@ -219,7 +220,7 @@ class SerialProbe:
 
     @property
     def clock_known(self) -> bool:
-        """Whether samples can be stamped: always, unless the unit's time must be converted to that of the host."""
+        """Whether samples can be stamped: True unless the offset from unit time to host time is needed and unknown."""
         timed = self._settings.protocol != "polled" or polled_line.TIME in self._frame.quantities
         return not timed or self._settings.clock == "unit" or self.clock.jumps >= 0
 
@@ -266,7 +267,7 @@ class SerialProbe:
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
     def _exchange(self, now_ns: int) -> None:
-        """Ask for the unit's time; if no samples arrived, repeat the start command, lost when power was off."""
+        """Ask for the unit's time. If no samples arrived, repeat the start command: a unit forgets it without power."""
         silent, self._received_before = self.received == self._received_before, self.received
         if silent and self._wanted:
             self._ask_for_samples()
@@ -311,8 +312,8 @@ class SerialProbe:
 # Clock of a unit compared with the host's clock: the offset to add to the unit's stamps.
 
 
-_KEPT = 600  # observations kept; the drift of the two clocks within that time must be small enough to follow
-_SLEW = 5e-4  # largest change of the offset per elapsed time
+_KEPT = 600  # number of newest observations whose smallest offset is used; more would follow a drift of a clock later
+_SLEW = 5e-4  # largest change of the offset per elapsed time, s/s
 # A change above _STEP_NS means that a clock was set, but only if this many observations agree on it within _ALIKE_NS
 # over at least _LASTING_NS. Otherwise messages were delayed in a busy host: they arrive all at once or with varying
 # delay.
@@ -347,7 +348,7 @@ class UnitClock:
         time at first, and stamps that jump later would make the estimator lose its state. If the unit restarts, the
         offset follows at once. If a clock was set, it follows when several observations agree.
 
-        on_the_way_ns is a known delay, such as half of the time of an exchange, ns.
+        on_the_way_ns is a known delay, such as half of the duration of an exchange, ns.
         """
         offset = host_ns - on_the_way_ns - unit_ns
         known, restarted = self.jumps >= 0, unit_ns < self._unit_ns - _STEP_NS

@@ -21,7 +21,7 @@ from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
 
-_PERIOD = 0.002  # s
+_PERIOD = 0.002  # s; time between two reads of the line
 _TYPES = {
     "imu/temperature": Temperature,
     "gyro/data_raw": Imu,
@@ -128,7 +128,7 @@ class ProbeNode(GraphNode[LineSettings]):
         return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
 
     def _polled_diagnostic(self, master: Master, new: int, values: tuple[tuple[str, str], ...]) -> Diagnostic:
-        """Return the state of a polled line: each kind of error with its number in the last second."""
+        """Return the state of a polled line: for each kind of error, the number of errors in the last second."""
         before, self._trouble_before = self._trouble_before, dict(master.trouble)
         fresh = {words: count - before.get(words, 0) for words, count in master.trouble.items()}
         said = "; ".join(f"{count} times {words}" for words, count in fresh.items() if count > 0)

@@ -37,7 +37,8 @@ _BLOCK_S = 0.1  # s of the scenario that are simulated at a time
 _TIMER_PERIOD = 0.005  # s
 _CALL_S = 0.05  # s; longest time of one timer callback, not counting the last simulated block
 _MOST_BEHIND_S = 1.0  # s of wall time that the simulation may lag before it gives up catching up
-# Most messages of one timer callback: after a delay, more at once would overrun the middleware's queues.
+# Largest number of messages that one timer callback publishes: more messages at once, after a delay, would overrun the
+# middleware's queues.
 _MAX_PER_CALLBACK = 100
 _TYPES = {
     "imu/data_raw": Imu,
@@ -216,7 +217,7 @@ class SondeNode(GraphNode[SondeSettings]):
         elapsed = time.monotonic() - self._started_at
         until = elapsed * rate if rate > 0.0 else self._simulated_until + _BLOCK_S
         if rate > 0.0 and until - self._simulated_until > _MOST_BEHIND_S * max(rate, 1.0):
-            # The backlog would never be caught up; shift the start instead, so that the run stays behind the clock.
+            # Do not try to catch up: shift the start of the run by the backlog.
             dropped = until - self._simulated_until
             self._dropped_s += dropped / rate
             self._started_at += dropped / rate
@@ -227,7 +228,7 @@ class SondeNode(GraphNode[SondeSettings]):
                 ),
                 throttle_duration_sec=10.0,
             )
-        # For a limited time, so that requests are answered even if the simulation is slow.
+        # Simulate for a limited time, so that requests are answered even if the simulation is slow.
         enough = time.monotonic() + _CALL_S
         while not self._all_simulated and self._simulated_until <= until:
             self._simulate_block(sonde)

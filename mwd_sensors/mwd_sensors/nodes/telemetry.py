@@ -3,8 +3,8 @@
 Topics of the simulated telemetry links.
 
 The node subscribes to `tool/transmission`. It publishes `tool/flow` and the signals at the surface: `rig/standpipe` and
-`rig/strokes` for a link through mud, `rig/earth_voltage` for one through the earth,
-`rig/coil_voltage` for the field of a coil, `rig/serial` for a wired tool.
+`rig/strokes` for a link through mud, `rig/earth_voltage` for a link through the earth, `rig/coil_voltage` for the field
+of a coil, `rig/serial` for a wired tool.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import Telemetry
 
 _TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
-# Lag of the channel behind the run, in s of wall time and s of the run: by then the tool's signals have arrived.
+# The channel lags behind the run by the sum of these, s of wall time and s of the run, so that the tool's signals have
+# arrived when their time is simulated.
 _WALL_S, _RUN_S = 2.0, 1.0
 
 
@@ -42,7 +43,7 @@ class TelemetryTopics:
     Raises
     ------
     ValueError
-        The rate is not positive: without a pace it is not known when the tool's signals are complete.
+        The rate is not positive: the lag of the channel, which lets the tool's signals arrive, follows from the rate.
     """
 
     def __init__(self, node: GraphNode[Any], telemetry: Telemetry, rate: float) -> None:

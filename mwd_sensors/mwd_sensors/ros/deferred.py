@@ -75,7 +75,7 @@ class DeferredGoal:
         Send the result; has no effect on a finished goal.
 
         The goal succeeds if the field `success` of the result is true. Otherwise it is cancelled if a client requested
-        that, and aborted if not.
+        cancellation, and aborted if not.
         """
         if not self._handle.is_active:
             return

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from typing import Any
 
 # Discovery counts as complete when no new subscriber appeared for this time, s. A reader drops messages from a writer
-# that it does not know yet. On a busy machine it may find the writer a second or two later than the writer finds the
-# reader.
+# that it has not discovered yet. On a busy machine the reader may discover the writer a second or two later than the
+# writer discovers the reader.
 _QUIET_S = 3.0
 
 
@@ -34,7 +34,7 @@ class SubscriberDiscovery:
         self._count = 0
 
     def complete(self, publishers: Iterable[Any], now: float) -> bool:
-        """Return True if there are subscribers and none was added lately, or if the wait has timed out."""
+        """Return True if there are subscribers and none was added for `_QUIET_S`, or if the wait has timed out."""
         if now >= self._deadline:
             return True
         count = sum(publisher.get_subscription_count() for publisher in publishers)

@@ -20,7 +20,7 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
     """
     Return the launch description of one node of one well.
 
-    Its launch arguments are namespace, params_file (read after the package's own file), use_sim_time, autostart and
+    The launch arguments are namespace, params_file (overrides the package's own file), use_sim_time, autostart and
     respawn. The executable and the default parameter file have the name of the node.
 
     texts : str

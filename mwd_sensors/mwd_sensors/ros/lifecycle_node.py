@@ -45,9 +45,11 @@ T = TypeVar("T")
 _FRAME_PREFIX = re.compile(r"[A-Za-z0-9_/.-]{0,200}")
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
 _DIAGNOSTICS_PERIOD = 1.0  # s
-# Time from the last message to the end of a process that ends by itself, s: best-effort readers do not acknowledge.
+# Least time from the last message to the end of a process that ends by itself, s: it lets messages reach best-effort
+# readers, which do not acknowledge.
 _DELIVERY_TIME = 0.5
-# Longest wait for reliable subscriptions, s. Fast DDS has removed a dead participant by then (end of its lease).
+# Longest wait for the acknowledgements of reliable subscriptions, s. By then Fast DDS has removed dead participants,
+# whose lease has ended.
 _ACKNOWLEDGEMENT_TIME = 20.0
 
 
@@ -156,7 +158,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return ()
 
     def prepare(self, warm_up: Callable[[], None]) -> None:
-        """Compile the kernels; `mwd run` waits for these lines in the log."""
+        """Call `warm_up`, which compiles the kernels; `mwd run` waits for the two lines in the log."""
         self.get_logger().info("preparing the filters; the first time after a change they are compiled")
         warm_up()
         self.get_logger().info("the filters are ready")
@@ -164,22 +166,22 @@ class GraphNode(LifecycleNode, Generic[T]):
     # Entities.
 
     def create_publisher(self, msg_type: Any, topic: str, *args: Any, **options: Any) -> Any:
-        """Create a publisher as rclpy does; the error of a refused one names its topic."""
+        """Create a publisher as rclpy does; if the middleware refuses it, the error names the topic."""
         with named_refusal("publish", self._full_name(topic)):
             return super().create_publisher(msg_type, topic, *args, **options)
 
     def create_subscription(self, msg_type: Any, topic: str, *args: Any, **options: Any) -> Any:
-        """Create a subscription as rclpy does; the error of a refused one names its topic."""
+        """Create a subscription as rclpy does; if the middleware refuses it, the error names the topic."""
         with named_refusal("subscribe", self._full_name(topic)):
             return super().create_subscription(msg_type, topic, *args, **options)
 
     def create_service(self, srv_type: Any, srv_name: str, *args: Any, **options: Any) -> Any:
-        """Create a service as rclpy does; the error of a refused one names it."""
+        """Create a service as rclpy does; if the middleware refuses it, the error names the service."""
         with named_refusal("reply", self._full_name(srv_name)):
             return super().create_service(srv_type, srv_name, *args, **options)
 
     def create_client(self, srv_type: Any, srv_name: str, *args: Any, **options: Any) -> Any:
-        """Create a client as rclpy does; the error of a refused one names the service."""
+        """Create a client as rclpy does; if the middleware refuses it, the error names the service."""
         with named_refusal("request", self._full_name(srv_name)):
             return super().create_client(srv_type, srv_name, *args, **options)
 
@@ -216,7 +218,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         subscription = self.create_subscription(
             msg_type, topic, lambda _message: None, qos, raw=True, event_callbacks=events
         )
-        # Registered before the executor sees the subscription, because the executor must never read from it.
+        # Exclude the subscription from `subscriptions` at once: the executor must never read messages from it.
         buffer = MessageBuffer(subscription)
         self._buffers.append(buffer)
 
@@ -257,7 +259,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """
         Create an action server whose result has `success` and `message`; an inactive node answers with the reason.
 
-        The callbacks are those of `DeferredActionServer`: a goal ends when its `finish` is called.
+        The callbacks are those of `DeferredActionServer`: a goal ends when `DeferredGoal.finish` is called.
         """
 
         def call(callback: Callable[[DeferredGoal], None], goal: DeferredGoal) -> None:
@@ -278,7 +280,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return client
 
     def add_timer(self, period: float, callback: Callable[[], None]) -> None:
-        """Create a timer of `period` seconds on the steady clock (never simulated time), for an active node."""
+        """Create a timer of `period` seconds of steady time (never simulated time), called while the node is active."""
         protected = partial(self._call, callback.__name__, callback)
         timer = self.create_timer(period, protected, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._entities.append((timer, lambda: self.destroy_timer(timer)))
@@ -374,7 +376,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.get_logger().error(printable(f"cannot configure: {error if expected else traceback.format_exc()}"))
             self._destroy_entities()
             if isinstance(error, RefusedEntityError) and is_enforced(os.environ):
-                # The permissions are read once, at the start of the process, so that a second try would fail as well.
+                # The permissions are read once, at the start of the process, so a second try would fail as well.
                 self._stop(error)
             return TransitionCallbackReturn.FAILURE
         self._configured = True
@@ -479,7 +481,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class Heartbeat:
-    """Creates the heartbeat messages of one node; `name` is its full name."""
+    """Creates the heartbeat messages of one node; `name` is the full name of the node."""
 
     def __init__(self, name: str, namespace: str) -> None:
         self._name, self._namespace = name, namespace
@@ -488,7 +490,7 @@ class Heartbeat:
 
     @contextlib.contextmanager
     def timed(self) -> Iterator[None]:
-        """Measure how long a callback takes."""
+        """Measure the duration of a callback for the next heartbeat, which reports the longest."""
         began = time.monotonic()
         try:
             yield

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Buffers for topics of a kilohertz, from which many messages are read at a time.
+Buffers for topics at kilohertz rates, from which many messages are read at a time.
 
 A callback per message would wake the process, the executor and Python for each message. A node that works in blocks
 leaves the messages in the queue of the middleware's reader and reads all of them with one call, in order of arrival.
@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-# Most messages that one call of `take` returns: a writer that is faster than the reader must not block the node.
+# Largest number of messages that one call of `take` returns: a writer that is faster than the reader must not block the
+# node.
 _MAX_TAKEN = 10_000
 
 

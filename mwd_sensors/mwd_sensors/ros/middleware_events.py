@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Middleware problems of a node: incompatible quality of service, more than one publisher, a second node of its name.
+Middleware problems of a node: incompatible quality of service, more than one publisher, a second node of the same name.
 
 The middleware reports each problem only once, and an incompatible pair silently exchanges nothing. Here the problems
 stay in the diagnostics, with names and a remedy, until the cause is gone.
@@ -18,10 +18,12 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 from mwd_sensors.ros.diagnostics import ERROR, Diagnostic
 
-_SEVERAL_S = 3.0  # two publishers for this long are not a hand-over from one to the next
-# A killed process stays in the middleware's graph until its lease ends (Fast DDS: 20 s).
+_SEVERAL_S = 3.0  # s; two publishers for a longer time are not a hand-over from one to the next
+# Time after which a second node or publisher of the same name is reported, s: a killed process stays in the graph of
+# the middleware until its lease ends (Fast DDS: 20 s).
 _SAME_NAME_S = 25.0
-# Topics that several nodes of a well publish: all of them, and those that answer requests of people.
+# Topics with several publishers in a well: all nodes publish heartbeats, and all nodes with services for people publish
+# operator events.
 SHARED = ("heartbeat", "operator_events")
 
 
@@ -131,10 +133,10 @@ def _compatible(publisher: QoSProfile, subscription: QoSProfile) -> bool:
 
 def _plain(qos: QoSProfile) -> QoSProfile:
     """
-    Return the properties that decide about a connection, with durations that are not limited left out.
+    Return a profile with only those properties that decide whether the middleware connects; omit unlimited durations.
 
-    The middleware's graph gives a duration without limit as infinite, a profile gives the same as 0, and rclpy takes
-    the two for different: every healthy partner would then count as incompatible.
+    An unlimited duration is infinite in the middleware's graph but 0 in a profile. rclpy treats the two as different,
+    so every healthy partner would count as incompatible.
     """
     limited = {name: getattr(qos, name) for name in _DURATIONS if _is_limited(getattr(qos, name))}
     return QoSProfile(

@@ -25,10 +25,10 @@ _OF_ROS = ("use_sim_time", "start_type_description_service")  # every node of rc
 
 def given_at_start(node: Node) -> dict[str, Any]:
     """
-    Return the parameters that were given at start, by name, and leave them to be declared.
+    Return the parameters that were given at start, by name, and undeclare them, so that they can be declared again.
 
-    The node must have declared them by itself (`automatically_declare_parameters_from_overrides`). Those that ROS
-    itself reads stay declared and are not returned.
+    The node must have declared them by itself (`automatically_declare_parameters_from_overrides`). The parameters that
+    ROS itself reads stay declared and are not returned.
     """
     found = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
     given = {k: value for k, value in found.items() if k not in _OF_ROS and not k.startswith("qos_overrides.")}
@@ -62,7 +62,7 @@ class SettingsParameters(Generic[T]):
         check: Callable[[T], None],
     ) -> None:
         self._given = given
-        # A choice may bring its own settings, so it is made before the names are declared.
+        # A setting with choices may add further settings, so its value is set before the names are declared.
         choices = [name for name, (_, rule) in settings.flat(default).items() if rule.choices]
         default = settings.changed(default, {name: self._given[name] for name in choices if name in self._given})
         self.value = default
@@ -91,7 +91,8 @@ class SettingsParameters(Generic[T]):
         descriptor = describe(name, value, rule)
         # An empty list has no element type; ROS carries sequences as lists.
         plain = list(value) if isinstance(value, (list, tuple)) else value
-        # A number that is not given is NaN on the wire. A ROS range would refuse NaN, so ours is checked afterwards.
+        # NaN stands for a number that is not given. The descriptor then has no range, because ROS would refuse NaN; the
+        # range of the setting is checked later.
         plain = math.nan if plain is None else plain
         try:
             if plain == []:

@@ -33,7 +33,7 @@ STATE = QoSProfile(
     reliability=QoSReliabilityPolicy.RELIABLE,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
-# A subscriber that joins late receives the events before it.
+# A subscriber that joins late receives the earlier events, up to 100.
 EVENT = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
     depth=100,
@@ -89,7 +89,7 @@ def offered(profile: QoSProfile) -> QoSProfile:
 
 
 def buffered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile with a long queue, for messages that are read in batches or published many at once."""
+    """Copy a profile with a long queue and no deadline, for messages that are read or published many at once."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=LONG_QUEUE,

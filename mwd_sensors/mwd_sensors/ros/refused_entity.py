@@ -29,7 +29,7 @@ def named_refusal(access: str, name: str) -> Iterator[None]:
     Parameters
     ----------
     access : str
-        What the node wanted to do: a key of `KINDS` in `mwd_surface.ros.security_policy`, such as "publish".
+        Refused operation: a key of `KINDS` in `mwd_surface.ros.security_policy`, such as "publish".
     name : str
         Full name of the topic, service or action.
     """
@@ -48,7 +48,7 @@ LACKING_PERMISSION = (
 
 
 def is_enforced(environment: Mapping[str, str]) -> bool:
-    """Return whether SROS2 refuses what is not allowed."""
+    """Return whether SROS2 is on and refuses topics, services and actions without a permission."""
     enabled = environment.get("ROS_SECURITY_ENABLE", "").lower() == "true"
     return enabled and environment.get("ROS_SECURITY_STRATEGY") == "Enforce"
 

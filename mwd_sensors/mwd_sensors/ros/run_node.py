@@ -43,7 +43,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     `STOP_PATIENCE`, the process ends with status 1. Parameters that are not allowed end it with status 2 and a message,
     and so does a topic, service or action that the permissions of a secured node lack.
     """
-    # Also for nodes that are started without `mwd run`.
+    # Set the range here too, for nodes that are started without `mwd run`.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     keep_private()
     try:

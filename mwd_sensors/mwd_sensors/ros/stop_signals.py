@@ -3,8 +3,8 @@
 Make SIGINT and SIGTERM end a node, whatever its main thread is doing.
 
 Python runs a signal handler in the main thread, between two instructions. A node that compiles its filters, waits in
-the middleware or hangs would not notice the signal. A separate thread reads it instead, from the file that the
-interpreter's own handler writes to at once (`signal.set_wakeup_fd`).
+the middleware or hangs would not notice the signal. A separate thread reads the signal instead, from the file to which
+the interpreter's own handler writes it at once (`signal.set_wakeup_fd`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Callable
 
 from mwd_sensors.core.stop_time import STOP_LIMIT, StopTime
 
-_LOOK_PERIOD = 0.2  # s
+_LOOK_PERIOD = 0.2  # s; time between two checks whether the process is late
 _LOCK_PATIENCE = 1.0  # s; extra time for a thread that holds the interpreter's lock
 _START_PATIENCE = 2.0  # s; time for a node that is still starting when the signal arrives
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)

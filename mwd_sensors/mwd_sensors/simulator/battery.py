@@ -2,8 +2,8 @@
 """
 Battery of the sonde and the state that its electronics report.
 
-The battery has less capacity in cold and in heat. Each charge is divided by the capacity at the temperature at which it
-is drawn, and the battery is empty when the sum of these shares is 1. The voltage is modelled on lithium thionyl
+The battery has less capacity in cold and in heat. Each drawn charge is divided by the capacity at the temperature of
+that moment, and the battery is empty when the sum of these shares is 1. The voltage is modelled on lithium thionyl
 chloride cells: it is nearly constant until the charge is almost used, minus the voltage drop over the internal
 resistance, which grows in the cold. The charge counter of the tool has a scale error that is constant during a run.
 """
@@ -20,11 +20,11 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry.tool_limits import Pack
 
-_VOLTS_OF_CELL = 3.6
-# Share of the charge after which the voltage of a cell falls, and its fall until the charge is used, V.
+_VOLTS_OF_CELL = 3.6  # voltage of a full lithium thionyl chloride cell, V
+# Used share of the charge at which the voltage of a cell begins to fall, and the fall until the cell is empty, V.
 _KNEE, _FALL_V = 0.9, 1.6
-_DOUBLES_C = 20.0  # K of cooling below 25 degC that double the resistance
-_VOLT_SIGMA, _AMPERE_SIGMA = 0.02, 0.005  # of the meters, V and A
+_DOUBLES_C = 20.0  # cooling below 25 degC that doubles the internal resistance, K
+_VOLT_SIGMA, _AMPERE_SIGMA = 0.02, 0.005  # noise of the tool's voltmeter and ammeter, 1 sigma, V and A
 _BITS = {name: bit for bit, name in wire.SELF_TESTS.items()}
 
 
@@ -66,7 +66,7 @@ class BatteryModel:
     ----------
     settings : Battery
     rng : Generator
-        Draws the errors of the meters.
+        Random numbers for the errors of the meters.
 
     Attributes
     ----------
@@ -87,9 +87,9 @@ class BatteryModel:
         Parameters
         ----------
         t : ndarray, shape (n,)
-            Time of the run, s, step after step. Call it for all steps in order.
+            End of each step, s of the run. Call this method for all steps in order.
         stamps : ndarray of int64, shape (n,)
-            ns.
+            Stamps of the ends, ns since 1970.
         celsius : ndarray, shape (n,)
             Temperature, degC.
         active : ndarray of bool, shape (n,)

@@ -19,8 +19,8 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 # Share of a symbol in which the phase changes: a rotor needs time for it, a current source does not.
 _SHIFT = {"mud": 0.1, "earth": 0.0, "coil": 0.0}
 SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop
-_SIREN_RISE_S = 0.005
-_NO_GAP = 0.05  # largest distance of two spans that count as continuous, symbols; stamps are rounded
+_SIREN_RISE_S = 0.005  # time constant of a siren's pressure drop
+_NO_GAP = 0.05  # spans with a smaller gap, in symbols, count as continuous, because stamps are rounded
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +42,7 @@ class CarrierSent:
     spans : tuple of CarrierSpan
         In order of time.
     frequency_hz, symbol_s : float
-        Carrier frequency and symbol duration on the clock of the surface.
+        Carrier frequency, Hz, and symbol duration, s, by the clock of the surface.
     shift : float
         Share of a symbol during which the phase changes to the next one.
     """
@@ -135,7 +135,7 @@ def transmit(
     seed : int
         Seed of the random values.
     clock : float
-        Relative error of the tool's clock: 1e-3 sends 0.1 % slower.
+        Relative error of the tool's clock: 1e-3 makes all durations 0.1 % longer.
     """
     random = np.random.default_rng(seed)
     carrier = tool.carrier
@@ -173,7 +173,7 @@ def transmit(
 def siren_run(
     channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
 ) -> LinkRun:
-    """Return the pressure in a channel with a siren instead of a pulse valve; seed is that of the noise."""
+    """Return the pressure in a channel with a siren instead of a pulse valve; seed is the seed of the noise."""
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, Transmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 

@@ -2,9 +2,9 @@
 """
 Voltage of a receiver whose coil picks up the field of a sonde: dipole, ground, mains harmonics, receiver noise.
 
-The receiver filters a band about the frequency of the sonde and gives the amplitude in it, so that a change of strength
-is a change of voltage. Everything is computed in that band, as complex amplitudes. The channel runs in blocks counted
-from its start; the same seed gives the same voltage. The noise levels are assumptions.
+The receiver filters a band about the frequency of the sonde. Its voltage is proportional to the amplitude of the field
+in this band. All signals are computed in this band, as complex amplitudes. The channel runs in blocks counted from its
+start; the same seed gives the same voltage. The noise levels are assumptions.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Place = Callable[[float], tuple[Array, Array]]
 
 @dataclasses.dataclass(frozen=True)
 class CoilChannel:
-    """Receiver of the field of a sonde: where it stands, the ground, and its noise."""
+    """Receiver of the field of a sonde: position and axis of the receiver, the ground, and the noise."""
 
     position_m: tuple[float, float, float] = setting(
         (0.0, 0.0, -1.0), "Position of the receiver from the wellhead: north, east, down.", unit="m"
@@ -68,7 +68,7 @@ class CoilChannel:
         Raises
         ------
         ValueError
-            The axis has no direction.
+            All components of the axis are 0.
         """
         if not any(self.axis):
             raise ValueError("axis: all three components are 0; give a direction")
@@ -83,7 +83,7 @@ class CoilVoltage:
     channel : CoilChannel
     coil : Coil
     place : callable
-        Where the sonde is, and how it points, at the ends of the blocks.
+        Position and direction of the sonde at a time; called for the ends of the blocks.
     drive : callable
         Signal of the carrier, -1 to 1, at times, s, shape (n,).
     seed : int
@@ -133,7 +133,8 @@ class CoilVoltage:
         first, last = self.coupling(begin), self.coupling(begin + count / RATE_HZ)
         field = first + (last - first) * np.arange(count) / count
         field = field * (1.0 + self._coil.depth * np.asarray(self._drive(time), dtype=float))
-        # White noise in a band as wide as the sample rate: each of the two components has its whole power.
+        # White noise in a band as wide as the sample rate: real and imaginary part each have the variance
+        # noise_t^2 * rate.
         sigma = channel.noise_t * math.sqrt(RATE_HZ)
         field = field + sigma * (self._noise.normal(size=count) + 1j * self._noise.normal(size=count))
         field = field + self._hum(time)
@@ -141,7 +142,7 @@ class CoilVoltage:
         return np.asarray(channel.volt_per_t * np.abs(field))
 
     def _hum(self, time: Array) -> NDArray[np.complex128]:
-        """Return the harmonics of the mains in the band; all of them follow its frequency, each by its number."""
+        """Return the harmonics of the mains in the band, T; a frequency error of the mains is times each number."""
         channel, decay = self._channel, math.exp(-1.0 / (_MAINS_S * RATE_HZ))
         white = _MAINS_SIGMA_HZ * math.sqrt(1.0 - decay**2) * self._mains.normal(size=len(time))
         error, self._wander = scipy.signal.lfilter([1.0], [1.0, -decay], white, zi=self._wander)

@@ -21,8 +21,8 @@ from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.simulator.earth_line import Ground, response
 
 RATE_HZ = 250.0
-_RESPONSE_S = 4.096
-_CORNERS_HZ = (0.05, 0.5, 5.0)
+_RESPONSE_S = 4.096  # length of the impulse response
+_CORNERS_HZ = (0.05, 0.5, 5.0)  # corner frequencies of the low-passes whose sum falls as 1/f
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,7 +88,8 @@ class EarthVoltage:
         taps = round(_RESPONSE_S * RATE_HZ)
         frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
         frequency[0] = 0.5 * frequency[1]
-        # The delay of 0.1 s keeps the filter causal: the roll-off before the converter spreads the response backwards.
+        # The roll-off before the converter has no delay of its own, so its response would begin before time zero. A
+        # delay of 0.1 s makes the filter causal.
         roll = 1.0 / np.sqrt(1.0 + (frequency / 60.0) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
         self._taps: Array = np.fft.irfft(response(ground, frequency) * roll, taps)
 

@@ -3,9 +3,9 @@
 Electric waves along a drill string in layered ground, from the gap of an EM tool to electrodes at the surface.
 
 The string is a leaky transmission line with one mode. The mode's propagation constant G follows from the boundary
-condition at the steel, with the ground as outer conductor: G^2 = g^2 + 2 pi s z / K0(l a), l^2 = g^2 - G^2. Here g^2 =
-j w mu s is that of the ground, s its conductivity, z the impedance of the steel per metre and a its radius. Layers are
-lines connected in series.
+condition at the steel, with the ground as outer conductor: G^2 = g^2 + 2 pi s z / K0(l a), l^2 = g^2 - G^2. Here g is
+the propagation constant of the ground (g^2 = j w mu s), s the ground's conductivity, z the impedance of the steel per
+metre and a the radius of the string. Layers are lines connected in series.
 Sources: J. R. Wait, D. A. Hill, IEEE Trans. Geosci. Electron. 17 (1979) 21 (rod in conducting rock, mode equation);
 D. A. Hill, J. R. Wait, IEEE Trans. Geosci. Electron. 16 (1978) (propagation along a string); P. DeGauque, R.
 Grudzinski, SPE Drilling Eng. 2 (1987) 127 (surface voltage).
@@ -80,11 +80,11 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
     Parameters
     ----------
     ground : Ground
-        Gives the string.
+        Radius and wall thickness of the string; the layers are not used.
     resistivity : float
         Resistivity of the ground, ohm m.
     frequency_hz : ndarray, shape (n,)
-        Frequencies, above 0.
+        Frequencies, Hz, above 0.
 
     Returns
     -------
@@ -122,12 +122,12 @@ def response(ground: Ground, frequency_hz: Array) -> Complex:
         for top, bottom, resistivity in zip(tops, ground.bottom_m, ground.resistivity, strict=True)
         if top < gap
     ]
-    # From the top, which is open: voltage and current at the bottom of each layer for 1 V at the wellhead.
+    # Start at the wellhead, where the line is open: voltage and current at the bottom of each layer for 1 V there.
     voltage, current = np.ones(len(frequency), dtype=complex), np.zeros(len(frequency), dtype=complex)
     scale = np.zeros(len(frequency))
     for length, (constant, impedance, _) in layers:
         x = constant * length
-        # The growing part is kept apart as an exponent, because it would overflow in a deep well in clay.
+        # Keep the growth as an exponent in `scale`, because it would overflow in a deep well in clay.
         ch, sh = 0.5 * (1.0 + np.exp(-2.0 * x)), 0.5 * (1.0 - np.exp(-2.0 * x))
         turn = np.exp(1j * x.imag)
         voltage, current = (

@@ -39,7 +39,7 @@ COMPONENTS = {
     "temperature": ("imu/temperature", "temperature"),
 }
 AXES = ("all", "x", "y", "z", "xy", "yz", "xz")
-# Faults that concern whole messages and not single axes.
+# Faults that affect whole messages and not single axes.
 _OF_MESSAGES = ("slow", "delayed", "intermittent", "repeated_stamps")
 # Word -> (field that the fault applies to, factor on the SI value).
 _UNITS = {
@@ -50,19 +50,21 @@ _UNITS = {
     "in_gauss": ("magnetic_field", 1e4),
     "in_nt": ("magnetic_field", 1e9),
 }
+# Largest magnitude of the random values of `garbage`, rad/s, m/s^2, T and degC.
 _GARBAGE = {
     "angular_velocity": 35.0,
     "linear_acceleration": 160.0,
     "magnetic_field": 8e-4,
     "temperature": 200.0,
 }
-# Ends of the usual ranges: 2000 deg/s, 16 g, 800 uT, 125 degC.
+# Readings of a saturated sensor, the limits of usual ranges: 2000 deg/s, 16 g, 800 uT, 125 degC.
 _LIMIT = {
     "angular_velocity": math.radians(2000.0),
     "linear_acceleration": 16.0 * STANDARD_GRAVITY,
     "magnetic_field": 8e-4,
     "temperature": 125.0,
 }
+# Scale factor and shift of `wrong`; shift in rad/s, m/s^2, T and degC.
 _WRONG = {
     "angular_velocity": (1.05, 0.05),
     "linear_acceleration": (1.02, 0.2),
@@ -132,7 +134,7 @@ def check(fault: Fault) -> None:
 
 @dataclasses.dataclass
 class FaultState:
-    """Faults in force, and the values that they must remember."""
+    """Faults of a run, their random numbers, and the earlier values that stuck and delayed sensors repeat."""
 
     faults: list[Fault]
     rngs: dict[str, np.random.Generator]
@@ -243,7 +245,7 @@ def mounting(fault: Fault) -> NDArray[np.float64]:
     elif fault.fault == "flipped":
         matrix *= -1.0 if fault.axis == "all" else np.where(np.arange(3) == at, -1.0, 1.0)[:, None]
     elif fault.fault == "turned":
-        # By 90 deg, right-handed: the axis after the turning axis moves to the one after that.
+        # By 90 deg, right-handed: for axis x, y turns to z and z to -y; other axes cyclically.
         first, second = (at + 1) % 3, (at + 2) % 3
         matrix[first, first] = matrix[second, second] = 0.0
         matrix[second, first], matrix[first, second] = 1.0, -1.0

@@ -2,11 +2,11 @@
 """
 Natural gamma detector of the sonde: from the rock around the hole to counted pulses.
 
-The rock is a table of layers. The detector sees it through a shield with a window: most rays come from the direction of
-the window, some through the shield. It also sees a little ahead and behind, and to a certain depth into the rock, so
-that a bed that comes from above raises the counts while the window looks up, long before the hole enters the bed. The
-pulses are a Poisson process; after each counted one the detector is dead for a while (non-paralysable, G. F. Knoll,
-Radiation Detection and Measurement, 4th ed. 2010, section 4.VII).
+The rock is a table of layers. The detector is behind a shield with a window: most rays come from the direction of the
+window, some through the shield. It receives rays from a short length of the hole and from a certain depth into the
+rock. A radioactive bed above the hole therefore raises the counts while the window is up, long before the hole enters
+the bed. The pulses are a Poisson process; after each counted pulse the detector is dead for a while (non-paralysable,
+G. F. Knoll, Radiation Detection and Measurement, 4th ed. 2010, section 4.VII).
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.kinematics import WellPath
 
-_PERIOD_S = 0.04  # counting interval, s; at 120 r/min the tool turns by 29 deg in it
-_DIRECTIONS = 24
-# Distances into the rock as multiples of `reach_m`, and their weights: the middles of the thirds of an
-# exponential decay.
+_PERIOD_S = 0.04  # counting interval, s, in which the tool turns by 29 deg at 120 r/min
+_DIRECTIONS = 24  # number of directions around the hole over which the rock is averaged
+# Distances into the rock, as multiples of `reach_m`, over which the rock is averaged: the medians of the three thirds
+# of an exponential distribution.
 _REACHES = tuple(-math.log(1.0 - share) for share in (1.0 / 6.0, 0.5, 5.0 / 6.0))
 
 
 @dataclasses.dataclass(frozen=True)
 class Gamma:
-    """Gamma detector and the rock that it sees."""
+    """Gamma detector and the rock around the hole."""
 
     formation: tuple[tuple[float, float], ...] = setting(
         ((0.0, 60.0),),
@@ -112,7 +112,7 @@ class GammaDetector:
     path : WellPath
         The hole.
     rng : Generator
-        Draws the pulses.
+        Random numbers for the pulses.
     """
 
     def __init__(self, settings: Gamma, path: WellPath, rng: np.random.Generator) -> None:
@@ -123,7 +123,7 @@ class GammaDetector:
 
     def expected(self, md: ArrayLike, direction: ArrayLike) -> Array:
         """
-        Return the natural gamma that the detector sees, gAPI, without noise.
+        Return the natural gamma of the rock weighted by the detector's sensitivity, gAPI, without noise.
 
         Parameters
         ----------
@@ -151,12 +151,13 @@ class GammaDetector:
         self, index: Stamps, stamps: Stamps, toolface: Array, bit: Array, rate_hz: int
     ) -> tuple[Samples, Array]:
         """
-        Return the counts that end at some of the outputs of one step, and which outputs those are.
+        Return the counts of one step, and the outputs at which the counting intervals end.
 
         Parameters
         ----------
         index, stamps : ndarray of int64, shape (n,)
-            Numbers of the outputs, and their stamps, ns. Call it for all outputs, in order.
+            Number of each output since the start of the run, and its stamp, ns. Call this method for all outputs in
+            order.
         toolface : ndarray, shape (n,)
             Gravity toolface, rad.
         bit : ndarray, shape (n,)
@@ -168,6 +169,7 @@ class GammaDetector:
         -------
         samples : ndarray of dtype `wire.COUNTS`
         picked : ndarray of bool, shape (n,)
+            True for the outputs at which a counting interval ends.
         """
         item, every = self.settings, max(1, round(_PERIOD_S * rate_hz))
         half = every // 2
@@ -187,7 +189,7 @@ class GammaDetector:
         return samples, picked
 
     def _count(self, begin_s: float, duration_s: float, rate: float) -> int:
-        """Return the pulses counted in an interval; call it for consecutive intervals."""
+        """Return the number of pulses counted in an interval; call this method for consecutive intervals."""
         arrivals = np.sort(begin_s + duration_s * self._rng.random(self._rng.poisson(rate * duration_s)))
         counted, dead_s = 0, self.settings.dead_time_us * 1e-6
         for at in arrivals.tolist():

@@ -93,8 +93,8 @@ class Triad:
         """
         Return the errors of the converter at one temperature.
 
-        bias, shape (3,), is the slow bias at that time, SI; warm is the temperature minus that of the calibration,
-        degC.
+        bias, shape (3,), is the slow bias at that time, SI; warm is the temperature minus the temperature of the
+        calibration, degC.
         """
         matrix = self.matrix.copy()
         for axis in range(3):
@@ -146,7 +146,7 @@ def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Tria
 
 
 def magnetometer_triad(m: MagnetometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a magnetometer triad, T; its noise is that of one sample."""
+    """Draw the errors of a magnetometer triad, T; its `noise` is 1 sigma of one sample, T."""
     return Triad(
         matrix=_matrix(m.scale_ppm, m.misalignment_mrad, rng),
         bias=m.bias_nt * 1e-9 * rng.standard_normal(3),
@@ -181,7 +181,7 @@ def low_pass(bandwidth_hz: float, delay: float, rate: float) -> Array:
     shift = delay * rate
     half = max(math.ceil(4.0 * sigma + abs(shift)), 1 if shift else 0)
     k = np.arange(-half, half + 1)
-    # Without a bandwidth this is linear interpolation, exact for delays of whole steps.
+    # Without a bandwidth the weights interpolate linearly, which is exact for delays of whole steps.
     bell = np.exp(-0.5 * ((k + shift) / max(sigma, 0.2)) ** 2)
     weights = bell if sigma >= 0.2 else np.maximum(0.0, 1.0 - np.abs(k + shift))
     return np.asarray(weights / weights.sum())
@@ -191,7 +191,7 @@ def noise_band(bandwidth_hz: float, rate: float) -> float:
     """
     Return the two-sided noise bandwidth, Hz, of `low_pass` at a sampling rate, Hz: variance = density^2 * bandwidth.
 
-    For a Gaussian with its -3 dB point at b it is b sqrt(pi / ln 2), and never more than the rate.
+    The bandwidth of a Gaussian with the -3 dB point b is b sqrt(pi / ln 2); the result is at most the rate.
     """
     return min(rate, bandwidth_hz * math.sqrt(math.pi / math.log(2.0))) if bandwidth_hz else rate
 
@@ -222,12 +222,12 @@ class TriadState:
 
     @property
     def bias(self) -> Array:
-        """Sum of both, shape (3,)."""
+        """Sum of Markov bias and random walk, SI, shape (3,)."""
         return self.markov + self.walk
 
 
 def initial(triad: Triad, rng: np.random.Generator) -> TriadState:
-    """Return the state at switch-on: a Markov bias drawn from its steady spread, and no walk yet."""
+    """Return the state at switch-on: a Markov bias drawn from its steady distribution, and a random walk of zero."""
     return TriadState(triad.instability * rng.standard_normal(3), np.zeros(3))
 
 
@@ -240,7 +240,7 @@ def advance(triad: Triad, state: TriadState, seconds: float, rng: np.random.Gene
 
 
 def slow_bias(triad: Triad, state: TriadState, warm: float) -> Array:
-    """Return the present bias, SI, shape (3,); warm is the temperature minus that of the calibration, degC."""
+    """Return the present bias, SI, shape (3,); warm is the temperature minus the calibration temperature, degC."""
     return triad.bias + triad.bias_per_c * warm + state.bias
 
 
@@ -283,8 +283,8 @@ def strapdown(rate: Array, f: Array, ratio: int, dt: float, rate_out: Array, f_o
     rate_out, f_out : ndarray, shape (m, 3)
         Output. rate_out is the rotation vector over the interval divided by its length, which includes coning. f_out is
         the mean specific force with each sample turned into the axes at the end of the interval, which includes
-        sculling. Those axes are fixed in inertial space, so the force turns with the Earth, by 0.36 urad in half of 10
-        ms.
+        sculling. Those axes are fixed in inertial space, so the force turns relative to them with the Earth, by 0.36
+        urad in half of 10 ms.
     """
     whole = ratio * dt
     for k in range(len(rate_out)):

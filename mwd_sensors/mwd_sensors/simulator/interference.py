@@ -102,7 +102,7 @@ class Interference:
     diurnal: Diurnal | None = setting(None, "Daily variation of the Earth's field.")
 
     def __post_init__(self) -> None:
-        """Check the values against each other."""
+        """Raise ValueError if `soft_iron` does not have three rows, or the depths of `anomalies` do not ascend."""
         if self.soft_iron and len(self.soft_iron) != 3:
             raise ValueError(f"soft_iron: three rows are needed, got {len(self.soft_iron)}")
         depths = [item.md_m for item in self.anomalies]
@@ -201,11 +201,11 @@ def joint_field(joints: ToolJoints, md: Array) -> Array:
 
 
 def to_tool(mat_nt: Array, vector_n: Array) -> Array:
-    """Turn vectors, shape (n, 3) or (3,), from NED into tool axes by mat_nt, (n, 3, 3); same bits on all machines."""
+    """Turn vectors, (n, 3) or (3,), from NED to tool axes by mat_nt, (n, 3, 3), with the same bits on all machines."""
     v = vector_n.reshape(-1, 3)
     return np.asarray(mat_nt[:, 0, :] * v[:, 0:1] + mat_nt[:, 1, :] * v[:, 1:2] + mat_nt[:, 2, :] * v[:, 2:3])
 
 
 def to_tool_matrix(matrix: Array, vectors: Array) -> Array:
-    """Multiply one matrix, shape (3, 3), with many vectors, shape (n, 3), by plain sums."""
+    """Multiply one matrix, (3, 3), with vectors, (n, 3), by plain sums, with the same bits on all machines."""
     return np.asarray(vectors[:, 0:1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:3] * matrix[:, 2])

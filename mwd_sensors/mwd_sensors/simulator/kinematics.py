@@ -20,7 +20,7 @@ Vector = tuple[float, float, float]
 
 class WellPath(NamedTuple):
     """
-    A hole made of circular arcs between stations (minimum curvature), straight beyond both ends.
+    A hole made of circular arcs between stations (minimum curvature), straight above the first and below the last.
 
     Attributes
     ----------
@@ -51,6 +51,7 @@ class Kinematics(NamedTuple):
     Attributes
     ----------
     mat_nt : ndarray, shape (n, 3, 3)
+        Rotation from tool axes to north, east, down.
     rate_t, rate_dot_t : ndarray, shape (n, 3)
         Rotation relative to the local level frame, in tool axes, rad/s and rad/s^2.
     position_n, velocity_n, acceleration_n : ndarray, shape (n, 3)
@@ -105,7 +106,7 @@ class HolePoint(NamedTuple):
 @compiled
 def assemble(path: WellPath, feed: Array, feed_dot: Array, turn: Array, shake: Array, out: Kinematics) -> None:
     """
-    Combine hole, feed, rotation and vibration: fill `out`, whose measured depths are given.
+    Combine hole, feed, rotation and vibration: fill `out`, in which the caller has set the measured depths `md`.
 
     feed and feed_dot, shape (n,): rate and acceleration of the measured depth, m/s and m/s^2. turn, shape (3, n): angle
     of the string, rad, with its rate and acceleration. shake, shape (6, 3, n): the channels of `vibration_sources`.
@@ -182,7 +183,7 @@ def _hole_axes(hole: HolePoint) -> tuple[Vector, Vector, Vector]:
 def _displace(
     hole: HolePoint, v: float, v_dot: float, w: Vector, a: Vector, shake: Array, i: int, out: Kinematics
 ) -> None:
-    """Add the displacement to the position at instant i, and fill velocity and acceleration."""
+    """Add the vibration's displacement to the position at instant i, and fill velocity and acceleration."""
     w0, w1, w2 = w
     a0, a1, a2 = a
     # Displacement in hole axes, and its derivatives as seen from the level frame.
@@ -233,7 +234,7 @@ def _rotate(hole: HolePoint, w: Vector, a: Vector, turn: Array, shake: Array, i:
     out.rate_dot_t[i, 0] = b0 + spin_dot
     out.rate_dot_t[i, 1] = c_t * b1 + s_t * b2 + spin * z2
     out.rate_dot_t[i, 2] = c_t * b2 - s_t * b1 - spin * z1
-    # mat_nt = H P X, X about x by the toolface.
+    # mat_nt = H P X: hole axes H, tilt P, and rotation X about x by the toolface.
     for k, (h0, h1, h2) in enumerate(_hole_axes(hole)):
         m0 = h0 * p00 + h1 * p10 + h2 * p20
         m1 = h0 * p01 + h1 * p11 + h2 * p21

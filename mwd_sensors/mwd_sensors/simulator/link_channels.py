@@ -36,7 +36,7 @@ class OnAir(NamedTuple):
     start_s : float
         Time of the start, s of the run.
     edges_s, phases, octets : tuple of float, tuple of float, bytes
-        Content as in `telemetry.on_air.GroupSignal`; only the one that belongs to the link is filled.
+        Content as in `telemetry.on_air.GroupSignal`; only the field that belongs to the link is filled.
     width_s : float
         Duration of a pulse or symbol.
     frequency_hz : float
@@ -52,7 +52,7 @@ class OnAir(NamedTuple):
     frequency_hz: float = 0.0
 
     def on_true_clock(self, fast: float) -> OnAir:
-        """Return the signal on true time for a tool clock that runs fast by a share; `start_s` is true already."""
+        """Return the signal in true time; `fast` is the relative error of the tool's clock, `start_s` is true time."""
         scale = 1.0 / (1.0 + fast)
         edges = tuple(edge * scale for edge in self.edges_s)
         return self._replace(edges_s=edges, width_s=self.width_s * scale, frequency_hz=self.frequency_hz / scale)
@@ -84,11 +84,11 @@ class LinkChannel(Protocol):
     """Channel of one telemetry link."""
 
     def send(self, signal: OnAir) -> int:
-        """Transmit a signal; return how many parts of it are lost, because their time has already been simulated."""
+        """Transmit a signal; return the number of its parts that are lost because their time is already simulated."""
         ...
 
     def deepen(self, depth_m: float) -> None:
-        """Continue with the bit at another depth."""
+        """Continue with the bit at another measured depth, m."""
         ...
 
     def advance(self, until_s: float) -> list[Heard]:
@@ -178,14 +178,14 @@ class EarthLink:
 
 class CoilLink:
     """
-    Link through the field of a coil, by its strength.
+    Link through the field of a coil whose strength is modulated.
 
     Parameters
     ----------
     channel : CoilChannel
     coil : Coil
     place : callable
-        Where the sonde is, and how it points.
+        Position and direction of the sonde at a time.
     seed : int
     """
 

@@ -62,14 +62,14 @@ class PumpStream:
         self._hunt = np.zeros(1)
         self._samples = 0
         self._strokes: list[Array] = []
-        # Numbers of its own, so that the counter does not change the pressure.
+        # A separate random stream, so that the counter does not change the pressure.
         self._counter = np.random.default_rng(int(1e6 * self._phase))
 
     def block(self, flow: Array) -> Array:
         """
         Return the flow of the next samples, m^3/s, shape (n,).
 
-        flow, shape (n,), is the share of the full flow; the pump runs slower for less.
+        flow, shape (n,), is the flow as a share of the full flow; the stroke rate is proportional to the flow.
         """
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))
@@ -87,12 +87,12 @@ class PumpStream:
         return np.asarray(self._delivered(2.0 * math.pi * turns[:-1]) * self._flow * flow)
 
     def _counted(self, time: Array) -> Array:
-        """Return the strokes that the counter sees, at the times that it gives them, s."""
+        """Return the counted strokes, with the counter's errors, from the true times of the strokes, s."""
         kept = self._counter.uniform(size=len(time)) >= self._pump.counter_missed
         return np.sort(time + self._pump.counter_jitter_s * self._counter.normal(size=len(time)))[kept]
 
     def strokes(self) -> Array:
-        """Return the times at which the stroke counter saw a stroke, s."""
+        """Return the times of all counted strokes so far, s."""
         return np.concatenate(self._strokes) if self._strokes else np.zeros(0)
 
     def _delivered(self, angle: Array) -> Array:
@@ -206,7 +206,7 @@ class Pressure:
         return self._block * self._count / RATE_HZ
 
     def add_pulse(self, begin: float, end: float) -> bool:
-        """Close the valve from begin to end, s after the start; return False if that time has already been produced."""
+        """Close the valve from begin to end, s after the start; return False if begin is before `seconds`."""
         self._pulses = np.vstack([self._pulses[self._pulses[:, 1] > self.seconds - 60.0], (begin, end)])
         return begin >= self.seconds
 
@@ -241,7 +241,7 @@ class Pressure:
         return np.asarray(np.clip(np.round(total / step) * step, 0.0, noise.full_scale_pa))
 
     def strokes(self) -> list[Array]:
-        """Return the times of the strokes of each pump so far, s."""
+        """Return the times of the counted strokes of each pump so far, s."""
         return [pump.strokes() for pump in self._pumps]
 
     def _scheduled_flow(self, time: Array) -> Array:
@@ -267,7 +267,7 @@ class Pressure:
         drop = self._pink("bit", self._bit.normal(size=len(time)), noise.bit_pa)
         wander = self._filtered("stick", [2e-4], [1.0, -0.9998], self._stick.normal(size=len(time)))
         phase = 2.0 * math.pi * noise.stick_slip_hz * time + 20.0 * wander
-        # A string that sticks and slips gives short peaks, that is several harmonics.
+        # Stick-slip gives short peaks, that is, several harmonics.
         drop += noise.stick_slip_pa * (np.exp(2.0 * (np.cos(phase) - 1.0)) - 0.3)
         drop += noise.bounce_pa * np.cos(2.0 * math.pi * noise.bounce_hz * time + 60.0 * wander)
         for begin in self._new_stalls(time):

@@ -23,7 +23,7 @@ from mwd_sensors.core.settings import setting
 Complex = NDArray[np.complex128]
 _STEEL = 2.07e11  # Young's modulus of steel, Pa
 _GAS = 1.2  # polytropic exponent of the gas in a dampener, between isothermal and adiabatic
-_ATMOSPHERE = 1.0e5
+_ATMOSPHERE = 1.0e5  # Pa
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,14 +73,14 @@ def _line(well: Well, omega: Array, radius: float, area: float, friction: float)
 
 
 def _seen(load: Complex, length: float, line: tuple[Complex, Complex]) -> Complex:
-    """Return the impedance at the near end of a line that ends in a load."""
+    """Return the impedance, Pa s/m^3, at the near end of a line whose far end has the impedance `load`."""
     gamma, zc = line
     th = np.tanh(gamma * length)
     return np.asarray(zc * (load + zc * th) / (zc + load * th))
 
 
 def _carried(load: Complex, length: float, line: tuple[Complex, Complex]) -> Complex:
-    """Return the ratio of the pressure at the load to the pressure at the near end of the line before it."""
+    """Return the ratio of the pressure at the load to the pressure at the near end of the line."""
     gamma, zc = line
     return np.asarray(1.0 / (np.cosh(gamma * length) + zc / load * np.sinh(gamma * length)))
 
@@ -123,7 +123,8 @@ def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Comple
     annulus = _line(well, omega, 0.5 * (well.hole_m - outer), annulus_area, 0.2 * well.friction)
     drill_pipe = max(well.depth_m - well.collars_m, 1.0)
     surface = _line(well, omega, 0.05, 0.25 * math.pi * 0.1**2, well.friction)
-    # Looking upwards: closed piston and dampener, surface line, hose, string. The flow line above the annulus is open.
+    # Impedances looking upwards: closed piston and dampener, surface line, hose, string. The flow line above the
+    # annulus is open.
     pumps = _dampener(well, omega)
     at_gauge = _seen(pumps, well.gauge_m, surface)
     at_top = _seen(at_gauge, well.hose_m, surface)
@@ -138,7 +139,7 @@ def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Comple
         * _carried(at_top, drill_pipe, pipe)
         * _carried(at_gauge, well.hose_m, surface)
     )
-    # A series drop divides over the impedances above and below; a growing drop raises the pressure above it.
+    # A pressure drop divides over the impedances above and below; a growing drop raises the pressure above the valve.
     from_valve = up / (up + below) * lifted
     up_at_bit = _seen(up, well.valve_to_bit_m, collar)
     from_bit = up_at_bit / (up_at_bit + nozzles + returns) * _carried(up, well.valve_to_bit_m, collar) * lifted

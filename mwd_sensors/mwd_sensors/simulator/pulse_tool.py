@@ -17,7 +17,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 
 
 class SentWord(NamedTuple):
-    """One transmitted word; times on the clock of the surface, s."""
+    """One transmitted word; start and end by the clock of the surface, s."""
 
     start_s: float
     end_s: float
@@ -60,7 +60,7 @@ def transmit(
     seed : int
         Seed of the random values.
     clock : float
-        Relative error of the tool's clock: 1e-3 sends 0.1 % slower.
+        Relative error of the tool's clock: 1e-3 makes all durations 0.1 % longer.
     resync : bool
         Whether each toolface sequence begins with its own sync.
     """
@@ -111,7 +111,11 @@ def link_run(
     seed: int,
     drive: Callable[[Array], Array] = np.zeros_like,
 ) -> LinkRun:
-    """Simulate the pressure of a channel with a transmission; seed of the noise; drive: siren signal at times, s."""
+    """
+    Simulate the standpipe pressure of a channel during a transmission.
+
+    seed is the seed of the noise; drive returns the signal of a siren, -1 to 1, at times, s.
+    """
     stream = Pressure(channel, sent.pulses, seed)
     stream.modulate(drive)
     blocks = []

@@ -223,7 +223,7 @@ def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
 
 
 def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> Scenario:
-    """Read a scenario from a YAML file; errors name the file and are otherwise those of `parse`."""
+    """Read a scenario from a YAML file; errors as for `parse`, with the name of the file in the message."""
     path = pathlib.Path(path)
     try:
         return parse(read_text(path, budgets.YAML), changes)

@@ -16,12 +16,12 @@ _SOURCES = Path(__file__).resolve().parents[3] / "bags" / "scenarios"
 
 def folder() -> Path:
     """
-    Return the folder of the scenarios: that of the source tree, if there is one, else the installed one.
+    Return the folder of the scenarios: the folder in the source tree if it exists, else the installed folder.
 
     Raises
     ------
     SettingsError
-        There is no such folder.
+        Neither folder exists.
     """
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     installed = [Path(prefix) / _SHARE for prefix in prefixes if prefix]
@@ -44,7 +44,7 @@ def find(name: str) -> Path:
     Raises
     ------
     SettingsError
-        It is neither a file nor a known name; the message suggests similar names.
+        `name` is neither a file nor a known scenario; the message suggests similar names.
     """
     if Path(name).is_file():
         return Path(name)

@@ -133,9 +133,10 @@ Targets = dict[str, float]
 
 class _Lanes:
     """
-    All profiles of a schedule under construction, kept at the same time.
+    All profiles of a schedule under construction; they all end at the same time.
 
-    A step brings profiles to the values named in its targets ("bit_rate" and "angle_rate" are rates); the others stay.
+    A step changes profiles to the values of its targets ("bit_rate" and "angle_rate" are rates); the other profiles
+    keep their values.
     """
 
     def __init__(self, bit_m: float, rig: Rig, angle: float) -> None:
@@ -213,7 +214,7 @@ def timeline(
     bit_m : float
         Measured depth of the bit at time zero, m.
     whirl : tuple of ((float, float), (float, float))
-        Shortest and longest burst, and shortest and longest pause, of each whirl, s; only the first is used.
+        Shortest and longest burst, and shortest and longest pause, of each whirl, s; only the first whirl is used.
     rng : Generator
         Random numbers for the whirl bursts.
     toolface : float
@@ -392,7 +393,7 @@ class ProfileBuilder:
             self._add(seconds, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0])
 
     def to_rate(self, rate: float, seconds: float) -> None:
-        """Change the rate to another one within a time, s; rate, slope and curvature stay continuous."""
+        """Change the rate to a new rate within a time, s; the rate and its first two derivatives stay continuous."""
         change, s = rate - self.rate, seconds
         if change == 0.0 or s <= 0.0:
             self.hold(seconds)
@@ -403,7 +404,7 @@ class ProfileBuilder:
         self.rate = rate
 
     def to_value(self, value: float, seconds: float) -> None:
-        """Change the value to another one within a time, s, starting and ending at rest."""
+        """Change the value to a new value within a time, s, starting and ending at rest."""
         change, s = value - self.value, seconds
         if change == 0.0:
             self.rate = 0.0

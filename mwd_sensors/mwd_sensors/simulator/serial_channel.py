@@ -47,7 +47,7 @@ class SerialStream:
         self._break += self._breaks.exponential(3600.0 / hourly) if hourly > 0.0 else np.inf
 
     def carry(self, start_s: float, data: bytes) -> bytes:
-        """Return the received bytes of data sent without a pause from a time on, s; times rise from call to call."""
+        """Return the received bytes of `data`, sent without a pause from start_s, s, which rises from call to call."""
         raw = np.frombuffer(data, dtype=np.uint8).copy()
         wrong = np.flatnonzero(self._errors.random(len(raw) * 8) < self._channel.bit_errors)
         np.bitwise_xor.at(raw, wrong // 8, (1 << wrong % 8).astype(np.uint8))
@@ -63,7 +63,7 @@ class SerialStream:
 
 
 def transmit(tool: ToolConfiguration, seconds: float, seed: int) -> tuple[bytes, tuple[SentWord, ...]]:
-    """Return the bytes of random values and the words in them: a survey first, then toolfaces repeatedly."""
+    """Return the bytes and the words of a transmission of random values: first a survey, then repeated toolfaces."""
     random = np.random.default_rng(seed)
     out, words = bytearray(), []
     kind, items, counter = "survey", tool.surveys[0], 0

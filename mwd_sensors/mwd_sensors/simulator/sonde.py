@@ -48,7 +48,7 @@ _STREAMS = (
 )
 # Streams that are drawn anew when the same tool is started again: no two runs of a real sensor have the same noise.
 _NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
-_TURNING = 0.5  # rad/s; a top drive slower than this counts as sliding
+_TURNING = 0.5  # rad/s; at a lower speed of the top drive the activity is sliding
 
 
 class Sonde:
@@ -62,7 +62,7 @@ class Sonde:
     epoch_ns : int, optional
         Stamp of time zero, ns; the default is the date of the scenario.
     starts_before : int
-        How many times this tool has been started before: the same tool and motion with other noise.
+        Number of earlier starts of this tool. Each start has the same tool errors and motion, but other noise.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Sonde:
 
     def inject(self, fault: faults.Fault) -> None:
         """
-        Add a fault; its start counts from now. "ok" ends all faults of that component.
+        Add a fault whose `start_s` counts from `time`. The fault "ok" ends all faults of its component.
 
         Raises
         ------
@@ -474,7 +474,7 @@ class TrueInputs:
     drive: Array
 
     def tail(self, count: int) -> TrueInputs:
-        """Return the last samples."""
+        """Return the last `count` samples."""
         return TrueInputs(
             self.mat_nt[-count:],
             self.rate_t[-count:],
@@ -503,7 +503,7 @@ class TrueInputs:
 # Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1.
 
 
-_KEPT_S = 600.0  # s; history of the share, which pressure and tool flow still ask for
+_KEPT_S = 600.0  # s; time for which past shares are kept, because pressure and tool flow are computed later
 
 
 class CommandedFlow:
@@ -533,14 +533,14 @@ class CommandedFlow:
 
     def ask(self, time: float, flow: float, valid_for: float) -> None:
         """
-        Bring the flow to a value at a time, s.
+        Change the flow to a value, m^3/s, from a time on, s.
 
-        valid_for seconds later the flow returns to the schedule, unless another command follows.
+        After valid_for seconds the flow returns to the schedule, unless another command follows.
 
         Raises
         ------
         ValueError
-            The flow is above the drilling flow, the most that these pumps deliver.
+            The flow is above the drilling flow, the largest flow of these pumps.
         """
         if not flow <= self._full * (1.0 + 1e-9):
             raise ValueError(f"flow_rate: these pumps give at most {self._full:.4g} m^3/s, got {flow:.4g}")
@@ -553,7 +553,11 @@ class CommandedFlow:
         self._ramp(time, 1.0)
 
     def _ramp(self, time: float, share: float, *, follows: bool = False) -> float:
-        """Ramp to a share from a time on, dropping later changes; return the time at which it is reached, s."""
+        """
+        Ramp to a share of the full flow from a time on, s; return the time at which it is reached, s.
+
+        follows appends the ramp to the last one; otherwise it replaces all later changes.
+        """
         now = self._knots[-1][1] if follows else float(self._share(np.array([time]))[0])
         if not follows:
             self._knots = [knot for knot in self._knots if time - _KEPT_S < knot[0] < time] or [(time, now)]
@@ -621,14 +625,14 @@ class MeasuringUnit:
         Parameters
         ----------
         rate_it, f_t : ndarray, shape (n, 3)
-            True rate, rad/s, and specific force, m/s^2, at the unit, at the kinematic rate, with `margin` samples more
-            before the step.
+            True rate, rad/s, and specific force, m/s^2, at the unit, at the kinematic rate, from `margin` samples
+            before the step to at least `self.margin` samples after it.
         margin : int
             Number of samples before the step.
         stamps : ndarray, shape (m,)
             Stamps of the outputs, ns.
         warm : float
-            Temperature minus that of the calibration, degC.
+            Temperature minus the temperature of the calibration, degC.
         gravity : float
             Strength of gravity, m/s^2.
         """

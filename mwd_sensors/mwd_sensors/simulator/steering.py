@@ -2,14 +2,14 @@
 """
 Top drive that obeys commands, and a string below it that winds up, sticks and slips.
 
-The string is a torsional spring with a lump of inertia at its end. The defaults of spring, inertia and damping are
-those of Jansen and van den Steen, Journal of Sound and Vibration 179 (1995). Friction on the wall falls with speed,
+The string is a torsional spring with a lumped inertia at its end. The defaults of spring, inertia and damping are from
+Jansen and van den Steen, Journal of Sound and Vibration 179 (1995). Friction on the wall falls with speed,
 which causes stick-slip. Friction acts against the direction in which the pipe moves over the wall. A string that slides
 along the hole therefore yields slowly to any torque, and one that does not slide sticks. The reactive torque of a mud
 motor turns the string to the left (counter-clockwise looking down-hole). Angles and speeds are positive clockwise.
 
-Unlike the rest of the motion this has no closed form. It is integrated at the instants of the kinematics, one after the
-other, so that the same commands at the same steps give the same bits.
+Unlike the rest of the motion, the angle of such a string has no closed form. It is integrated at the instants of the
+kinematics, one after the other, so that the same commands at the same steps give the same bits.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ HOLD, ROTATE, ORIENT, PUMP, RELEASE = range(5)
 _SCHEDULE = -1
 _RPM = math.pi / 30.0
 _LINES = 24  # number of sines in the motor's unsteady torque
-_YIELD = 10.0  # 1/s; how fast a top drive gives way when its torque is at the limit
-_LEAST_SLIDE = 1e-5  # rad/s; below this sliding speed the string counts as not sliding
+_YIELD = 10.0  # 1/s; gain from excess wind-up, rad, to the speed, rad/s, at which a torque-limited top drive unwinds
+_LEAST_SLIDE = 1e-5  # rad/s; a string with a smaller sliding speed divided by the pipe radius counts as not sliding
 
 
 class State:
@@ -70,7 +70,12 @@ _STATE = dtype_of(State)
 
 
 class Params(NamedTuple):
-    """Constants of the string in SI; static friction is `kinetic` plus `more`."""
+    """
+    Constants of string and top drive, SI.
+
+    Wall friction, N m, is `kinetic` plus `more` at standstill and `kinetic` at speeds far above `decay`, rad/s.
+    `fastest` (speed while turning to an angle, rad/s), `ramp`, rad/s^2, and `yields`, 1/s, belong to the top drive.
+    """
 
     stiffness: float
     inertia: float
@@ -195,7 +200,7 @@ class String:
     toolface : float
         Toolface of the string's end at the beginning, rad.
     rate : int
-        Rate of the instants, Hz.
+        Rate of the kinematics, Hz.
     rng : Generator
         Random numbers for the motor's variation.
     """
@@ -251,12 +256,12 @@ class String:
         state.then = RELEASE if command.returns else HOLD
 
     def prolong(self, valid_for: float) -> None:
-        """Restart the validity, s, of the turn in force."""
+        """Restart the validity of the command in force, s, if it is a turn (`ORIENT`)."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
 
     def limit_torque(self, limit: float) -> None:
-        """Limit the torque while turning on command, N m; 0 removes the limit down to the top drive's own."""
+        """Limit the torque while the top drive turns on command, N m; 0 restores the top drive's own limit."""
         most = self.steering.most_nm
         self._state[0].limit = min(limit, most) if limit > 0.0 else most
 
@@ -273,7 +278,7 @@ class String:
 
     def advance(self, first: int, count: int) -> tuple[Array, Array]:
         """
-        Advance over the instants (first + k) / rate, s, k = 0 .. count - 1, which continue those of the last call.
+        Advance over the instants (first + k) / rate, s, k = 0 .. count - 1, which follow the instants of the last call.
 
         Returns
         -------
@@ -321,7 +326,7 @@ def advance(
             wanted = s.speed
         elif s.mode == ORIENT:
             rest = s.target - s.drive
-            # As fast as possible while it can still stop in time; slower at the very end.
+            # As fast as the top drive can still stop at the target; slower close to the target.
             wanted = min(p.fastest, math.sqrt(1.6 * p.ramp * abs(rest)), 10.0 * abs(rest))
             if rest < 0.0:
                 wanted = -wanted

@@ -33,9 +33,9 @@ from mwd_sensors.simulator.schedule import Rig, Timeline
 from mwd_sensors.simulator.serial_channel import SerialChannel
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
-FLOW_HZ = 5.0
+FLOW_HZ = 5.0  # rate at which the tool measures the flow
 _FLOW_SIGMA = 2e-4  # m^3/s; noise of the tool's own turbine
-# Depth drilled after which the channels are computed again, m; it shifts the pulses by some milliseconds.
+# The channels are computed again after a change of depth by this, m, which shifts the pulses by some milliseconds.
 _DEEPER_M = 10.0
 
 
@@ -86,7 +86,7 @@ class TelemetryLink:
     place : callable
         Position and axis of the sonde at a time of the run, s.
     clock : float
-        Share by which the tool's clock runs fast.
+        Relative error of the tool's clock, positive if the clock runs fast.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class TelemetryLink:
         ndarray, shape (n,)
             Times, s of the run.
         ndarray, shape (n,)
-            Flow at the tool's turbine, m^3/s: that of the pumps, one wave travel time earlier.
+            Flow at the tool's turbine, m^3/s: the flow of the pumps one wave travel time earlier.
         """
         count = max(math.floor(until_s * FLOW_HZ + 1e-9) - self._flows, 0)
         time = (self._flows + 1 + np.arange(count)) / FLOW_HZ
@@ -142,7 +142,7 @@ class TelemetryLink:
 
     @property
     def flow_sigma(self) -> float:
-        """1 sigma of the flow, m^3/s."""
+        """1 sigma of the flow that the tool measures, m^3/s."""
         return _FLOW_SIGMA
 
     def advance(self, until_s: float) -> list[Heard]:

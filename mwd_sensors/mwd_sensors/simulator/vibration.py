@@ -9,7 +9,7 @@ from mwd_sensors.core.settings import setting
 
 # Phases in which a vibration acts; each is an envelope of the schedule.
 WHEN = ("always", "rotating", "sliding", "drilling", "pumping", "moving")
-# With two internal envelopes: rotary speed of the phase, rad/s, for stick-slip, and whirl bursts.
+# Envelopes of the phases of `WHEN`, and two more: rotary speed of the phase, rad/s, for stick-slip, and whirl bursts.
 ENVELOPES = (*WHEN, "stick_slip", "burst")
 
 _AXES = "along the hole axes x (down-hole), y, z (high side)"

@@ -3,9 +3,9 @@
 Vibration of a sonde in its hole as bounded displacements and small angles in closed form.
 
 Every vibration is first a displacement; velocity and acceleration are its exact derivatives. Random vibration is a sum
-of sines with random frequencies and phases in its band: it has the requested spectrum, integrates to a bounded
-displacement and needs no memory. The six channels are: displacement along the hole axes x (down-hole), y, z (high
-side), m; tilt about y and about z, rad; torsion about x, rad. The hole axes are the tool axes at toolface zero.
+of sines with random frequencies and phases in its band: it has the requested spectrum and a bounded displacement, and
+can be computed at any instant. The six channels are: displacement along the hole axes x (down-hole), y, z (high side),
+m; tilt about y and about z, rad; torsion about x, rad. The hole axes are the tool axes at toolface zero.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def add_lines(lines: Lines, envelopes: Array, start: float, dt: float, out: Arra
     omega = 2.0 * math.pi * lines.frequency_hz
     c, s, step_c, step_s = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     for k in range(count):
-        # Whole turns are subtracted first, so that they do not cost digits.
+        # Subtract whole turns first, because a large angle would lose digits.
         turns = lines.frequency_hz[k] * start
         angle = 2.0 * math.pi * (turns - math.floor(turns)) + lines.phase[k]
         c[k], s[k] = lines.amplitude[k] * math.cos(angle), lines.amplitude[k] * math.sin(angle)

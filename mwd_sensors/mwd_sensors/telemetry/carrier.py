@@ -27,11 +27,13 @@ from mwd_sensors.telemetry.checksum import CRC_BYTES, START, holds, signed
 from mwd_sensors.telemetry.sequences import SequenceItem
 
 Complex = NDArray[np.complex128]
-# The aperiodic autocorrelation outside its peak is at most 2, the lowest of all 20-symbol sequences of +1 and -1.
+# Bits of the marker. Its aperiodic autocorrelation outside the peak is at most 2, the lowest of all sequences of 20
+# symbols +1 and -1.
 _MARKER = 0x4D4E
 MARKER_SYMBOLS = 20
 KINDS = ("survey", "toolface")
-MOST_SEQUENCES, MOST_BLOCKS = 8, 16  # 3 and 4 bits of the header
+# Largest number of sequences of a kind, and of blocks of a sequence: 3 and 4 bits of the header.
+MOST_SEQUENCES, MOST_BLOCKS = 8, 16
 _HEADER_BYTES = 1
 _BITS_PER_SYMBOL = {"bpsk": 1, "dpsk": 1, "qpsk": 2}
 
@@ -160,7 +162,7 @@ def interleaver(count: int) -> Indices:
 
 @functools.cache
 def data_places(carrier: Carrier) -> Indices:
-    """Return the positions of symbols with coded bits, shape (n,); for DPSK each differs from the symbol before."""
+    """Return the positions of symbols with coded bits, (n,); DPSK codes a bit in the change from the symbol before."""
     places = np.arange(carrier.block_symbols)
     inside = (places >= carrier.half) & (places < carrier.half + MARKER_SYMBOLS)
     return places[~inside & (places >= (carrier.modulation == "dpsk"))]
@@ -217,7 +219,7 @@ def block_bits(
 
 
 def read_block(bits: Indices, start: int = START) -> tuple[BlockName, bytes] | None:
-    """Return name and words of decoded bits, or None if the check fails."""
+    """Return the block's name and its packed words from decoded bits, or None if the check fails."""
     data = np.packbits(np.asarray(bits, dtype=np.uint8)).tobytes()
     if not holds(data, start):
         return None

@@ -8,11 +8,15 @@ import binascii
 CRC_BYTES = 2
 
 
-START = 0xFFFF
+START = 0xFFFF  # usual start value of the register
 
 
 def crc16(data: bytes, start: int = START) -> int:
-    """Return the CRC-16 with polynomial 0x1021 and start 0xFFFF (ITU-T V.41; "CRC-16/IBM-3740" in catalogues)."""
+    """
+    Return the CRC-16 with polynomial 0x1021 (ITU-T V.41).
+
+    With the default start value the CRC is called CRC-16/IBM-3740 in catalogues.
+    """
     return binascii.crc_hqx(data, start)
 
 

@@ -4,7 +4,8 @@ Combinatorial pulse code: each way to place M equal pulses in a window is a code
 
 M of n slots hold a leading edge, with at least `SPACING_TU` between neighbours, which gives
 C(n - (M - 1)(SPACING_TU - 1), M) codes (L. H. Rorden, US 4787093, 1988: the combinatorial number system). For each word
-length one M is chosen: the one with the shortest window that needs no more pulses than the pulse position code.
+length, M is the number of pulses with the shortest window, among those not above the number of pulses of the pulse
+position code.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from mwd_sensors.core.arrays import Indices
 from mwd_sensors.telemetry.pulse_position import Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 
-# A pulse is 2 TU wide, followed by at least 2 TU without an edge, so that the valve closes and the mud settles.
+# Least time between two leading edges, TU: a pulse of 2 TU, and 2 TU in which the valve closes and the mud settles.
 SPACING_TU = 4
-# Time from the last possible edge to the next word: the pulse and the same time again.
+# Time from the last possible edge to the next word, TU: a pulse of 2 TU, and a gap of 2 TU.
 _TAIL_TU = 4
-# A receiver compares all codes of a word with each other, which limits the length.
+# Largest number of bits of a word: a receiver compares the signal with all codes of the word.
 MOST_BITS = 16
 
 
@@ -68,9 +69,9 @@ def _slots(bits: int, pulses: int) -> int:
 @functools.cache
 def values(bits: int) -> Indices:
     """
-    Return how far each pulse of each code is shifted from its first possible position, TU; shape (2^bits, pulses).
+    Return the shift of each pulse from its first possible position, TU, for each code; shape (2^bits, pulses).
 
-    Rows are codes in order, which is the order of the combinations; the values of a row never decrease.
+    Row k is code k; rows are in lexicographic order. The values of a row never decrease.
     """
     count, slots = shape(bits)
     free = slots - (count - 1) * (SPACING_TU - 1)

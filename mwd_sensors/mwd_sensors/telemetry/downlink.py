@@ -3,10 +3,10 @@
 Downlink: commands from the surface to the tool by changes of flow or rotation.
 
 A command has 18 bits: counter, command, argument and a check. It is sent as symbols (D-WIS ADCS interface: ramp, hold,
-amplitude) of two bits each, with four levels between the drilling value and `depth` below it. One symbol at the lowest
-level and one at the drilling value precede the data and show the tool the ends of the scale; the drilling value ends
-the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not change its
-mean.
+amplitude) of two bits each, with four levels from the drilling value down to `depth` below it. One symbol at the lowest
+level and one at the drilling value precede the data, so that the tool can measure both ends of the scale; the drilling
+value ends the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not
+change the mean of the hold.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ ECHO_WORD = "DLnk"
 """Word of the uplink that repeats the last received command (`Frame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
+# Default of the lowest drilling value at which commands are sent and accepted, rad/s and m^3/s.
 _LEAST = {ROTATION: 4.0, FLOW: 0.01}
 # Gray code: neighbouring levels differ in one bit, so that the most likely symbol error is one bit error.
 _GRAY = (0b00, 0b01, 0b11, 0b10)
@@ -130,7 +131,7 @@ def frame_of(echo: int) -> Frame | None:
 
 
 def next_counter(counter: int) -> int:
-    """Return the counter after this one; 0 is skipped."""
+    """Return the counter of the next command, 1 to 7; after 7 comes 1."""
     return counter % (COUNTERS - 1) + 1
 
 

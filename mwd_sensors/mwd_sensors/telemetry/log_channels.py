@@ -33,7 +33,7 @@ SETTLE_S = 1.0
 
 
 class ChannelSource(NamedTuple):
-    """Source of a channel: its SI unit (or the unit of its field), its stream, and the field of the samples."""
+    """Source of a channel: unit of the values, stream of samples, and field of a sample that holds the value."""
 
     unit: str
     stream: str
@@ -106,17 +106,17 @@ class LogChannel:
 
     @property
     def unit(self) -> str:
-        """Unit of its samples."""
+        """Unit of the channel's samples."""
         return SOURCES[self.source].unit
 
     @property
     def sensor_to_bit(self) -> float:
-        """Distance of the sensor from the bit, m; NaN: that of the sonde."""
+        """Distance of the sensor from the bit, m; NaN means the distance of the sonde from the bit."""
         return math.nan if self.sensor_to_bit_m is None else self.sensor_to_bit_m
 
     def factor(self, word_unit: str) -> float:
         """
-        Return the value of 1 in the unit of a word, in the unit of the channel.
+        Return the factor from the unit of a word to the unit of the channel.
 
         Raises
         ------
@@ -146,12 +146,12 @@ CHANNELS = {
 
 
 def is_channel_name(name: str) -> bool:
-    """Return whether a channel may have this name: files and protocols use it for their columns."""
+    """Return whether a channel may have this name, which files and protocols use for their columns."""
     return _NAME.fullmatch(name) is not None
 
 
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
-    """Return the usual channels; one whose word has another meaning in the table of words is not sent."""
+    """Return `CHANNELS`; a channel gets no word if `words` lacks its word or gives it the unit of another quantity."""
     found = {}
     for name, channel in CHANNELS.items():
         try:
@@ -198,8 +198,8 @@ def check(channels: Mapping[str, LogChannel], words: Mapping[str, Word]) -> None
     Raises
     ------
     ValueError
-        A channel has a name that no file can have; or a word is not in the table, is named twice, or has a unit of
-        another quantity.
+        A channel's name is not allowed (`is_channel_name`); or a word is not in the table, is named twice, or has a
+        unit of another quantity.
     """
     for name in channels:
         if not is_channel_name(name):

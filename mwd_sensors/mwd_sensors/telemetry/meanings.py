@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meanings of words by the names that kits use, with their SI units; tool and surface share this table."""
+"""Meanings of words by the names that MWD kits use, with their SI units; tool and surface share this table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
 class WordMeaning(NamedTuple):
-    """Measured quantity and its SI unit."""
+    """Quantity that a word measures, and its SI unit."""
 
     quantity: str
     unit: str
@@ -24,7 +24,7 @@ CONTINUOUS_INCLINATION, CONTINUOUS_AZIMUTH = "continuous_inclination", "continuo
 LATERAL_RMS, AXIAL_RMS, LATERAL_PEAK, AXIAL_PEAK = "lateral_rms", "axial_rms", "lateral_peak", "axial_peak"
 DOWNLINK = "downlink"
 
-# Key: name in lower case. Azimuths are relative to magnetic north, the only north that a tool knows.
+# Key: name of a word in lower case. Azimuths are relative to magnetic north, because a tool has no declination.
 MEANINGS = {
     "inc": WordMeaning(INCLINATION, "rad"),
     "azm": WordMeaning(AZIMUTH, "rad"),
@@ -81,7 +81,7 @@ def factor(unit: str) -> float:
 
 
 def si_unit(unit: str) -> str:
-    """Return the SI unit that `factor` converts to."""
+    """Return the SI unit to which `factor` converts values of this unit."""
     return _UNITS.get(unit, (unit, 1.0))[0]
 
 

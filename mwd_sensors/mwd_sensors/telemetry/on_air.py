@@ -25,18 +25,18 @@ class Group(NamedTuple):
 
 class GroupSignal(NamedTuple):
     """
-    Signal of a group of words, on the clock of the tool.
+    Signal of a group of words; times are by the clock of the tool.
 
     Attributes
     ----------
     duration_s, period_s : float
-        Duration of the signal, and shortest time from its start to the start of the next signal.
+        Duration of the signal, and shortest time from its start to the start of the next signal, s.
     edges_s : tuple of float
-        For pulses: start of each, relative to the start of the signal.
+        For pulses: start of each pulse relative to the start of the signal, s.
     phases : tuple of float
         For a carrier: phase of each symbol, rad, 0 to 2 pi.
     octets : bytes
-        For a serial line: the bytes.
+        For a serial line: bytes of the frame or of the line of text.
     """
 
     duration_s: float
@@ -56,7 +56,7 @@ def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]
     kind : str
         "survey" or "toolface"; no groups if the tool sends no such sequence.
     number : int
-        Number of the sequence; a number beyond the last one selects the last one.
+        Number of the sequence; a number above the last one selects the last sequence.
     """
     items = tool.sequence(kind, number)
     if not items:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Parse and write sequences, the lists of words that a tool sends, in the grammar that kits use.
+Parse and write sequences, the lists of words that a tool sends, in the grammar that MWD kits use.
 
 `Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, number of bits, and P for a parity bit (N or nothing: none). A number
 before braces repeats their content. Spaces, commas or semicolons separate words. Names may be written in any case if
@@ -16,7 +16,7 @@ from typing import NamedTuple
 from mwd_sensors.core.settings import unknown_key
 from mwd_sensors.telemetry.words import COMMON, MAX_BITS, Word
 
-# Most words in one pass; a higher repeat count is taken for a typing error.
+# Largest number of words in one pass; a longer sequence is taken for a typing error in a repeat count.
 MAX_WORDS = 1000
 _TOKEN = re.compile(
     r"[\s,;]*(?:(\d*)\s*\{|(\})|([A-Za-z][A-Za-z0-9_]*)(?:\s*:\s*(\d+))?(?:\s*:\s*([PpNn]))?(?=[\s},;]|$))"

@@ -24,7 +24,7 @@ from mwd_sensors.telemetry.words import Word
 END = 0  # byte that ends a frame; COBS data contains no other zero byte
 _PATTERN = 0b0101  # low half of the first byte
 _HEADER_BYTES = 3
-_LONGEST = 254
+_LONGEST = 254  # largest number of bytes of one COBS block
 BITS_PER_BYTE = 10  # start, 8 data, stop
 
 
@@ -123,7 +123,7 @@ def encode(
 
 
 def read(data: bytes, start: int = START) -> SerialFrame | None:
-    """Decode the bytes between two ends; return None if COBS, check, pattern or length is not valid."""
+    """Decode the bytes between two end bytes; return None if COBS, check, pattern or length is not valid."""
     plain = uncobs(data)
     if plain is None or not holds(plain, start) or len(plain) < _HEADER_BYTES + CRC_BYTES + 1:
         return None

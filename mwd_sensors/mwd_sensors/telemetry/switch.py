@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Debounce of flow or rotation: on or off once it has held for a time. Tool and surface use the same rule."""
+"""Debounce of flow or rotation: a change counts when it has held for a time. Tool and surface use the same rule."""
 
 from __future__ import annotations
 

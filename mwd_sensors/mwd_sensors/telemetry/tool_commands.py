@@ -72,13 +72,14 @@ def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguratio
     """
     Return the tool configuration in force after commands.
 
-    If the transmission does not identify its sequence, the selected sequence is put first, because a receiver expects
-    the first one.
+    If the transmission does not identify its sequence, the selected sequence is put first, because a receiver then
+    expects the first sequence.
 
     Raises
     ------
     ValueError
-        The tool cannot do this: a number is beyond its sequences or tables, or a sequence becomes too long.
+        The tool does not support the settings: a number is above its sequences or tables, or a sequence becomes too
+        long.
     """
     downlink = downlink_of(tool)
     changes: dict[str, Any] = {}
@@ -139,7 +140,11 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
 
 
 def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
-    """Return the commands of a tool with the values that a user can choose; no values if there is only one."""
+    """
+    Return the commands of a tool with the values that a user can choose.
+
+    survey_now and mute have no values. Other commands without a choice, such as for a single sequence, are left out.
+    """
     downlink = downlink_of(tool)
     count = max(len(tool.surveys), len(tool.toolfaces))
     found: dict[str, tuple[float, ...]] = {

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Tool configuration (tool.yaml): everything that the surface must know about a tool to decode its transmission.
+Tool configuration (tool.yaml): everything that the surface needs to decode the transmission of a tool.
 
-All differences between kits are settings here. Transmission times follow from them.
+All differences between MWD kits are settings here. Transmission times follow from these settings.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
 class Sync:
     """Pulse pattern that marks the start of a transmission."""
 
-    # No two distances of these pulses are within 1 TU of each other, so a shifted copy shares one pulse with the sync.
+    # All distances between two of these pulses differ by more than 1 TU, so a shifted copy of the sync and the sync
+    # have at most one pulse in common.
     edges_tu: tuple[int, ...] = setting((0, 5, 14, 21, 32), "Leading edges relative to its start.", unit="TU", low=0)
     length_tu: int = setting(40, "Time from its start to the first packet.", unit="TU", low=1)
 
@@ -178,12 +179,12 @@ class ToolConfiguration:
 
     @functools.cached_property
     def logged(self) -> Mapping[str, LogChannel]:
-        """Log channels in force, by name."""
+        """Log channels by name: the configured channels, or the usual ones if none are configured."""
         return self.channels or log_channels.usual(self.table)
 
     @functools.cached_property
     def table_check(self) -> int:
-        """Start value of the checks; with another table of words at the surface every check fails."""
+        """Start value of the checks, computed from the words: with other words at the surface every check fails."""
         rows = [
             f"{item.name}:{item.bits}:{item.parity}:{self.table[item.name].low:g}:{self.table[item.name].high:g}"
             f"{':missing' if self.table[item.name].reserved else ''}"
@@ -194,7 +195,7 @@ class ToolConfiguration:
 
     @property
     def tu_s(self) -> float:
-        """Time unit, s."""
+        """Time unit of pulses (1 TU), half a pulse width, s."""
         return self.pulse_width_s / PULSE_TU
 
     @property
@@ -391,7 +392,7 @@ def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
 
 def starting(code: str) -> ToolConfiguration:
     """
-    Return a first configuration for a code, with the sequences that kits use.
+    Return a configuration to start from for a code, with the usual sequences of MWD kits.
 
     Raises
     ------

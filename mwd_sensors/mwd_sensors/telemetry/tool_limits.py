@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Limits of a tool: its battery, what temperature and vibration it stands for how long, its parts and their calibration.
+Limits of a tool: battery, times that the tool withstands temperature and vibration, parts and their calibration.
 
-They are the section `health` of a tool configuration. Without a file the figures below count as assumed: they are those
-of a usual kit, and no data sheet.
+They are the section `health` of a tool configuration. Without a configuration the figures below are used and count as
+assumed: they are typical of MWD kits and not from a data sheet.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _check_rising(name: str, rows: Rows, *, least: float) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Pack:
-    """Capacity and currents of a battery, which a tool file states and a simulated sonde has."""
+    """Capacity and currents of a battery, for tool configurations and for simulated sondes."""
 
     capacity_ah: float = setting(26.0, "Capacity of the new battery at 25 degC.", unit="A h", low=0.01, high=10000.0)
     by_temperature: Rows = setting(
@@ -48,7 +48,7 @@ class Pack:
         _check_rising("by_temperature", self.by_temperature, least=0.0)
 
     def share(self, celsius: float) -> float:
-        """Return the share of the capacity at a temperature, degC; outside the table, that of its end."""
+        """Return the share of the capacity at a temperature, degC; outside the table, the share at its nearer end."""
         at, share = np.array(self.by_temperature, dtype=float).T
         return float(np.interp(celsius, at, share))
 
@@ -77,7 +77,7 @@ class Battery(Pack):
 
 @dataclasses.dataclass(frozen=True)
 class ExposureLimit:
-    """Time that a tool stands at each level of a quantity."""
+    """Time that a tool withstands each level of a quantity."""
 
     hours: Rows = setting(doc="Rows of the level, in the unit of the quantity, and the time that the tool stands, h.")
 
@@ -88,7 +88,12 @@ class ExposureLimit:
             raise ValueError(f"hours: the time must not grow with the level, got {list(self.hours)}")
 
     def allowed_h(self, level: float) -> float:
-        """Return the time that the tool stands at a level, h: infinite below the first, by ratio between two rows."""
+        """
+        Return the time that the tool withstands a level, h.
+
+        It is infinite below the first level, interpolated in its logarithm between two rows, and constant above the
+        last level.
+        """
         if level < self.hours[0][0]:
             return math.inf
         at, hours = np.array(self.hours, dtype=float).T
@@ -112,13 +117,13 @@ class Part:
                 raise ValueError(f"calibrated: {self.calibrated!r} is not a day such as 2026-03-01") from error
 
     def overdue_days(self, day: datetime.date) -> int:
-        """Return for how many days the calibration has been too old; 0 if it holds or there is none."""
+        """Return the number of days since the calibration expired; 0 if it is valid or there is no calibration."""
         if not self.calibrated:
             return 0
         return max(0, (day - datetime.date.fromisoformat(self.calibrated)).days - self.valid_days)
 
 
-#: Limits of a tool whose configuration states none: levels of severity of a usual kit.
+#: Limits of a tool whose configuration states none; typical of MWD kits, in degC and m/s^2.
 EXPOSURES = {
     "temperature": ExposureLimit(((125.0, 2000.0), (150.0, 500.0), (175.0, 20.0))),
     "lateral_vibration": ExposureLimit(((20.0, 100.0), (40.0, 20.0), (80.0, 1.0))),

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live state of the well, which the page and the rig outputs read."""
+"""Live state of a well, for the page and the rig outputs."""

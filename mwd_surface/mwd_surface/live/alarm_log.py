@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Alarms and events of one well: raised by its parts, kept in one book, told to whoever writes a log."""
+"""Alarms and events of one well: kept in an `AlarmBook` and passed on to the log of the process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mwd_surface.live.well_clock import WellClock
 
 
 def _untold(_text: str, _severity: Severity) -> None:
-    """Tell nobody."""
+    """Ignore a text."""
 
 
 class AlarmLog:
@@ -24,8 +24,8 @@ class AlarmLog:
     tell : callable, optional
         `tell(text, severity)`, called with each event and alarm.
     stamp : callable, optional
-        Time with which alarms and events are stamped, ns; by default that of the clock. A graph with a time of its
-        own, such as a simulated one, has its own stamps.
+        Returns the time with which alarms and events are stamped, ns; by default the time of `clock`. A graph with
+        simulated time stamps with the simulated time.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class AlarmLog:
         self._stamp = stamp or (lambda: clock.now_ns)
 
     def now_ns(self) -> int:
-        """Time for stamps, ns."""
+        """Return the time for stamps, ns."""
         return self._stamp()
 
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:
@@ -52,18 +52,18 @@ class AlarmLog:
         self._tell(printable(f"{source}: {text}"), Severity.INFO)
 
     def raise_alarm(self, alarm_id: str, severity: Severity, text: str, remedy: str = "") -> None:
-        """Raise an alarm, or raise it again."""
+        """Raise an alarm, or update it if it is raised already (`AlarmBook.raise_alarm`)."""
         self.book.raise_alarm(alarm_id, severity, text, remedy, self.now_ns())
         self._tell(printable(f"{text}; {remedy}" if remedy else text), Severity.CRITICAL)
 
     def clear_alarm(self, alarm_id: str) -> None:
-        """Clear an alarm whose cause has gone; without effect where it is not raised."""
+        """Clear an alarm whose cause has ended; no effect if the alarm is not raised."""
         self.book.clear(alarm_id, self.now_ns())
 
     def set_alarms(self, prefix: str, causes: Mapping[str, tuple[int, str, str]]) -> None:
         """
-        Set all alarms whose id starts with the prefix: raise those named, clear the others.
+        Set all alarms whose id starts with the prefix: raise the alarms in `causes`, clear the others.
 
-        causes: from id to severity, text and remedy.
+        causes maps the id of an alarm to its severity, text and remedy.
         """
         self.book.sync(prefix, causes, self.now_ns())

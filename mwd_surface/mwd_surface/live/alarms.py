@@ -2,10 +2,10 @@
 """
 Alarms and the log of events.
 
-A critical alarm stays until its cause has gone and a person has acknowledged it; one of lower priority leaves with its
-cause, and the log keeps it (states of ISA-18.2).
+A critical alarm stays until its cause has ended and a person has acknowledged it. An alarm of lower priority ends with
+its cause; the log keeps it (states of ISA-18.2).
 
-No clock here: every call takes the time, ns since the epoch, as it goes into messages and logs.
+No clock is read here: every call takes the time for messages and logs, ns since the epoch.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mwd_sensors.core.message_record import MessageRecord
 
 
 class Severity(enum.IntEnum):
-    """The numbers of the Alarm message."""
+    """Severity of an alarm or event, with the numbers of mwd_msgs/Alarm."""
 
     INFO = 0
     WARNING = 1
@@ -30,7 +30,7 @@ class Severity(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Alarm(MessageRecord):
-    """One alarm, with the fields of its message."""
+    """One alarm, with the fields of mwd_msgs/Alarm; `count` is the number of times that its cause has begun."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Alarm"
 
@@ -53,7 +53,7 @@ class Alarm(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Event(MessageRecord):
-    """One line of the log, with the fields of its message: time, kind, alarm or part concerned, and text."""
+    """One line of the log, with the fields of mwd_msgs/Event; `source` is the id of an alarm or the name of a part."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Event"
 
@@ -76,8 +76,8 @@ class AlarmBook:
     Parameters
     ----------
     max_alarms, max_events : int
-        Memory is bounded: beyond it the oldest event goes; of the alarms, the oldest that is no longer active, and
-        failing that the new one is refused with an event.
+        Largest number of alarms and of events. A further event replaces the oldest event. A further alarm replaces the
+        oldest alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
     """
 
     def __init__(self, max_alarms: int = 200, max_events: int = 1000) -> None:
@@ -85,25 +85,25 @@ class AlarmBook:
         self._events: deque[Event] = deque(maxlen=max_events)
         self._max_alarms = max_alarms
         self.version = 0
-        #: Events logged so far.
+        #: Number of events logged so far.
         self.logged = 0
 
     def alarms(self) -> tuple[Alarm, ...]:
-        """Return the alarms that are active, and the critical ones that nobody has acknowledged yet, newest first."""
+        """Return the active alarms, and the critical alarms that nobody has acknowledged yet, newest first."""
         return tuple(sorted(self._alarms.values(), key=lambda a: (a.raised_ns, a.id), reverse=True))
 
     def events(self) -> tuple[Event, ...]:
-        """The log, newest first."""
+        """Return the events of the log, newest first."""
         return tuple(reversed(self._events))
 
     def raise_alarm(
         self, alarm_id: str, severity: Severity | int, text: str, remedy: str, stamp_ns: int
     ) -> tuple[Alarm, bool]:
         """
-        Say that a cause is there (again).
+        Raise an alarm because its cause is present, or update the alarm if it is raised already.
 
-        Returns the alarm and whether that is news. One that came back after it had gone counts up and wants to be
-        acknowledged again; so does one that got more severe.
+        Returns the alarm, and whether it is new, has come back or has become more severe. An alarm that comes back or
+        becomes more severe must be acknowledged again; the count of an alarm that comes back rises by one.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class AlarmBook:
         """
         if not alarm_id:
             raise ValueError("alarm_id: must not be empty")
-        # Words of files, topics and peers are shown on terminals, which obey control characters.
+        # Escape hidden characters: texts from files and peers are shown on terminals, which obey control characters.
         text, remedy = printable(text), printable(remedy)
         severity = int(Severity(severity))
         old = self._alarms.get(alarm_id)
@@ -142,7 +142,7 @@ class AlarmBook:
         return alarm, False
 
     def clear(self, alarm_id: str, stamp_ns: int) -> bool:
-        """Record that a cause has ended; return whether its alarm was active. Unacknowledged critical alarms stay."""
+        """Clear an alarm; return whether it was active. An unacknowledged critical alarm stays, but is not active."""
         old = self._alarms.get(alarm_id)
         if old is None or not old.active:
             return False
@@ -153,9 +153,9 @@ class AlarmBook:
 
     def sync(self, prefix: str, causes: Mapping[str, tuple[int, str, str]], stamp_ns: int) -> None:
         """
-        Raise all causes of one part and clear those it no longer has.
+        Raise the alarms in `causes`, and clear all other alarms whose id starts with the prefix.
 
-        causes: id, which starts with the prefix, to (severity, text, remedy).
+        causes maps the id of an alarm, which starts with the prefix, to (severity, text, remedy).
 
         Raises
         ------
@@ -171,9 +171,9 @@ class AlarmBook:
 
     def acknowledge(self, alarm_id: str, operator_name: str, stamp_ns: int) -> tuple[bool, str]:
         """
-        A person has seen an alarm; an empty id means all. Returns success and a sentence.
+        Acknowledge an alarm for a person, or all alarms if the id is empty; return success and a sentence.
 
-        Without a name, or with an id that is not there, nothing changes.
+        Without the name of the person, or with an unknown id, nothing changes.
         """
         if not operator_name.strip():
             return False, "operator_name: must not be empty: the log says who acknowledged"
@@ -191,7 +191,7 @@ class AlarmBook:
         return True, f"{operator_name} acknowledged {', '.join(wanted)}"
 
     def note(self, source: str, text: str, stamp_ns: int, severity: Severity | int = Severity.INFO) -> Event:
-        """Write a line in the log that is not an alarm: a survey taken, a recording started, who accepted what."""
+        """Log an event that is not an alarm, such as a new survey, the start of a recording or a person's decision."""
         event = Event(stamp_ns, "note", source, text, int(Severity(severity)))
         self._log(event)
         self.version += 1
@@ -204,7 +204,7 @@ class AlarmBook:
         return alarm
 
     def events_after(self, logged: int) -> tuple[Event, ...]:
-        """Return the events since a count of `logged`, oldest first, as far as they are kept."""
+        """Return the events since the number of logged events was `logged`, oldest first, if they are still kept."""
         return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
 
     def _log(self, event: Event) -> None:

@@ -16,7 +16,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
 
-_BIT_STEP = 5.0  # m; movement of the bit after which wells are compared again
+_BIT_STEP = 5.0  # m; the wells are compared again after the bit has moved by this
 _SEPARATION, _FILE = "clearance.separation", "clearance.wells"
 _REMEDIES = {
     Level.STOP: "stop drilling; review the separation with the survey engineer before going on",
@@ -43,7 +43,7 @@ class ClearanceMonitor:
         self._busy = False
 
     def update(self, surveys: SurveyList, bit_depth: float | None) -> None:
-        """Compare again if something has changed; called once a second."""
+        """Start a comparison if list, plan or bit depth, m, have changed; called once a second."""
         plan = self._plan.plan
         if self._busy or not surveys.records or self._is_compared(surveys, plan, bit_depth):
             return
@@ -65,7 +65,7 @@ class ClearanceMonitor:
         log = self._alarm_log
         if near is None or isinstance(near, str):
             self._live.show(self._clock.now, clearance=(), clearance_remarks=())
-            # A text means that the wells cannot be compared now: keep the alarm, because they may still be near.
+            # A text means that the wells cannot be compared now: keep the alarm, because the wells may still be near.
             if near is None:
                 log.clear_alarm(_SEPARATION)
             self._report_file((near,) if near else ())
@@ -92,7 +92,7 @@ class ClearanceMonitor:
 
 
 def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> WellClearance | str | None:
-    """Compare the well with its offset wells; return a sentence if that fails, None if there are no offset wells."""
+    """Compare a well with its offset wells; return a sentence if they cannot be compared, None without offset wells."""
     try:
         try:
             offsets = offset_wells_of(surveys)

@@ -15,7 +15,7 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import DiagnosticLevel, NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.surveys.well import Well
 
-_TIMEOUT_S = 2.0  # without a message before a topic counts as silent
+_TIMEOUT_S = 2.0  # time without feedback or progress after which its source counts as silent
 _SUPERVISED = {row.alarm for row in TABLE}
 _WARN, _ERROR = 1, 2  # diagnostic_msgs/DiagnosticStatus
 _DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
@@ -30,12 +30,12 @@ class DiagnosticsMonitor:
     ----------
     context : WellContext
     full_name : str
-        Of the surface node, with the namespace of the well.
+        Full name of the surface node, with the namespace of the well.
 
     Attributes
     ----------
     reference : ReferenceField or None
-        The reference field the estimator has in force.
+        Reference field that the estimator or receiver reports in its diagnostics.
     over_at : float or None
         When a simulation or replay last said that it sends no more samples, s; None while none has said so.
     """
@@ -54,7 +54,7 @@ class DiagnosticsMonitor:
         self._result = ""
 
     def show_well(self, well: Well) -> None:
-        """Show the well, with the field in force."""
+        """Show the description of the well, and the reference field of the estimator."""
         self._well = well
         self._live.show(self._clock.now, well=well, reference_given=self.reference)
 
@@ -107,7 +107,7 @@ class DiagnosticsMonitor:
         self._show_progress(SurveyProgress(True, state, progress.elapsed, progress.remaining))
 
     def survey_ended(self, result: str) -> None:
-        """Show that the survey has ended; result: in words."""
+        """Show that the survey has ended; result is the outcome in words."""
         self._result = result
         self._show_progress(SurveyProgress(state=self._progress.state))
 
@@ -128,7 +128,7 @@ class DiagnosticsMonitor:
             self.show_well(self._well)
 
     def update(self, now: float) -> None:
-        """Raise alarms of faulty nodes, show the diagnostics; called once a second. now: s."""
+        """Raise alarms of faulty nodes and show the diagnostics; called once a second. now: steady time, s."""
         self._alarm_log.set_alarms("node.", self._node_alarms(now))
         if self._progress.active and now - self._progress_at > _TIMEOUT_S + 1.0:
             self._show_progress(SurveyProgress())
@@ -143,7 +143,7 @@ class DiagnosticsMonitor:
             self._live.show(now, diagnostics=worst_first)
 
     def _node_alarms(self, now: float) -> dict[str, tuple[int, str, str]]:
-        """Errors of other nodes, and errors and warnings of sensors; silent topics have alarms of their own."""
+        """Return alarms for errors of other nodes, and for errors and warnings of sensors, by id."""
         causes: dict[str, tuple[int, str, str]] = {}
         for node, (received_at, found) in self._diagnostics_of.items():
             if now - received_at >= _DIAGNOSTICS_AGE_S:
@@ -160,7 +160,7 @@ class DiagnosticsMonitor:
 
 
 def _number(text: str | None) -> float | None:
-    """Finite number of a value; None where anybody has written something else."""
+    """Return the number in a text; None if the text is not a finite number."""
     try:
         number = float(text or "")
     except ValueError:
@@ -169,7 +169,7 @@ def _number(text: str | None) -> float | None:
 
 
 def _level(status: Any) -> int:
-    """Level of a status: a byte, which readers of messages give as bytes or as a number."""
+    """Return the level of a status as a number; readers of messages give a byte as bytes or as a number."""
     level = status.level
     return int(level[0] if isinstance(level, bytes) else level)
 

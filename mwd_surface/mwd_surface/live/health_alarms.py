@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Alarms of the health of the tool: the battery, exposures, self-tests and calibrations, each with its remedy."""
+"""Alarms about the health of the tool: battery, exposures, self-tests and calibrations, each with its remedy."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.logs.tool_health import BatteryHealth, Exposure, ToolHealth
 
 Causes = dict[str, tuple[int, str, str]]
-# Used share of the life at which an alarm is raised: the rest is needed to pull the tool out of the hole.
+# Used share of the tool's life at which an alarm is raised: the rest is needed to pull the tool out of the hole.
 _DOSE_WARNING = 0.8
-_EMPTY_H = 3.0  # h; less than a trip out of a deep hole takes
+_EMPTY_H = 3.0  # h; remaining battery time for a critical alarm, shorter than a trip out of a deep hole
 
 
 def health_alarms(health: ToolHealth, battery: Battery) -> Causes:
-    """Return the alarms of a tool: severity, text and remedy by id."""
+    """Return the alarms about a tool by their id: severity, text and remedy."""
     found: Causes = {}
     if health.battery is not None:
         found |= _of_battery(health.battery, battery)

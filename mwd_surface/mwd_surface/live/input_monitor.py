@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clocks and ages of all inputs, and which source gives the depth: measured, told once a second, shown."""
+"""Measure clock offset and age of all inputs, and choose the source of the depth; publish and show both each second."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class InputMonitor:
     ----------
     context : WellContext
     selection : SourceSelection
-        Of the source of rig data.
+        Arbitration of the sources of rig data.
     link : bool
-        Whether a telemetry link, whose words bear the time of the rig's gauge, stands between tool and surface.
+        Whether the tool is received over a telemetry link, whose words have stamps of the rig's gauge.
     """
 
     def __init__(self, context: WellContext, selection: SourceSelection, *, link: bool) -> None:
@@ -38,16 +38,16 @@ class InputMonitor:
         self.table = InputTable()
 
     def on_sonde(self, samples: Samples) -> None:
-        """Accept samples that bear the time of the sonde."""
+        """Accept samples with stamps of the sonde's clock."""
         if len(samples):
             self._note(SONDE, int(samples["stamp_ns"][-1]))
 
     def on_gauge(self, stamp_ns: int) -> None:
-        """Accept the time of the newest sample of a link's gauge."""
+        """Accept the stamp of the newest sample of a link's gauge, ns."""
         self._note(GAUGE, stamp_ns)
 
     def on_rig_input(self, frame: str, samples: Samples) -> None:
-        """Accept rig data, `wire.RIG_STATE`, of any source; frame: that of its messages."""
+        """Accept rig data, `wire.RIG_STATE`, of any source; frame is the frame name of the messages."""
         if not len(samples):
             return
         self._note(short_name(frame), int(samples["stamp_ns"][-1]))
@@ -62,15 +62,15 @@ class InputMonitor:
         self._depths.set_by_hand(bit_depth, self._clock.now - age)
 
     def depth_of_rig(self) -> float | None:
-        """Return the bit depth that the source of rig data gives, m, also while one by hand goes before it, or None."""
+        """Return the bit depth of the source of rig data, m, even if a depth by hand is in force; None without one."""
         return self._depths.of_source(self._clock.now)
 
     def in_force(self, samples: Samples) -> tuple[Samples, Samples]:
         """
-        Return the rig data in force as they are paired with surveys, and as they are shown.
+        Return the rig data in force twice: with the depth for pairing with surveys, and with the depth to be shown.
 
-        Where the source gives no depth, or a depth by hand goes before it, block and slips carry the last depth on;
-        where they cannot, surveys are paired with no depth of the rig, and the depth by hand is shown.
+        If the source gives no depth, or a depth by hand has precedence, the last depth is updated from block and slips.
+        If that is not possible, the data for surveys have no depth, and the shown data have the depth by hand.
         """
         now, bit = self._clock.now, RIG_VALID["bit_depth"]
         hand = self._depths.by_hand(now)
@@ -91,10 +91,10 @@ class InputMonitor:
 
     def measured_at(self, name: str, stamp_ns: int, now: float) -> float:
         """
-        Return when a sample was measured, s.
+        Return the time at which a sample was measured, s.
 
-        name: SONDE, or another word for the source of rig data in force. now: when the sample came, which is the answer
-        where the clock that stamped it runs at a pace of its own, or is not known yet.
+        name is SONDE, or any other word for the source of rig data in force. now is the time of arrival, s. It is
+        returned if the stamps are simulated time or come from the surface's own clock, or if no offset is known yet.
         """
         source = name if name == SONDE else short_name(self._selection.source or "")
         clock = self._clocks.get(source)
@@ -113,7 +113,11 @@ class InputMonitor:
         return Clock.TOOL if name == SONDE and not self._over_link else Clock.RIG
 
     def update(self, now: float, *, shown: bool = True) -> None:
-        """Tell and show the inputs; called once a second. now: time, s. shown: False where another list is shown."""
+        """
+        Publish the table of inputs, and show it on the page; called once a second.
+
+        now: steady time, s. shown: False if the page shows the table of a recording instead.
+        """
         host_ns = self._clock.now_ns
         states = {name: clock.state(name, self._clock_of(name), host_ns, now) for name, clock in self._clocks.items()}
         self.table = self._depths.table(states, now)
@@ -122,41 +126,42 @@ class InputMonitor:
             self._live.show(now, inputs=self.table)
 
 
-# Bit depth by the travelling block, where rig data give none.
+# Bit depth from the travelling block, for rig data without a bit depth.
 
 
 _BIT_DEPTH = RIG_VALID["bit_depth"]
 _MOVES = RIG_VALID["block_position"] | RIG_VALID["in_slips"]
-_LONGEST = 5.0  # s between two readings; over a longer gap the slips may have been set and pulled
-# A block falls at 3 m/s at most; what leaps farther is an encoder that was reset.
-_FASTEST, _SLACK = 3.0, 0.5  # m/s, m
+_LONGEST = 5.0  # longest time between two readings, s; in a longer gap the slips may have been set and pulled
+# Largest speed of the block, m/s, and allowance, m; a larger movement means that the encoder was reset.
+_FASTEST, _SLACK = 3.0, 0.5
 
 
 class BlockTrack:
     """
-    Depth from the last one that rig or person gave on.
+    Bit depth that starts at the last depth from rig or person and follows the block.
 
     Attributes
     ----------
     depth : float or None
-        Bit depth, m, after the last reading; None: it was never given, or the block was lost since.
+        Bit depth after the last reading, m; None if no depth was given yet, or if a reading of the block was missing
+        or not plausible since then.
     """
 
     def __init__(self) -> None:
         self.depth: float | None = None
-        # Stamp, block position and slips of the last reading; None where the depth begins at the next one.
+        # Stamp, ns, block position, m, and slips of the last reading; None after `start`, or if a value was missing.
         self._last: tuple[int, float, bool] | None = None
         self._begins = False
 
     def start(self, bit_depth: float) -> None:
-        """Begin at a depth, m, that holds until the block is read next."""
+        """Start at a bit depth, m, which is valid at the next reading of the block."""
         self.depth, self._last, self._begins = bit_depth, None, True
 
     def carry(self, samples: Samples) -> Samples:
         """
         Return rig data, `wire.RIG_STATE`; where the source sends no bit depth, block and slips give one, marked valid.
 
-        The data are those of one source, or of one after the other, oldest first; they are not changed in place.
+        The data are in order of time, from one source at a time; they are not changed in place.
         """
         filled = samples
         for k, row in enumerate(samples):
@@ -177,7 +182,7 @@ class BlockTrack:
         return filled
 
     def _moved(self, depth: float, reading: tuple[int, float, bool]) -> float | None:
-        """Depth at a reading from that at the one before; None where what happened between them is not known."""
+        """Return the depth at a reading from the depth at the reading before; None if the block was lost in between."""
         if self._begins:
             return depth
         if self._last is None:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The inputs of the surface: what clock stamps each, how it stands to the surface's own, and which gives the depth.
+Inputs of the surface: the clock that stamps each input, the offset of that clock, and the source of the bit depth.
 
-The offset of a clock is its stamp less the surface's time of arrival, the largest of a minute: that of the message with
-the shortest way (the minimum filter of NTP, RFC 5905, section 10). What a message took beyond that is part of its age.
-No clock is read here: every call takes `now`, s, of one steady clock, and the surface's time, ns.
+The offset of a clock is the stamp of a message minus the surface's time of arrival, the largest of a minute: the offset
+of the message with the shortest delay (the minimum filter of NTP, RFC 5905, section 10). A longer delay of other
+messages is part of their age. No clock is read here: every call takes `now`, s, of one steady clock, and the surface's
+time, ns.
 """
 
 from __future__ import annotations
@@ -22,13 +23,14 @@ from mwd_surface.live.source_selection import SourceSelection, short_name
 from mwd_surface.live.well_clock import WellClock
 
 SONDE, GAUGE, HAND, BLOCK = "sonde", "gauge", "hand", "block"
-# m; a third of a joint of drill pipe, well above what the stretch of the string and a tally's rounding make.
+# Difference above which two depths disagree, m: a third of a joint of drill pipe, well above the stretch of the string
+# and the rounding of a tally.
 DISAGREEMENT = 3.0
-_WINDOW = 60.0  # s over which the shortest way is looked for
+_WINDOW = 60.0  # s; time in which the message with the shortest delay is sought
 
 
 class Clock(enum.IntEnum):
-    """Whose clock stamps an input; the numbers of InputState."""
+    """Owner of the clock that stamps an input, with the numbers of mwd_msgs/InputState."""
 
     HOST = 0
     TOOL = 1
@@ -37,7 +39,7 @@ class Clock(enum.IntEnum):
 
 
 class Role(enum.IntEnum):
-    """Role of an input's depth, with the numbers of the message InputState."""
+    """Role of an input's depth, with the numbers of mwd_msgs/InputState."""
 
     NO_DEPTH = 0
     STANDBY = 1
@@ -48,9 +50,9 @@ class Role(enum.IntEnum):
 @dataclasses.dataclass(frozen=True, eq=False)
 class InputState(MessageRecord):
     """
-    One input at a moment, with the fields of its message; NaN if unknown.
+    State of one input, with the fields of mwd_msgs/InputState; NaN if unknown.
 
-    clock_offset : s, the input's clock minus the surface's; offset_age, data_age : s; bit_depth : m.
+    clock_offset : the input's clock minus the surface's clock, s; offset_age, data_age : s; bit_depth : m.
     """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputState"
@@ -69,7 +71,7 @@ class InputState(MessageRecord):
 @dataclasses.dataclass(frozen=True, eq=False)
 class InputTable(MessageRecord):
     """
-    All inputs at a moment, with the fields of the message.
+    State of all inputs, with the fields of mwd_msgs/InputList.
 
     depth_source : name of the input whose depth is in force, or empty; depth_age : s; depth_difference : m, the largest
     difference between a live source and the depth in force. NaN if unknown, or if there is no second source.
@@ -83,7 +85,7 @@ class InputTable(MessageRecord):
     depth_difference: float = math.nan
 
     def named(self, name: str) -> InputState | None:
-        """Return the input of a name; None where there is none."""
+        """Return the input with a name; None if it does not exist."""
         return next((row for row in self.inputs if row.name == name), None)
 
 
@@ -91,12 +93,12 @@ class InputClock:
     """Offset and age of one input."""
 
     def __init__(self) -> None:
-        # Best of each second: its second, the time it came, and stamp minus arrival, s.
+        # Message with the shortest delay of each second: the second, time of arrival, s, and stamp minus arrival, s.
         self._best: collections.deque[tuple[int, float, float]] = collections.deque()
         self._stamp_ns: int | None = None
 
     def note(self, stamp_ns: int, host_ns: int, now: float) -> None:
-        """Accept the newest stamp of data that arrived at `now`; host_ns: the surface's time then."""
+        """Accept the newest stamp of data that arrived at `now`, s; host_ns is the surface's time of arrival, ns."""
         ahead, second = (stamp_ns - host_ns) / NANOSECONDS, math.floor(now)
         self._stamp_ns = stamp_ns
         if self._best and self._best[-1][0] == second:
@@ -108,12 +110,12 @@ class InputClock:
             self._best.popleft()
 
     def measured_at(self, stamp_ns: int, well: WellClock, now: float) -> float:
-        """Return when data of a stamp were measured, s, by the shortest way seen; now: when they came."""
+        """Return the time at which data with a stamp were measured, s, by the offset; now: time of their arrival, s."""
         offset = max((row[2] for row in self._best), default=0.0)
         return min(now, well.seconds(stamp_ns) - offset) if self._best else now
 
     def state(self, name: str, clock: Clock, host_ns: int, now: float) -> InputState:
-        """Return the input as of `now`; data stamped by the surface itself have no offset."""
+        """Return the state of the input at `now`; data stamped by the surface itself have the offset 0."""
         if self._stamp_ns is None:
             return InputState(name, clock)
         _, at, offset = max(self._best, key=lambda row: row[2])
@@ -124,12 +126,12 @@ class InputClock:
 
 class DepthSources:
     """
-    The depths that sources of rig data and a person give, and which of them is in force.
+    Bit depths from sources of rig data, from a person and from the block, and the choice of the depth in force.
 
     Parameters
     ----------
     selection : SourceSelection
-        Of the topic of the rig data, which chooses the source.
+        Arbitration of the sources of rig data.
     """
 
     def __init__(self, selection: SourceSelection) -> None:
@@ -149,23 +151,24 @@ class DepthSources:
         self._hand = (now, bit_depth)
 
     def take_block(self, bit_depth: float | None, now: float) -> None:
-        """Accept the depth, m, that the block of the source in force carries on; None: the source gives its own."""
+        """Accept the depth that follows the block, m; None if the source in force gives a depth itself."""
         self._block = None if bit_depth is None else (now, bit_depth)
 
     def of_source(self, now: float) -> float | None:
-        """Return the depth that the source in force gives itself, m, by hand or not; None while it gives none."""
+        """Return the depth of the source in force, m, even if a depth by hand has precedence; None without one."""
         return self._live(now).get(short_name(self._selection.source or ""))
 
     def by_hand(self, now: float) -> float | None:
-        """Return the depth by hand that goes before every source's, m; None where none does."""
+        """Return the depth by hand, m, if it has precedence over all sources; else None."""
         held = self._hand is not None and now - self._hand[0] <= self._selection.rules.hand_hold
         return self._hand[1] if self._hand is not None and (held or not self._live(now)) else None
 
     def table(self, states: dict[str, InputState], now: float) -> InputTable:
         """
-        Return all inputs.
+        Return the table of all inputs.
 
-        states: by name, of `InputClock.state`; those of sources of rig data by the short name of their frame.
+        states holds the results of `InputClock.state` by name of the input; a source of rig data is named by the short
+        name of its frame.
         """
         hand, source = self.by_hand(now), short_name(self._selection.source or "")
         live = self._live(now)

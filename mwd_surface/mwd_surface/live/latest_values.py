@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The last value of each live quantity, with sigma, unit, age and freshness, and the streams that bring them.
+Last value of each live quantity, with sigma, unit, age and freshness, and the state of the streams.
 
-A value is live for two expected periods of its stream, then stale. None is unknown; zero is only ever a measured zero.
+A value is live for two expected periods of its stream, then stale. None is unknown; zero is always a measured zero.
 Times are s of one steady clock.
 """
 
@@ -14,11 +14,11 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-_WINDOW = 5  # whole seconds over which the rate of a stream is counted
+_WINDOW = 5  # number of whole seconds over which the rate of a stream is counted
 
 
 class Freshness(enum.StrEnum):
-    """Whether a value is current: LIVE up to two periods of its stream, then STALE; NO_DATA before the first."""
+    """Freshness of a value: LIVE up to two periods of its stream, then STALE; NO_DATA before the first value."""
 
     LIVE = "live"
     STALE = "stale"
@@ -27,7 +27,7 @@ class Freshness(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """A live quantity: its unit, and the stream that brings it."""
+    """A live quantity: its unit, and the stream in which it arrives."""
 
     unit: str
     stream: str
@@ -41,18 +41,18 @@ class LiveValue:
     Attributes
     ----------
     value, sigma : float or None
-        In `unit`; value None before the first one, sigma None where it is not known.
+        Value and 1 sigma in `unit`; value is None before the first value, sigma is None if unknown.
     unit : str
     at, age : float or None
-        Arrival on the steady clock, and time since, s.
+        Time of arrival by the steady clock, and time since arrival, s.
     stale_after : float
-        Age from which it is stale, s.
+        Age above which the value is stale, s.
     state : Freshness
     reason : str
-        Why a value is withheld; empty where it is not.
+        Reason why the value is withheld; empty if it is not withheld.
     measured_at : float or None
-        When it was measured, s of the same clock: before `at` by the way from the sensor to here. Over a telemetry link
-        that of the word it comes from.
+        Time of measurement, s of the same clock: earlier than `at` by the delay from the sensor to the surface. Over a
+        telemetry link it is the time at which the transmitted word was measured.
     """
 
     value: float | None = None
@@ -66,17 +66,17 @@ class LiveValue:
     measured_at: float | None = None
 
     def measured_age(self, now: float) -> float | None:
-        """Age of the measurement at a time, s; None where there never was one."""
+        """Return the age of the measurement at a time, s; None without a measurement."""
         return None if self.measured_at is None else max(0.0, now - self.measured_at)
 
 
-#: A value that never arrived.
+#: Value before the first arrival.
 NO_VALUE = LiveValue()
 
 
 @dataclasses.dataclass(frozen=True)
 class StreamState:
-    """A stream: freshness, last arrival and age, s, messages received and lost, messages per second or None."""
+    """State of a stream: freshness, last arrival and age, s, messages received and lost, and rate, Hz, or None."""
 
     state: Freshness
     at: float | None
@@ -112,7 +112,7 @@ class LatestValues:
     ----------
     quantities : mapping of str to Quantity
     periods : mapping of str to float
-        Of each stream the longest usual time between messages, s.
+        Longest usual time between messages of each stream, s.
     """
 
     def __init__(self, quantities: Mapping[str, Quantity], periods: Mapping[str, float]) -> None:
@@ -128,7 +128,7 @@ class LatestValues:
         Raises
         ------
         ValueError
-            No such stream.
+            The stream is unknown.
         """
         if stream not in self._streams:
             raise ValueError(f"stream: {stream!r} is not one of {', '.join(self._streams)}")
@@ -141,14 +141,14 @@ class LatestValues:
             s.seconds.append([second, count])
 
     def put(self, name: str, value: float, sigma: float | None, now: float, measured_at: float | None = None) -> None:
-        """Store a finite value; a sigma that is not finite is unknown. measured_at: s; None: when it came."""
+        """Store a finite value; a sigma that is not finite is unknown. measured_at, s, is `now` if it is None."""
         latest = self._values[name]
         latest.measured_at = now if measured_at is None else measured_at
         latest.value, latest.at, latest.withheld = value, now, ""
         latest.sigma = sigma if sigma is not None and math.isfinite(sigma) else None
 
     def withhold(self, name: str, why: str) -> bool:
-        """Mark the value as not current, with the reason; return True where the reason is new."""
+        """Mark the value as not current, with the reason; return True if the reason is new."""
         new = self._values[name].withheld != why
         self._values[name].withheld = why
         return new
@@ -158,12 +158,12 @@ class LatestValues:
         return self._values[name].value
 
     def updated(self, name: str, now: float) -> float | None:
-        """Return the value where it arrived exactly at `now`, else None."""
+        """Return the value if it arrived exactly at `now`, else None."""
         latest = self._values[name]
         return latest.value if latest.at == now else None
 
     def value(self, name: str, now: float) -> LiveValue:
-        """Return one value as of `now`."""
+        """Return a quantity's value, age and freshness at `now`."""
         latest, quantity = self._values[name], self._quantities[name]
         age = None if latest.at is None else max(0.0, now - latest.at)
         state = Freshness.STALE if latest.withheld else self._freshness(quantity.stream, age)
@@ -180,7 +180,7 @@ class LatestValues:
         )
 
     def streams(self, now: float) -> dict[str, StreamState]:
-        """Return every stream as of `now`."""
+        """Return the state of every stream at `now`, by name."""
         states = {}
         for name, stream in self._streams.items():
             age = None if stream.at is None else max(0.0, now - stream.at)
@@ -205,11 +205,11 @@ class LatestValues:
 
 
 def _rate(stream: _Stream, now: float) -> float | None:
-    """Messages per second over the last whole seconds; None before there is one."""
+    """Return the rate of messages over the last whole seconds, Hz; None before the first whole second."""
     if not stream.seconds:
         return None
     current = math.floor(now)
-    # The first second of a stream is counted only where it is the only one: it is not whole.
+    # Leave out the first second of a stream, which is not whole, unless it is the only one.
     first = max(stream.seconds[0][0] + (1 if len(stream.seconds) > 1 else 0), current - _WINDOW)
     if current <= first:
         return None

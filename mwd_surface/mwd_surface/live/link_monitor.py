@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The link of the well for page and rig: words, passes and quality as they arrive."""
+"""Telemetry links of the well: collect words, passes of a sequence and quality, and show the best link on the page."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from mwd_surface.live.link_state import (
 from mwd_surface.live.pressure_picture import PressureHistory, PressurePicture
 from mwd_surface.live.well_context import WellContext
 
-_STROKES = 30  # over which the rate of a pump is taken
-_SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands
+_STROKES = 30  # number of strokes over which the rate of a pump is computed
+_SLOWEST_NS = 6_000_000_000  # longest time between two strokes, ns; after a longer time the pump counts as stopped
 
 
 class LinkMonitor:
     """
-    Takes the messages of the links in use and shows the state of the one that is best, and of the other links.
+    Monitor of the links in use: shows the state of the best link, and of the other links.
 
     Parameters
     ----------
     context : WellContext
     source : str
-        `link.source`: one link, or best of all.
+        Setting `link.source`: the name of one link, or "best" for the best of all links.
     on_gauge : callable
         Called with the stamp, ns, of the newest sample of a link's gauge.
     """
@@ -80,7 +80,7 @@ class LinkMonitor:
         self._qualities[quality.link] = dataclasses.replace(status, at=self._clock.now, strokes=strokes)
         causes = {}
         for link, one in self._qualities.items():
-            # Before the first samples nothing is wrong yet, and nothing is missed after the end of a simulation.
+            # No alarm before the first samples, because the rig may not have started yet, nor after the end of a simulation.
             missed = one.state == NO_INPUT and one.stamp_ns and not self._live.parts.over
             if one.state == DOUBTFUL or missed:
                 only = len(self._qualities) == 1
@@ -109,13 +109,13 @@ class LinkMonitor:
             times.append(stamp_of(at))
 
     def update(self) -> None:
-        """Draw the pressure anew; called once a second."""
+        """Compute and show a new picture of the pressure; called once a second."""
         if self._qualities:
             self._picture = self._pressure.picture()
             self._show()
 
     def _stroke_rates(self, stamp_ns: int) -> tuple[float, ...]:
-        """Strokes a second of each pump over its last strokes; none of a pump that stands at a time, ns."""
+        """Return the stroke rates of the pumps that run at a time, ns, over their last strokes, Hz."""
         newest = max((times[-1] for times in self._strokes.values()), default=0)
         spans = [
             (len(times) - 1, times[-1] - times[0])

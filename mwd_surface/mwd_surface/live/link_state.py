@@ -46,7 +46,7 @@ _FRAMES, _WORDS = 20, 40
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkWordState(MessageRecord):
-    """A received word, with the fields of its message; start_ns and stamp_ns: start and end of its transmission."""
+    """A received word, with the fields of mwd_msgs/LinkWord; start_ns and stamp_ns: begin and end of transmission."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkWord"
 
@@ -68,13 +68,13 @@ class LinkWordState(MessageRecord):
 
     @property
     def final(self) -> bool:
-        """Whether all parities of its frame have been used."""
+        """Whether the word is final: all parities of its pass have been used."""
         return self.revision > 0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkFrameState(MessageRecord):
-    """A pass of a sequence, with the fields of its message; reason: why it broke off, or empty."""
+    """A pass of a sequence, with the fields of mwd_msgs/LinkFrame; reason: cause if it was cut off, else empty."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
 
@@ -91,23 +91,24 @@ class LinkFrameState(MessageRecord):
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkStatus(MessageRecord):
     """
-    State of the link in use, with the fields of mwd_msgs/LinkQuality, and the words received over it.
+    State of a link, with the fields of mwd_msgs/LinkQuality, and the words received over it.
 
     Attributes
     ----------
     at : float
-        Time of its arrival, s of the steady clock.
+        Time of arrival of this state, s of the steady clock.
     survey : tuple of LinkWordState
-        Words of the newest survey, in their order.
+        Words of the newest survey, in the order of the sequence.
     frames : tuple of LinkFrameState
-        The newest last.
+        Last passes of sequences, newest last.
     words : tuple of LinkWordState
-        The newest last.
+        Last words, newest last.
     picture : PressurePicture or None
+        Standpipe pressure; None if it is not received.
     strokes : tuple of float
-        Strokes of each pump, Hz.
+        Stroke rate of each running pump, Hz.
     others : tuple of LinkStatus
-        The other links, by name.
+        States of the other links, in order of their names.
     """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkQuality"
@@ -144,7 +145,7 @@ class LinkStatus(MessageRecord):
 
 
 class LinkCollector:
-    """Collects words and passes of a link."""
+    """Collects words and passes of a sequence that arrive over one link."""
 
     def __init__(self) -> None:
         self._survey: dict[int, LinkWordState] = {}
@@ -153,7 +154,7 @@ class LinkCollector:
         self._frames: deque[LinkFrameState] = deque(maxlen=_FRAMES)
 
     def on_word(self, word: LinkWordState) -> None:
-        """Accept a word, provisional or final; a final one replaces the provisional one."""
+        """Accept a word, provisional or final; a newer revision of a word replaces the older one."""
         if word.kind == SURVEY:
             if word.frame != self._survey_frame:
                 self._survey, self._survey_frame = {}, word.frame
@@ -177,7 +178,7 @@ class LinkCollector:
         )
 
 
-# The better, the earlier: words arrive, some arrive, they may come, the tool is silent, nothing can come.
+# States from best to worst: words arrive, some words arrive, words may arrive, the tool is silent, no input.
 _ORDER = (LOCKED, DOUBTFUL, SEARCHING, NO_FLOW, NO_INPUT)
 
 
@@ -185,7 +186,8 @@ def best_link(links: Mapping[str, LinkStatus], shown: str = "") -> str:
     """
     Return the name of the link to show: the link with the best state or, between equal states, the newest toolface.
 
-    shown: the one shown so far, which stays while no other has a better state or a toolface half as old.
+    shown is the name of the link shown so far. It stays until another link has a better state, or an equal state and a
+    toolface less than half as old.
     """
 
     def rank(name: str) -> tuple[int, float]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Collects what arrives from a well into its state.
+Collector of the live state of a well from its messages.
 
-Samples go to the methods `on_...`, every other part of the state is set by `show`; `LiveState.at` returns the state of
-a moment. Nothing here reads a clock: every call takes `now`, s, of one steady clock.
+Samples go to the methods `on_...`, every other part of the state is set by `show`; `LiveState.at` returns the state at
+a time. Nothing here reads a clock: every call takes `now`, s, of one steady clock.
 """
 
 from __future__ import annotations
@@ -46,10 +46,11 @@ _SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface
 _QUANTITIES = {
     signal.name: Quantity(signal.unit, signal.source) for part in _SECTIONS.values() for signal in part.values()
 }
-_COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a tool stored outside in winter to beyond the hottest electronics in use
+# Plausible temperatures, degC: from a tool stored outside in winter to more than the hottest electronics in use.
+_COLDEST, _HOTTEST = -60.0, 250.0
 _ANGLES = tuple(signal.name for signal in _SECTIONS["attitude"].values())
 _PART_OF = {signal.name: part for part, signals in _SECTIONS.items() for signal in signals.values()}
-# Values of rig/state, by its fields.
+# Field of rig/state -> name of the value.
 _RIG = {signal.field: signal.name for signal in _SECTIONS["rig"].values()}
 # Charts over time, and how several values within one interval are combined.
 _HISTORY = {
@@ -74,7 +75,7 @@ _HISTORY = {
     "bit_depth": "mean",
     "doubt": "max",
 }
-# Charts over the depth of the sensor while hole is drilled.
+# Charts over the depth of the sensor while a hole is drilled, and how values within one depth step are combined.
 _LOGGED = {
     "inclination": "mean",
     "azimuth": "angle",
@@ -88,7 +89,7 @@ _STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference",
 # Status bits that make an interval of the charts doubtful (1) or bad (2).
 _DOUBTFUL = Status.CLIPPED | Status.ALIASED | Status.MAG_DISTURBED | Status.NO_MAG | Status.REJECTED
 _BAD = Status.SENSOR_FAULT | Status.SENSOR_SUSPECT | Status.INITIALISING
-# The reason for a withheld value by status bit, in order of precedence.
+# Status bit -> reason why a value is withheld, in order of precedence.
 _WHY = (
     (Status.SENSOR_FAULT, "sensor faulty"),
     (Status.SENSOR_SUSPECT, "sensor in doubt: wait"),
@@ -107,13 +108,13 @@ class LiveState:
     Collector of the state of one well.
 
     Methods `on_...` take samples; angles and times as in the messages. A number that is not finite is left out and does
-    not count as an update. Not thread-safe: all calls belong in one thread. A state that `at` returned does not change
-    and may be read in any thread.
+    not count as an update. This class is not thread-safe: make all calls from one thread. A state returned by `at` does
+    not change and may be read in any thread.
 
     Attributes
     ----------
     parts : WellState
-        The parts that `show` has set; those that are made of samples are empty in it.
+        State with the parts that `show` has set; parts that are computed from samples have their defaults.
     """
 
     def __init__(self, settings: LiveSettings | None = None) -> None:
@@ -132,7 +133,7 @@ class LiveState:
         self._in_slips: bool | None = None
         self._changes: dict[str, Change] = {}
         self.parts = WellState()
-        # When the word of each angle of a link was measured: s, and ns on the clock of the gauge.
+        # For each angle that arrives over a link: time of measurement, s, and the same on the clock of the gauge, ns.
         self._words: dict[str, tuple[float, int]] = {}
         #: Function that returns the time at which a sample was measured, s of the steady clock. Its arguments are the
         #: clock that stamped the sample (sonde or rig), its stamp, ns, and the time of its arrival, s.
@@ -146,30 +147,30 @@ class LiveState:
         Raises
         ------
         TypeError
-            The state has no such part.
+            `WellState` has no field of that name.
         """
         self.parts = dataclasses.replace(self.parts, **parts)
         for name in parts:
             self._touch(name, now)
 
     def on_link(self, link: LinkStatus, now: float) -> None:
-        """Accept the state of the link by which the surface hears the tool."""
+        """Accept the state of the telemetry link to the tool."""
         for name in ("inclination", "azimuth", "toolface"):
             age = getattr(link, f"{name}_age")
-            # A word that is taken back leaves the value shown as old as it was.
+            # The age is NaN if the word was withdrawn; the shown value then keeps its time of measurement.
             if math.isfinite(age):
                 self._words[name] = (link.at - age, link.stamp_ns - round(age * NANOSECONDS))
         self.show(now, link=link)
 
     def toolface_age(self, stamp_ns: int) -> float:
-        """Age of the word that the toolface at a stamp, ns, was predicted from, s; 0 where no link is between."""
+        """Return the age of the word from which the toolface at a stamp, ns, was predicted, s; 0 without a link."""
         link = self.parts.link
         if link is None or math.isnan(link.toolface_age):
             return 0.0
         return max(link.toolface_age + (stamp_ns - link.stamp_ns) * 1e-9, 0.0)
 
     def on_recorder(self, status: RecorderStatus, now: float) -> None:
-        """Accept the status of the recorder, which is a stream as well."""
+        """Accept the status of the recorder, and count it as a message of the stream `recorder`."""
         self.on_stream("recorder", 1, now)
         self.show(now, recorder=status)
 
@@ -180,7 +181,7 @@ class LiveState:
         Raises
         ------
         ValueError
-            No such stream.
+            The stream is unknown.
         """
         self._values.arrived(stream, count, now, lost)
 
@@ -207,20 +208,20 @@ class LiveState:
             self.on_toolface(reading, now, why)
 
     def on_toolface(self, reading: ToolfaceReading, now: float, why: str = "not available") -> None:
-        """Accept a toolface that does not come from `on_attitude`; why: the reason shown where it has no sigma."""
+        """Accept a toolface; why is the reason to show if the toolface has no sigma."""
         self.toolface_reading = reading
         self._angle("toolface", reading.angle, reading.sigma, why, now)
         self._touch("toolface", now)
         value = self._values.updated("toolface", now)
         if value is None:
             return
-        # Readings arrive with jitter: one that is 5 % early still counts.
+        # Readings arrive with jitter: accept a reading that is 5 % early.
         if self._readings and now - self._readings[-1].at < self.settings.reading_spacing * 0.95:
             return
         self._readings.append(DialReading(value, reading.mode, now, reading.rotating, reading.stamp_ns))
 
     def on_gravity(self, samples: Samples, now: float) -> None:
-        """Accept gravity, `wire.GRAVITY`: vibration (the largest of the block) and rotary speed of the tool."""
+        """Accept samples of `wire.GRAVITY`: use the largest vibration of the block, and the last rotary speed."""
         known = samples[np.isfinite(samples["sigma"])]
         if len(known) == 0:
             return
@@ -229,7 +230,7 @@ class LiveState:
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
 
     def on_dynamics(self, samples: Samples, now: float) -> None:
-        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; the last one counts."""
+        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; use the last one."""
         if len(samples) == 0:
             return
         self.on_stream("dynamics", len(samples), now)
@@ -264,7 +265,7 @@ class LiveState:
             self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
-        """Accept magnetic fields, `wire.MAG`; the mean of their totals counts."""
+        """Accept magnetic fields, `wire.MAG`; use the mean of their strengths."""
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -277,7 +278,7 @@ class LiveState:
             self._put("total_field", float(np.mean(totals)), None, now)
 
     def on_interference(self, samples: Samples, now: float) -> None:
-        """Accept estimates of interference, `wire.INTERFERENCE`; the last one counts."""
+        """Accept estimates of magnetic interference, `wire.INTERFERENCE`; use the last one."""
         if len(samples) == 0:
             return
         self.on_stream("interference", len(samples), now)
@@ -292,7 +293,7 @@ class LiveState:
         self._put("dip_deviation", float(last["dip_residual"]), None, now)
 
     def on_rig_state(self, samples: Samples, now: float) -> None:
-        """Accept rig data, `wire.RIG_STATE`; only the fields that its `valid` marks are used."""
+        """Accept rig data, `wire.RIG_STATE`; use the last sample, and only its valid fields."""
         if len(samples) == 0:
             return
         self.on_stream("rig", len(samples), now)
@@ -317,7 +318,7 @@ class LiveState:
             self._touch("toolface")
 
     def at(self, now: float) -> WellState:
-        """Return the state as of `now`."""
+        """Return the state at `now`."""
         for strip in (self._history, self._trend):
             strip.advance(now)
         history, trend, depth_log = (
@@ -388,7 +389,7 @@ class LiveState:
         return Advisory(toolface % math.tau, limit, inside)
 
     def _value(self, name: str, now: float) -> LiveValue:
-        """Return a value; over a link the time of an angle is that of the word that carried it."""
+        """Return a value; an angle that came over a link has the time at which its word was measured."""
         value = self._values.value(name, now)
         if value.value is None or name not in self._words:
             return value

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A well as the surface knows it: messages in, in the order of their arrival; the state of the page out.
+Live state of one well from its messages, in the order of their arrival.
 
-The surface node feeds it with what it subscribes to, the viewer of a recording with what was recorded; both get the
-same state, because nothing else goes in. Messages are taken in cells of 50 ms that begin at whole seconds of their time
-of arrival, and all that happens once a second happens at whole seconds, so that the state of a moment does not depend
-on when its messages were handed in.
+The surface node passes the messages of its subscriptions, the viewer of a recording the recorded messages. Both get the
+same state, because there is no other input. Messages are processed in cells of 50 ms that begin at whole seconds of the
+time of arrival, and updates of once a second are at whole seconds, so that the state at a time does not depend on the
+time at which the messages were passed.
 
-Some topics are said by the surface itself: its alarms, events, list, inputs, advice, and the states of recorder, rig
-control and downlink. A recording that holds them shows what was said; what it does not hold is evaluated here, as the
-node would have done.
+The surface node itself publishes some topics: alarms, events, survey list, inputs, advice, and the states of recorder,
+rig control and downlink. If a recording has such a topic, its messages are shown; otherwise the content is computed
+here, as the node would have done.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import SlideRules, SlideSheet, Stretch, yields
 
 CELL_NS = 50_000_000
-_LINK_PERIOD = 2.0  # s between attitudes over a link at most
-# Topics of the tool, and the topics that replace them where the tool is heard through a telemetry link.
+_LINK_PERIOD = 2.0  # longest usual time between attitudes over a link, s
+# Topics of the tool, and the topics that replace them if the tool is received over a telemetry link.
 OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey", "log": "link/log"}
 _FROM_TOOL = ("gravity", "dynamics", "interference", "imu/temperature", "imu/mag", "imu/data_raw", "survey/revised")
 
 Message = tuple[int, str, bytes]
-# At equal times sort by topic, not by the order of the calls.
+# Sort key of messages: time of arrival, then topic, so that the result does not depend on the order of the calls.
 _ARRIVED = operator.itemgetter(0, 1)
 
 
@@ -86,7 +86,7 @@ class WellSettings(Protocol):
 
 
 def live_settings(settings: WellSettings) -> LiveSettings:
-    """Return the settings of the live state: over a link an attitude comes with each second of pressure."""
+    """Return the settings of the live state; over a link `estimator_period` is at least `_LINK_PERIOD`."""
     live = settings.live
     if settings.link.source == "direct":
         return live
@@ -95,12 +95,12 @@ def live_settings(settings: WellSettings) -> LiveSettings:
 
 class LiveWell:
     """
-    One well.
+    Live state of one well from its messages.
 
     Parameters
     ----------
     context : WellContext
-        Its clock stands at the begin.
+        Shared objects of the well; the clock is at the time of the start.
     settings : WellSettings
     decode : callable
         `decode(topic, data)` returns a serialised message as an object with the fields of its type.
@@ -109,16 +109,16 @@ class LiveWell:
     plan : PlanMonitor
         The planned path, of the same context.
     full_name : str
-        Of its surface node, with the namespace of the well.
+        Full name of the surface node, with the namespace of the well.
     stretches : iterable of Stretch
-        The slide sheet so far.
+        Intervals of the slide sheet so far.
     said : collection of str
-        Topics of the surface itself that come as messages; of all others the content is evaluated here.
+        Topics of the surface node that come as messages; the content of its other topics is computed here.
 
     Attributes
     ----------
     topics : frozenset of str
-        What it takes, relative to the well.
+        Topics whose messages are used, relative to the well.
     vertical_limit : float or None
         Inclination, rad, below which the estimator gives the magnetic toolface; None while it is not known.
     """
@@ -197,13 +197,13 @@ class LiveWell:
         return handlers
 
     def begin(self, now_ns: int) -> None:
-        """Continue at a later time, ns, and skip the updates of each second before it: no message arrived meanwhile."""
+        """Continue at a later time, ns, if no message arrived before it; skip the updates of the seconds in between."""
         self.clock.now_ns = max(self.clock.now_ns, now_ns - now_ns % CELL_NS)
 
-    # What comes in.
+    # Inputs.
 
     def on_depth_by_hand(self, bit_depth: float, age: float) -> None:
-        """Accept a bit depth, m, that a person set `age` seconds ago; the list of inputs shows and tells it at once."""
+        """Accept a bit depth, m, that a person set `age` seconds ago; publish and show the inputs at once."""
         self._use_depth_by_hand(bit_depth, age)
         self.inputs.update(self.clock.now)
 
@@ -212,16 +212,16 @@ class LiveWell:
         self.slides.on_depth_by_hand()
 
     def put(self, topic: str, data: bytes, arrived_ns: int) -> None:
-        """Hand in a serialised message of a topic, relative to the well, with its time of arrival, ns."""
+        """Pass a serialised message of a topic, relative to the well, with its time of arrival, ns."""
         self._waiting.append((arrived_ns, topic, data))
 
     @property
     def next_arrival_ns(self) -> int:
         """
-        The earliest time of arrival, ns, of a message that still comes in time for its cell.
+        Earliest time of arrival, ns, of a message whose cell is not processed yet.
 
-        A message that the surface itself publishes now has this time: between two cells, that of the next one; while a
-        cell is processed, the end of that cell.
+        It is the time of arrival of messages that the surface node itself publishes now. While a cell is processed, it
+        is the end of that cell; between two cells, the first instant of the next cell.
         """
         return self.clock.now_ns + (0 if self._in_cell else 1)
 
@@ -251,7 +251,7 @@ class LiveWell:
         self._waiting = waiting[taken:] + self._waiting
 
     def _next_end(self, arrival_ns: int, last: int) -> int:
-        """End of the next cell with something in it, at most the next whole second; empty cells are passed over."""
+        """Return the end of the next cell with a message, ns, at most the next whole second; skip empty cells."""
         now = self.clock.now_ns
         following = now - now % CELL_NS + CELL_NS
         of_arrival = -(-arrival_ns // CELL_NS) * CELL_NS
@@ -265,7 +265,7 @@ class LiveWell:
             try:
                 handler(data)
             except UnknownNumberError:
-                # Skip this message only, so that those behind it in the queue are still handled.
+                # Skip this message only, so that later messages of the queue are still handled.
                 self.decoder.unreadable += 1
 
     def _on_attitude(self, samples: Samples) -> None:
@@ -301,7 +301,7 @@ class LiveWell:
         if not self._said.lists:
             self.book.on_revision(Survey.from_message(message))
 
-    # Time.
+    # Updates at whole seconds.
 
     def _update_once_a_second(self) -> None:
         now, book = self.clock.now, self.book
@@ -333,28 +333,28 @@ class LiveWell:
             self.live.show(now, alarms=alarms, events=book.events())
 
     def not_evaluated(self) -> tuple[str, ...]:
-        """Return what could not be judged so far, because nothing that would tell has come."""
+        """Return the kinds of alarms that could not be evaluated so far, because their inputs have not arrived."""
         return not_evaluated(
             self._supervision.heard, self._supervision.judged, over_link=self.settings.link.source != "direct"
         )
 
     def state(self) -> WellState:
-        """Return the state at the end of the last cell that was taken."""
+        """Return the state at the end of the last cell that was processed."""
         return self.live.at(self.clock.now)
 
 
 def first_list(settings: WellSettings) -> SurveyList:
-    """Return an empty survey list by the settings."""
+    """Return an empty survey list for the well and rules of the settings."""
     return SurveyList(well=settings.well, rules=settings.rules)
 
 
 __all__ = ["LiveWell", "WellOutlet", "WellSettings", "first_list", "live_settings"]
 
 
-# Find the alarms that are evaluated. A missing alarm means nothing while its cause was not looked for.
+# Kinds of alarms that are not evaluated: without their inputs, the absence of an alarm has no meaning.
 
 
-# Name of each input that is judged, and its topics; one of them must have arrived.
+# Kind of alarms, and the topics of which at least one must have arrived.
 _DIRECT = (
     ("samples of the sonde", ("imu/data_raw", "imu/mag", "imu/temperature")),
     ("attitude and surveys", ("attitude",)),
@@ -365,15 +365,15 @@ _ALWAYS = (
     ("sensors and nodes", ("/diagnostics",)),
     ("heartbeats", ("heartbeat",)),
 )
-# Rows of supervision that read the machine that records.
+# Rows of supervision whose readings come from the recording computer.
 _MACHINE = {"disk.low", "queue.recorder"}
 
 
 def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link: bool) -> tuple[str, ...]:
     """
-    Return the kinds of alarms that could not be judged, in words.
+    Return the kinds of alarms that could not be evaluated, in words.
 
-    heard: topics of which a message has come. judged: rows of the table of supervision that had a reading.
+    heard: topics of which a message has arrived. judged: rows of the table of supervision that had a reading.
     """
     kinds = (*(_OVER_LINK if over_link else _DIRECT), *_ALWAYS)
     missing = [words for words, topics in kinds if not any(topic in heard for topic in topics)]
@@ -382,11 +382,11 @@ def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link:
     return tuple(missing)
 
 
-# Advice on steering: computed from plan, path and slide sheet, told to rig systems, shown on the page.
+# Advice on steering: computed from plan, path and slide sheet, sent to rig systems, shown on the page.
 
 
 class AdviceMonitor:
-    """Advice for one well."""
+    """Computes the advice on steering of one well, and publishes and shows it when it changes."""
 
     def __init__(self, context: WellContext) -> None:
         self._live, self._outlet, self._clock = context.live, context.outlet, context.clock
@@ -401,7 +401,7 @@ class AdviceMonitor:
         bit_depth: float | None,
         stretches: tuple[Stretch, ...],
     ) -> None:
-        """Tell and show the advice where it has changed; called once a second. now: time, s."""
+        """Publish and show the advice if it has changed; called once a second. now: steady time, s."""
         path = surveys.definitive(bit_depth=bit_depth)
         reading = self._live.toolface_reading
         magnetic = reading is not None and reading.mode == MAGNETIC
@@ -411,7 +411,7 @@ class AdviceMonitor:
         if advice == self._advice:
             return
         self._advice = advice
-        # The page shows the stamp that the message has, as a viewer of its recording does.
+        # The message and the page get the same stamp, so that a viewer of the recording shows the same.
         advice = dataclasses.replace(advice, stamp_ns=self._clock.now_ns)
         self._live.show(now, advice=advice)
         self._outlet.on_advice(advice)
@@ -428,8 +428,8 @@ def _last_survey(surveys: SurveyList, *, magnetic: bool) -> Known:
 # Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle.
 
 
-_ON_BOTTOM = 0.5  # m; a bit closer to the end of the hole is drilling
-_ROTATING_SPEED = 10.0  # rad/s; stands for a rotary speed of which only is known that it is not zero
+_ON_BOTTOM = 0.5  # m; a bit that is less than this above the end of the hole is drilling
+_ROTATING_SPEED = 10.0  # rad/s; assumed rotary speed if only the attitude's status shows that the tool rotates
 _DEPTHS = RIG_VALID["bit_depth"] | RIG_VALID["hole_depth"]
 
 
@@ -441,9 +441,9 @@ class SlideRecorder:
     ----------
     context : WellContext
     rules : SlideRules
-        What counts as sliding.
+        Rules by which an interval counts as sliding.
     earlier : iterable of Stretch
-        Intervals that were made before, the oldest first.
+        Intervals from earlier runs of the surface, oldest first.
     """
 
     def __init__(self, context: WellContext, rules: SlideRules, earlier: Iterable[Stretch] = ()) -> None:
@@ -457,19 +457,19 @@ class SlideRecorder:
         return self._sheet.stretches
 
     def on_attitude(self, samples: Samples) -> None:
-        """Accept attitudes, `wire.ATTITUDE`: whether the tool rotates."""
+        """Accept attitudes, `wire.ATTITUDE`, and keep from the last one whether the tool rotates."""
         self._rotating = bool(int(samples[-1]["status"]) & Status.ROTATING)
 
     def on_rig_state(self, samples: Samples, bit_depth: float | None, sensor_to_bit: float) -> None:
         """
-        Take rig data, `wire.RIG_STATE`.
+        Accept rig data, `wire.RIG_STATE`.
 
-        bit_depth: accepted bit depth, m; None where there is none, or the last reading was not accepted.
-        sensor_to_bit: m.
+        bit_depth: accepted bit depth, m; None without a bit depth, or if the last reading was not accepted.
+        sensor_to_bit: distance along the hole from the sensor to the bit, m.
         """
         last = samples[-1]
         valid = int(last["valid"])
-        # Without a rotary speed of the rig the attitude still shows whether the string rotates.
+        # Without a rotary speed of the rig, the status of the attitude shows whether the string rotates.
         speed = _ROTATING_SPEED if self._rotating else 0.0
         if valid & RIG_VALID["rotary_speed"]:
             speed = float(last["rotary_speed"])
@@ -489,11 +489,11 @@ class SlideRecorder:
         self._keep(stretch)
 
     def on_depth_by_hand(self) -> None:
-        """Count no hole for the step of a depth that a person has set."""
+        """Forget the last depth: the step to a depth set by a person is not drilled hole."""
         self._sheet.forget_depth()
 
     def finish(self) -> None:
-        """End the current interval; the next start continues from there."""
+        """End the current interval; the next run of the surface continues after it."""
         self._keep(self._sheet.finish())
 
     def _keep(self, stretch: Stretch | None) -> None:
@@ -506,7 +506,7 @@ class SlideRecorder:
             self._live.show(self._clock.now, quill=float(message.position[0]) % math.tau)
 
     def update(self, now: float, surveys: SurveyList) -> None:
-        """Show a changed sheet, with the yields between the stations; called once a second. now: time, s."""
+        """Show a changed sheet with the yields between stations; called once a second. now: steady time, s."""
         stretches = self._sheet.stretches
         state = (len(stretches), stretches[-1:], surveys.changed_ns, len(surveys.records))
         if state == self._shown:
@@ -527,9 +527,9 @@ class SupervisionMonitor:
     Attributes
     ----------
     topics : frozenset of str
-        Topics whose silence the table watches.
+        Topics that are supervised for silence.
     judged : set of str
-        Rows that had a reading at the last update.
+        Rows of the table that had a reading at the last update, by alarm id.
     over_at : float or None
         When the simulation or replay that makes the data last said that it is over, s. What has been silent since then
         raises no alarm (ISA-18.2: suppressed by design).
@@ -549,14 +549,14 @@ class SupervisionMonitor:
 
     @property
     def heard(self) -> frozenset[str]:
-        """Topics of which a message has come."""
+        """Topics of which at least one message has arrived."""
         return frozenset(self._received_at)
 
     def message_received(self, topic: str) -> None:
-        """Note that a message of the topic has arrived."""
+        """Note the time of arrival of a message of a topic."""
         now = self._received_at[topic] = self._clock.now
         if topic == "imu/data_raw":
-            # Alive though its magnetometer is silent; samples that nobody decodes here are not counted.
+            # The sonde sends even if its magnetometer is silent. These samples are not decoded here, so count none.
             self._live.on_stream("sonde", 0, now)
 
     def on_heartbeat(self, beat: Any) -> None:
@@ -569,10 +569,10 @@ class SupervisionMonitor:
                 self._figures[f"{name}.{node}"] = float(pair.value)
 
     def on_sonde(self, samples: Samples) -> None:
-        """Accept samples that bear the time of the sonde."""
+        """Accept samples with stamps of the sonde's clock."""
         self._sampled_at = self._clock.now
         newest = int(samples["stamp_ns"].max()) if len(samples) else self._stamp_ns
-        # A clock that was set back advances too.
+        # A clock that was set back counts as advancing.
         if newest != self._stamp_ns:
             self._stamp_ns, self._advanced_at = newest, self._sampled_at
 
@@ -586,8 +586,9 @@ class SupervisionMonitor:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: time, s. clock_difference: between the clocks of rig and sonde, s, None if unknown. depth_difference:
-        between the sources of depth, m, NaN if unknown. machine: readings of the computer, by the id of their row.
+        now: steady time, s. clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
+        depth_difference: difference between the sources of depth, m, NaN if unknown. machine: readings of this
+        computer, by alarm id of their row.
         """
         last = {f"input.{topic}": at for topic, at in self._received_at.items()}
         last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}

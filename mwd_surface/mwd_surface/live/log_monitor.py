@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log channels of a well while drilling: accepts samples, shows curves over depth and the health of the tool."""
+"""Log channels of a well while drilling: accept samples, show curves over depth and the health of the tool."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from mwd_surface.live.well_state import LEAST_FLOW
 from mwd_surface.logs.depth_log import FIRST
 from mwd_surface.logs.recorded_log import DIRECT, of_link
 
-_SHOWN = 2000  # number of depth steps of each channel that are shown, the deepest ones
-_CLEARED_S = 60.0  # s without another one after which the alarm of refused samples ends
-_RETRY_S = 10.0  # s between two tries to write the journal again after the disk has refused it
+_SHOWN = 2000  # number of deepest depth steps of each channel that are shown
+_CLEARED_S = 60.0  # time without a refused sample after which the alarm of refused samples ends
+_RETRY_S = 10.0  # time between two attempts to write the journal while the disk refuses it
 _REMEDY = "compare the tool configuration with the tool, and see that the rig sends its depth"
 
 
 class LogMonitor:
     """
-    Merges the log samples of a well by the depths of its survey book, and keeps the account of the tool's health.
+    Merges the log samples of a well by the depths of its survey book, and updates the account of the tool's health.
 
     Parameters
     ----------
     context : WellContext
     book : SurveyBook
     source : str
-        Link whose samples count, as the setting `link.source`.
+        Link whose samples are used, as in the setting `link.source`.
     """
 
     def __init__(self, context: WellContext, book: SurveyBook, source: str = DIRECT) -> None:
@@ -52,7 +52,7 @@ class LogMonitor:
                 self._book.journal.add_sample(sample)
 
     def on_rig_state(self, samples: Samples, depth: float | None) -> None:
-        """Accept rig data, `wire.RIG_STATE`, for the duty of the battery; depth: of the bit, m, if it was accepted."""
+        """Accept rig data, `wire.RIG_STATE`, for battery duty and journal; depth: accepted bit depth, m, or None."""
         for sample in samples:
             pumping = is_pumping(sample)
             if pumping is not None:
@@ -62,14 +62,14 @@ class LogMonitor:
             self._book.journal.add_rig(int(last["stamp_ns"]), depth, is_pumping(last))
 
     def update(self, now: float) -> None:
-        """Place the samples whose depth is known now, and show the curves if they changed."""
+        """Assign depths to samples whose depth is known now, and show curves and tool health if they changed."""
         self._log.advance()
         if self._log.version != self._shown:
             self._shown = self._log.version
             self._live.show(now, logs=self._log.curves(FIRST, _SHOWN), newest_logs=self._log.newest())
         self._tell_refused(now)
         self._tell_journal(now)
-        # The rig tells its flow all the time: the numbers follow with the next sample.
+        # `health.version` does not rise with the rig's frequent flow data; they are shown with the next log sample.
         if self._book.health.version != self._shown_health:
             self._shown_health = self._book.health.version
             health = self._book.health.health()
@@ -77,14 +77,14 @@ class LogMonitor:
             self._alarm_log.set_alarms("tool.", health_alarms(health, self._book.health.battery))
 
     def _tell_journal(self, now: float) -> None:
-        """Raise an alarm while the disk refuses the journal, and try again from time to time."""
+        """Raise an alarm while the disk refuses the journal, and try again every `_RETRY_S`."""
         journal = self._book.journal
         if journal is None:
             return
         if journal.fault and now >= self._retry_at:
             journal.try_again()
             self._retry_at = now + _RETRY_S
-        # The disk may take a few bytes and still refuse the next line: the alarm ends when it has held for a while.
+        # The disk may accept a few bytes and still refuse the next line: end the alarm after `_RETRY_S` without fault.
         if journal.fault:
             remedy = "free space on this disk; a restart of the surface loses the log samples since the alarm"
             text = f"the log samples cannot be written to the disk: {journal.fault}"
@@ -104,6 +104,6 @@ class LogMonitor:
 
 
 def is_pumping(sample: Any) -> bool | None:
-    """Return whether the rig pumps, by its flow; None if it does not tell the flow."""
+    """Return whether the rig pumps, judged by its flow; None if the sample has no valid flow."""
     known = bool(sample["valid"] & RIG_VALID["flow_rate"])
     return float(sample["flow_rate"]) > LEAST_FLOW if known else None

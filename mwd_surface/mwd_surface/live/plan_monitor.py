@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The planned path: read from settings, shown on the page, compared with the surveyed path."""
+"""Planned path of a well: read by the settings, shown on the page, compared with the surveyed path."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PlanMonitor:
 
     @staticmethod
     def read(settings: PlanSettings, well: Well) -> Plan | ListFileError | None:
-        """Read the plan of the settings, in any thread: the plan, why it cannot be used, or None if there is none."""
+        """Return the plan of the settings, an error if it cannot be used, or None without a plan; for any thread."""
         if not settings.file:
             try:
                 return _straight(settings, well)
@@ -48,7 +48,7 @@ class PlanMonitor:
         try:
             plan = read_plan(path, given=given)
         except ListFileError as error:
-            # The alarm is on a page that needs no login.
+            # Do not quote the file: the alarm is shown on a page that needs no login.
             return ListFileError(without_contents(path, error, "`mwd path`"))
         try:
             return in_north(plan, path, well.north_reference)
@@ -56,7 +56,7 @@ class PlanMonitor:
             return asked(error, NODE)
 
     def use(self, found: Plan | ListFileError | None) -> None:
-        """Use the result of `read`; a file or a design that cannot be used raises an alarm, and there is no plan."""
+        """Use the result of `read`; an error raises an alarm, and then the well has no plan."""
         self.plan = None
         if isinstance(found, ListFileError):
             text = f"the plan is not used: {found}"
@@ -77,7 +77,7 @@ class PlanMonitor:
         self._live.show(self._clock.now, plan=drawn)
 
     def show_offset(self, path: Definitive) -> None:
-        """Show where the end of the path is relative to the plan."""
+        """Show the offset of the end of the path from the plan."""
         self._live.show(self._clock.now, offset=offset_of_end(self.plan, path))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standpipe pressure as pictures: the last two minutes as a line, the last three as a spectrum over time."""
+"""Standpipe pressure as pictures: the last two minutes as a line, the last three minutes as a spectrogram."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-LINE_HZ = 10.0
-LINE_S = 120.0
-RATE_HZ = 25.0
-WINDOW = 512  # samples of a spectrum: 20 s
-BINS = 120  # of 0.0488 Hz and twice that, so that the picture ends near 11.7 Hz
-STEP_S = 4.0
-COLUMNS = 45
+LINE_HZ = 10.0  # points of the line per second
+LINE_S = 120.0  # length of the line
+RATE_HZ = 25.0  # rate of the samples after averaging
+WINDOW = 512  # number of samples in a spectrum: 20 s
+BINS = 120  # number of bins of a spectrum, each of 2 RATE_HZ / WINDOW = 0.098 Hz, so that it ends near 11.7 Hz
+STEP_S = 4.0  # time between two spectra
+COLUMNS = 45  # number of spectra in the picture
 # The line is drawn relative to the median over this time, s. Pulses of 2 s, which fill at most a quarter of the time,
 # stand out from it, and pumps that start or change their strokes do not hide them.
 _BASE_S = 10.0
@@ -25,20 +25,20 @@ _BASE_S = 10.0
 @dataclasses.dataclass(frozen=True)
 class PressurePicture:
     """
-    Pressure as drawn.
+    Pressure to be drawn.
 
     Attributes
     ----------
     end_ns : int
         Stamp of the newest sample.
     line : tuple of float
-        Pressure of the last `LINE_S`, kPa less its running median, `LINE_HZ` values a second, the newest last.
+        Pressure of the last `LINE_S` minus its running median, kPa, newest last.
     spectra : tuple of tuple of int
-        Power in dB, one tuple for each `STEP_S`, the newest last; each has `BINS` values from 0 Hz on.
+        Power, dB: one tuple of `BINS` values from 0 Hz on for each `STEP_S`, newest last.
     bin_hz : float
-        Width of a bin.
+        Width of a bin, Hz.
     line_hz : float
-        Values of `line` per second.
+        Rate of the values in `line`, Hz.
     """
 
     end_ns: int
@@ -49,7 +49,7 @@ class PressurePicture:
 
 
 class PressureHistory:
-    """Keeps what the pictures need, from bursts of pressure as they arrive."""
+    """Samples and spectra of the last minutes, from bursts of pressure as they arrive."""
 
     def __init__(self) -> None:
         self._samples = np.zeros(0)
@@ -60,9 +60,9 @@ class PressureHistory:
 
     def push(self, start_ns: int, period_s: float, pressure_pa: Array) -> bool:
         """
-        Take a burst; returns whether there is a new spectrum.
+        Accept a burst; return whether a new spectrum was computed.
 
-        Samples are averaged to `RATE_HZ`; a rate that is not a multiple of it is rounded to a multiple.
+        An integer number of samples is averaged, so that the rate comes as near as possible to `RATE_HZ`.
         """
         if start_ns < self._end_ns - round(1e9 * STEP_S):
             self._samples, self._spectra = np.zeros(0), []
@@ -80,7 +80,7 @@ class PressureHistory:
         return True
 
     def picture(self) -> PressurePicture:
-        """Return the pictures as of now."""
+        """Return the pictures up to the newest sample."""
         many = max(round(self._rate / LINE_HZ), 1)
         recent = self._samples[-round(LINE_S * self._rate) :]
         whole = recent[len(recent) % many :].reshape(-1, many).mean(axis=1) if len(recent) >= many else recent
@@ -96,7 +96,7 @@ class PressureHistory:
 
 
 def _running_median(values: Array, many: int) -> Array:
-    # A surface without a gauge is active sooner without this package.
+    # Import only when needed: a surface without a pressure gauge starts faster.
     from scipy.ndimage import median_filter
 
     return np.asarray(median_filter(values, many, mode="reflect"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages in a recording from the surface node itself: alarms, events, list, inputs, advice, and states."""
+"""Show recorded messages of the surface node itself: alarms, events, survey list, inputs, advice, and states."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mwd_surface.live.well_state import AlarmState
 from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.trajectory.advice import Advice
 
-# Topics of the surface node itself that tell what the page shows.
+# Topics of the surface node itself whose content the page shows.
 SAID = frozenset(
     {
         "alarms",
@@ -36,7 +36,8 @@ SAID = frozenset(
     }
 )
 _MOST_EVENTS = 1000
-_AGAIN_NS = 1_500_000_000  # two lists of inputs that place a depth by hand closer than this mean the same one
+# Two lists of inputs have the same depth by hand if the times at which it was set differ by less than this, ns.
+_AGAIN_NS = 1_500_000_000
 
 
 class SaidByTheSurface:
@@ -47,20 +48,20 @@ class SaidByTheSurface:
     ----------
     context : WellContext
     book : SurveyBook
-        Takes the survey list, and the depth that a person had set.
+        Receives the survey list, and the depth that a person had set.
     on_outcome : callable
         Called with the outcome of a survey, in words, once the list shows it.
     on_depth_by_hand : callable
-        Called with the depth that a person had set, m.
+        Called with the depth that a person had set, m, and its age, s.
     topics : collection of str
-        Those of `SAID` that come as messages.
+        Topics of `SAID` that are in the recording.
 
     Attributes
     ----------
     handlers : dict
-        From topic to the function that takes its messages.
+        Topic -> function that processes its messages.
     shown_ns : int
-        When the page showed the message that comes next, ns since the epoch.
+        Time at which the page showed the next message, ns since the epoch; set by the caller.
     alarms, lists, advises, tells_inputs : bool
         Whether alarms, the survey list, the advice on steering, and the inputs come as messages.
     """
@@ -143,7 +144,7 @@ class SaidByTheSurface:
         if hand is None or math.isnan(hand.bit_depth + hand.data_age):
             return
         set_ns = stamp_of(message.header.stamp) - round(hand.data_age * NANOSECONDS)
-        # A depth is published when it is set, with age 0; a recording that begins later has its present age.
+        # A depth is published with age 0 when it is set; a recording that begins later has the depth with a later age.
         known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
         if hand.data_age == 0.0 or not known:
             self._on_depth_by_hand(hand.bit_depth, hand.data_age)

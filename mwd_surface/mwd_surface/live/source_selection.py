@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which of several sources of one topic is used: the first of the highest priority, until it has been silent."""
+"""Choose one of several sources of a topic: the source of the highest priority that is not silent."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from mwd_sensors.core.settings import setting
 
-# Frames of the rig data that come in by our own interfaces; a ROS publisher stamps with its own.
+# Frame names of rig data from the rig interfaces of the surface; other ROS publishers use other frame names.
 OPCUA, WITS, MODBUS = "rig_opcua", "rig_wits", "rig_modbus"
 
 
@@ -52,22 +52,22 @@ class SourceRules:
     )
 
 
-# Rules for a topic whose sources have no order: the first source stays in force.
+# Rules for a topic whose sources have no order of priority: the first source stays in force.
 EQUAL = SourceRules(priority=[])
 
 
 class SourceSelection:
     """
-    Arbitration of the sources of one topic, told apart by the frame they stamp their messages with.
+    Arbitration of the sources of one topic, which are distinguished by the frame name of their messages.
 
-    The source in force stays in force while it speaks, so that two of one priority never alternate; after
-    `rules.silent_after` of silence another takes its place, and one of a higher priority does once it has spoken for
-    `rules.settle`.
+    The source in force stays in force while it sends, so that two sources of one priority never alternate. Another
+    source replaces it after `rules.silent_after` of silence, or if the other source has a higher priority and has sent
+    for `rules.settle`.
 
     Attributes
     ----------
     source : str or None
-        The frame of the source in force; None before the first message.
+        Frame name of the source in force; None before the first message.
     """
 
     def __init__(self, rules: SourceRules = EQUAL) -> None:
@@ -78,12 +78,12 @@ class SourceSelection:
 
     def choose(self, sources: Iterable[str], now: float) -> str:
         """
-        Take note of the sources that have spoken, in their order, and return the one in force; now: steady time, s.
+        Accept the sources that have sent, in order, and return the source in force; now: steady time, s.
 
         Raises
         ------
         ValueError
-            There is none.
+            `sources` is empty.
         """
         spoken = list(dict.fromkeys(sources))
         if not spoken:
@@ -91,7 +91,7 @@ class SourceSelection:
         self._heard = {name: at for name, at in self._heard.items() if now - at <= self.rules.silent_after}
         self._since = {name: self._since.get(name, now) for name in [*self._heard, *spoken]}
         self._heard |= dict.fromkeys(spoken, now)
-        # `min` takes the first of equals, and the one heard first stands first.
+        # Among sources of equal rank, `min` returns the first one, which has sent first.
         best = min(self._heard, key=self.rank)
         settled = now - self._since[best] >= self.rules.settle and self.rank(best) < self.rank(self.source or best)
         if self.source not in self._heard or settled:
@@ -99,17 +99,17 @@ class SourceSelection:
         return self.source
 
     def rank(self, source: str) -> int:
-        """Return the place of a source in the order of priority, from 0; the last of all where it is not named."""
+        """Return the rank of a source in the order of priority, from 0; a source that is not named is last."""
         name, priority = short_name(source), self.rules.priority
         return priority.index(name) if name in priority else len(priority)
 
     def others(self, now: float) -> list[str]:
-        """Return the sources that speak at `now` besides the one in force."""
+        """Return the sources that send at `now`, without the source in force."""
         silent = self.rules.silent_after
         return sorted(name for name, at in self._heard.items() if name != self.source and now - at <= silent)
 
     def uninvited(self, now: float) -> list[str]:
-        """Return those of `others` that no priority names."""
+        """Return the sources of `others` that are not named in `rules.priority`."""
         return [name for name in self.others(now) if self.rank(name) == len(self.rules.priority)]
 
 

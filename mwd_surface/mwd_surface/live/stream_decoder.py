@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sample streams of the graph for the live state: collected as bytes, decoded together in blocks of one time."""
+"""Decode sample streams of the graph for the live state, in blocks of messages that have arrived."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mwd_surface.live.well_context import WellContext
 Handler = Callable[[Samples, float], None]
 RIG = "rig/state"
 
-_FRAME = slice(12, 48)  # of a serialised message: length and beginning of its frame name
+_FRAME = slice(12, 48)  # bytes of a serialised message with the length and the beginning of its frame name
 _OF_SONDE = ("attitude", "imu/temperature", "imu/mag")
 
 
@@ -27,16 +27,16 @@ def _frame_of(message: bytes) -> str | None:
 
 class StreamDecoder:
     """
-    Decodes the topics of fixed layout and updates the live state with their samples; tells the toolface.
+    Decodes the topics of fixed layout, updates the live state with their samples, and publishes the toolface.
 
     Parameters
     ----------
     context : WellContext
     on_attitude, on_rig_state : callable
         Called with the samples of `attitude` and `rig/state` before the live state is updated; `on_rig_state` returns
-        those that are shown.
+        the samples to be shown.
     on_sonde : callable
-        Called with samples that bear the time of the sonde.
+        Called with samples that have stamps of the sonde's clock.
     on_rig_input : callable
         `on_rig_input(frame, samples)`, called with the rig data of every source, in force or not, before the source in
         force is used.
@@ -46,13 +46,13 @@ class StreamDecoder:
     Attributes
     ----------
     buffers : dict
-        From topic to the list its serialised messages are appended to as they arrive.
+        Topic -> list to which its serialised messages are appended as they arrive.
     tool_frame : str
-        Frame of the attitude; empty before the first.
+        Frame name of the attitude; empty before the first attitude.
     unreadable : int
-        Messages that could not be decoded.
+        Number of messages that could not be decoded.
     rig_sources : SourceSelection
-        Of the rig data.
+        Arbitration of the sources of rig data.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class StreamDecoder:
         self._context, self._live = context, context.live
         self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
         self._on_rig_input = on_rig_input
-        # In the order of decoding: what a topic shows may depend on the topics before it.
+        # In the order of decoding: the shown values of a topic may depend on the topics before it.
         self._topics: dict[str, tuple[wire.Layout, Handler]] = {
             RIG: (wire.RIG_STATE, self._take_rig_state),
             "gravity": (wire.GRAVITY, self._live.on_gravity),
@@ -85,12 +85,12 @@ class StreamDecoder:
         self.tool_frame = ""
 
     def decode_all(self, now: float) -> None:
-        """Decode everything that waits. now: steady time, s."""
+        """Decode the waiting messages of all topics. now: steady time, s."""
         for topic in self._topics:
             self.decode(topic, now)
 
     def decode(self, topic: str, now: float) -> None:
-        """Decode what waits of one topic. now: steady time, s."""
+        """Decode the waiting messages of one topic. now: steady time, s."""
         messages = list(self.buffers[topic])
         if not messages:
             return
@@ -109,11 +109,11 @@ class StreamDecoder:
         handler(samples, now)
 
     def _of_one_source(self, topic: str, messages: list[bytes], now: float) -> list[bytes]:
-        """Return the messages of the source in force; those of others are recorded, and not used."""
+        """Return the messages of the source in force; messages of other sources are recorded but not used."""
         heads = {message[_FRAME] for message in messages}
         selection = self._sources[topic]
         if len(heads) == 1 and selection.source is not None and not selection.others(now):
-            # One source, as almost always: its name is read once a block.
+            # There is one source, as almost always: read its name once per block.
             frames = [_frame_of(messages[0])] * len(messages)
         else:
             frames = [_frame_of(message) for message in messages]

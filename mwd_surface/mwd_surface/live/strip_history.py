@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last minutes or hours of a few channels for strip charts: one row per interval, in constant memory."""
+"""History of a few channels for strip charts: one row per interval of time or depth, in constant memory."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Row = tuple[float | None, ...]
 
 class StripHistory:
     """
-    Rows of (end of interval, channel, channel, ...); an interval without data has None, never the value before.
+    Rows of (end of interval, channel, channel, ...); an interval without data has None instead of the last value.
 
     Parameters
     ----------
     channels : mapping of str to "mean", "max" or "angle"
-        What becomes of several values within one interval; "angle": their mean on the circle, rad in [0, 2 pi).
+        How several values within one interval are combined; "angle" is their mean on the circle, rad in [0, 2 pi).
     seconds, rate : float
-        How long, s, and rows per second.
+        Length of the history, s, and number of rows per second. For a history over depth: m, and rows per metre.
 
     Raises
     ------
     ValueError
-        An unknown way to combine, or no room for a row.
+        A combination is unknown, or the history is shorter than one row.
     """
 
     def __init__(self, channels: Mapping[str, str], seconds: float = 600.0, rate: float = 1.0) -> None:
@@ -46,7 +46,7 @@ class StripHistory:
         return ("at", *self.channels)
 
     def add(self, channel: str, value: float, now: float) -> None:
-        """Put a value in the interval of `now`, s, steady; what is not finite, or older than that interval, is left."""
+        """Add a value to the interval of `now`, s or m; ignore a value that is not finite, or for a closed interval."""
         self.advance(now)
         if not math.isfinite(value) or self._bin is None or math.floor(now / self.interval) < self._bin:
             return
@@ -54,14 +54,14 @@ class StripHistory:
         if self.channels[channel] == "max":
             self._sums[channel] = (value if count == 0 else max(total, value), count + 1)
         elif self.channels[channel] == "angle" and count:
-            # Beside the mean so far, so that 359 and 1 deg give 0.
+            # Unwrap the angle to the mean so far, so that 359 and 1 deg give 0.
             mean = total / count
             self._sums[channel] = (total + mean + math.remainder(value - mean, math.tau), count + 1)
         else:
             self._sums[channel] = (total + value, count + 1)
 
     def advance(self, now: float) -> None:
-        """Close the intervals that ended by `now`; a pause longer than the history leaves one empty row."""
+        """Close the interval that ended before `now`, s or m; append one empty row if further intervals passed."""
         current = math.floor(now / self.interval)
         if self._bin is None:
             self._bin = current
@@ -70,12 +70,12 @@ class StripHistory:
         self._rows.append(self._row(self._bin))
         self._sums = {}
         if current > self._bin + 1:
-            # One empty row breaks the line; more would say nothing else.
+            # One empty row interrupts the line on the chart; more rows are not needed.
             self._rows.append(self._row(self._bin + 1))
         self._bin = current
 
     def rows(self) -> tuple[Row, ...]:
-        """All closed intervals, oldest first."""
+        """Return the rows of all closed intervals, oldest first."""
         return tuple(self._rows)
 
     def _row(self, index: int) -> Row:

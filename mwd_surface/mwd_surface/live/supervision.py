@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The table of supervision: what is watched of each node, its limit, how long it must last, and what follows.
+Table of supervision: for each supervised reading of a node its limit, persistence time, alarm and consequences.
 
-As in NASA's cFS (applications HS and LC): a table, not code in many places. A reading beyond its limit for as long as
-the row says raises the row's alarm; the alarm clears when the reading has been within the limit for the same time. A
-reading that is not there is not judged.
+The rules are a table, as in NASA's cFS (applications HS and LC), not code in many places. A reading above its limit for
+the persistence time raises the alarm of the row; the alarm clears when the reading has been within the limit for the
+same time. A missing reading counts as within the limit.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.inputs import DISAGREEMENT
 
 Causes = dict[str, tuple[int, str, str]]
-"""From the id of an alarm to severity, text and remedy."""
+"""Id of an alarm -> severity, text and remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SupervisionRow:
     """
-    One thing that is watched.
+    Rule for one supervised reading.
 
     Attributes
     ----------
     alarm : str
-        Id of its alarm; also the name of its reading.
+        Id of the alarm; also the name of the reading.
     node, what : str
-        Whose, and what is watched, in words; `what` has {value} and {limit} in it.
+        Supervised node or input, and text of the alarm, which may contain {value} and {limit}.
     limit : float
-        Readings above it count.
+        Largest normal reading, in the unit of the reading.
     persistence_s : float
-        How long they must, s.
+        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm, s.
     severity : Severity
     remedy : str
-        What a person can do.
+        Advice to the user.
     action, degraded : str
-        What the graph does by itself, and what still works meanwhile; for the reference.
+        Automatic reaction of the graph, and functions that still work; for the reference documentation.
     """
 
     alarm: str
@@ -52,7 +52,7 @@ class SupervisionRow:
     degraded: str
 
 
-# Nodes that the surface watches by their heartbeats, and what still works without them.
+# Nodes that the surface supervises by their heartbeats -> functions that still work without the node.
 _OTHERS = {
     "sonde": "as without samples",
     "probe": "as without samples",
@@ -217,17 +217,17 @@ TABLE = (
 
 
 class Supervision:
-    """Judges readings by the table; `prefixes` are the beginnings of its alarms' ids, each to be set as a whole."""
+    """Judges readings by the table; `prefixes` are the first parts of all alarm ids, for `AlarmLog.set_alarms`."""
 
     def __init__(self, table: Iterable[SupervisionRow] = TABLE) -> None:
         self._table = tuple(table)
         self.prefixes = sorted({f"{row.alarm.partition('.')[0]}." for row in self._table})
         self._since: dict[str, float] = {}
-        # As they were when they were raised: an alarm that changes every second cannot be read.
+        # Text of each raised alarm with the value at that time: a text that changes every second cannot be read.
         self._raised: dict[str, str] = {}
 
     def judge(self, readings: Mapping[str, float], now: float) -> Causes:
-        """Return the alarms that stand; readings: by the id of their row, now: steady time, s."""
+        """Return the alarms in force; readings: by the alarm id of their row; now: steady time, s."""
         causes: Causes = {}
         for row in self._table:
             value = readings.get(row.alarm)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey list of a well while it drills: surveys in with their depth; list, path and alarms out."""
+"""Survey list of a well while drilling: pair surveys with depths, and publish list, path and alarms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import Definitive
 
-_BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
+_BIT_STEP = 0.1  # m; the projection to the bit is shown again after the bit has moved by this
 _SHIFT = 0.05  # m; a smaller movement of the path is not mentioned
 
 _AGAIN = "and put the surveys.json that it writes into the folder `surveys` of the well while the surface is stopped"
@@ -34,7 +34,7 @@ _TIE_ON = (
     "leg.tie_on_depth, leg.tie_on_inclination_deg, leg.tie_on_azimuth_deg, leg.tie_on_north, leg.tie_on_east and"
     " leg.tie_on_vertical_depth"
 )
-# How each assumption about the coordinates of a path ends.
+# Kind of assumption about the coordinates of a path -> advice how to replace the assumption by facts.
 _REMEDIES = {
     RemarkKind.HOLE_ABOVE_ASSUMED: f"give the last station of the hole above with its position: {_TIE_ON}",
     RemarkKind.TIE_ON_ASSUMED: f"give the tie-on together with its whole position: {_TIE_ON}",
@@ -58,8 +58,9 @@ class SurveyBook:
     plan : PlanMonitor
         The planned path.
     surveys : SurveyList
-        The list to begin with.
+        Survey list at the start.
     depth : DepthRules
+        Rules for pairing surveys with depths.
     log_step : float
         Depth step of the logs, m.
 
@@ -103,7 +104,7 @@ class SurveyBook:
         self._revised: dict[int, str] = {}  # sentences on the stations revised since the last survey, by number
 
     def definitive(self) -> Definitive:
-        """Compute the well path, projected to the bit where the bit is deeper."""
+        """Return the well path, projected to the bit if the bit is deeper than the last station."""
         return self.surveys.definitive(bit_depth=self.bit_depth)
 
     @property
@@ -114,7 +115,7 @@ class SurveyBook:
     # Rig data and surveys.
 
     def on_rig_state(self, samples: Samples) -> float | None:
-        """Accept the rig's depths, `wire.RIG_STATE`; returns the last one if it was accepted, m."""
+        """Accept depths of the rig, `wire.RIG_STATE`; return the last depth, m, or None if it was not accepted."""
         accepted = False
         for sample in samples:
             known = bool(sample["valid"] & RIG_VALID["bit_depth"])
@@ -136,12 +137,12 @@ class SurveyBook:
         self.logs.add_depth(stamp_ns, bit_depth)
 
     def on_sonde(self, samples: Samples) -> None:
-        """Accept the time of samples of the sonde, to compare its clock with the rig's."""
+        """Accept the stamps of samples of the sonde, to compare the sonde's clock with the rig's clock."""
         if len(samples):
             self.depth.note_sonde(int(samples["stamp_ns"][-1]))
 
     def on_survey(self, survey: Survey) -> str:
-        """Add a survey of the estimator to the list; returns the outcome in words."""
+        """Add a survey of the estimator to the list; return the outcome in words."""
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
         try:
@@ -165,7 +166,7 @@ class SurveyBook:
         return outcome(survey, record)
 
     def on_revision(self, survey: Survey) -> None:
-        """Take over a revision of the estimator, and say which station changed and how far the path moved."""
+        """Apply a revised survey of the estimator, and log the changed station and the movement of the path."""
         before = self.surveys
         try:
             surveys = self.surveys.revise(survey)
@@ -191,21 +192,21 @@ class SurveyBook:
             self._outlet.on_accepted(record)
         if record.survey.withdrawn or (old.in_use == record.in_use and not moved(old.survey, record.survey, north)):
             return
-        # Later surveys may revise many stations at once: one alarm names them all.
+        # A new survey may revise many earlier stations at once: one alarm names them all.
         self._revised[record.survey.sequence] = text
         remedy = "check the plan ahead against the moved path; another value can be accepted in the survey list"
         causes = {"survey.revised": (int(Severity.INFO), "; ".join(self._revised.values()), remedy)}
         self._alarm_log.set_alarms("survey.revised", causes)
 
     def _shift(self, before: SurveyList) -> float:
-        """Return how far the path is from that of an earlier list, at the bit or the deepest station, m."""
+        """Return the distance between the paths of an earlier list and this list, at the deepest point, m."""
         lists = (before, self.surveys)
         depth = max(self.bit_depth or 0.0, *(float(one.definitive().md[-1]) for one in lists))
         then, now = (one.definitive(bit_depth=depth).at(depth)[2] for one in lists)
         return float(np.linalg.norm(now - then))
 
     def _alarm_revisions(self) -> None:
-        """Raise an alarm for each survey that is contradicted or withdrawn, until a person has decided."""
+        """Raise an alarm for each contradicted or withdrawn survey until a person has decided about the survey."""
         remedy = (
             "do not steer by either value: take a check shot, then accept one of the two values in the survey list, or"
             " reject the survey"
@@ -224,7 +225,7 @@ class SurveyBook:
         self._alarm_log.set_alarms("survey.withdrawn.", causes)
 
     def _alarm_verdict(self, record: SurveyRecord) -> None:
-        """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
+        """Raise an alarm while the azimuth of the newest survey is in doubt."""
         if not record.azimuth_doubt:
             self._alarm_log.clear_alarm("survey.azimuth")
             return
@@ -233,7 +234,7 @@ class SurveyBook:
         self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
 
     def _alarm_assumptions(self, path: Definitive) -> None:
-        """Raise an alarm while the coordinates of the path rest on an assumption."""
+        """Raise an alarm while the coordinates of the path depend on an assumption."""
         texts: dict[RemarkKind, list[str]] = {}
         for one in distinct(path.assumptions):
             texts.setdefault(one.kind, []).append(one.text)
@@ -247,21 +248,21 @@ class SurveyBook:
         }
         self._alarm_log.set_alarms("path.assumed.", causes)
 
-    # The list and its path, shown.
+    # Publish and show the list and its path.
 
     def on_list(self, surveys: SurveyList) -> None:
-        """Replace the list by one that a surface node published, along the planned path of this well if it has one."""
+        """Replace the list by a list that a surface node published; give it the plan of this well, if there is one."""
         plan = self._plan.plan
         self.replace(surveys if plan is None else surveys.along(plan))
 
     def replace(self, surveys: SurveyList) -> None:
-        """Put another list in force; the same one changes nothing."""
+        """Put a list in force, and show it if it is another object than the present list."""
         if surveys is not self.surveys:
             self.surveys = surveys
             self.show()
 
     def show(self) -> None:
-        """Show list and path, and tell them."""
+        """Show and publish list and path, and compute the covariance in the background."""
         surveys, path = self.surveys, self.definitive()
         self._alarm_revisions()
         self._alarm_assumptions(path)
@@ -281,14 +282,14 @@ class SurveyBook:
         covariance, of_hole = job.result()
         if surveys is self.surveys:
             self._live.show(self._clock.now, **of_hole)
-        # Meanwhile the bit may have moved, and another list may have come into force, which computes its own.
+        # Show the covariance only of the list in force: a newer list computes its own.
         if covariance is not None and surveys is self.surveys:
             measured = np.isfinite(covariance).all(axis=(1, 2))
             self._covariance = covariance[measured]
             self._live.show(self._clock.now, covariance=self._covariance)
 
     def update_projection(self) -> None:
-        """Show projection and offset to the plan again when the bit has moved; called once a second."""
+        """Show projection and offset from the plan again if the bit has moved; called once a second."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
@@ -312,5 +313,5 @@ def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Arr
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:
-    """Outcome of the survey that a person requested, in words."""
+    """Return the outcome of a survey in words."""
     return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"

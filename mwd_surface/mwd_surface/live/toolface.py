@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The toolface a driller steers by: from the high side, or from north where the hole is too near vertical for one.
+Toolface for steering: from the high side, or from north if the hole is too near to vertical for a high side.
 
-Which of the two, the estimator says (status NEAR_VERTICAL, with its hysteresis), so that the dial does not flip while
-the inclination hovers, and never shows a high side that the estimator calls undefined.
+The status NEAR_VERTICAL of the estimator selects one of the two. The status has hysteresis, so that the dial does not
+alternate, and the dial never shows a gravity toolface that the estimator calls undefined.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mwd_sensors.core.arrays import Samples
 
 
 class ToolfaceMode(enum.IntEnum):
-    """Direction from which a toolface counts, as in mwd_msgs/Toolface: the high side, or north."""
+    """Zero direction of a toolface, with the numbers of mwd_msgs/Toolface: the high side, or north."""
 
     GRAVITY = 0
     MAGNETIC = 1
@@ -42,9 +42,9 @@ class ToolfaceReading:
 
 class ToolfaceSelector:
     """
-    Picks gravity or magnetic toolface sample by sample; all that changes is the mode in force.
+    Selects the gravity or the magnetic toolface by the status of the attitude.
 
-    Before the first inclination the mode is gravity.
+    Before the first inclination the mode is gravity. The mode is the only state.
     """
 
     def __init__(self) -> None:
@@ -52,10 +52,10 @@ class ToolfaceSelector:
 
     def update(self, samples: Samples, rotary_speed: float = 0.0) -> ToolfaceReading | None:
         """
-        Reading of the last of some attitude samples; None where there are none.
+        Return the toolface of the last attitude sample; None without samples.
 
-        samples, shape (n,): `wire.ATTITUDE`. rotary_speed: rad/s, passed through. A toolface that is not available
-        has angle and sigma NaN.
+        samples, shape (n,), have the dtype of `wire.ATTITUDE`; rotary_speed, rad/s, is copied to the result. A toolface
+        that is not available has angle and sigma NaN.
         """
         if len(samples) == 0:
             return None

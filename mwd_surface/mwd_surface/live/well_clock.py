@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The time of a well: set by whoever feeds the well, read by its parts.
+Time of a well: set by the node or viewer that passes the messages, read by the parts of the well.
 
-It runs with the arrival of messages, which is the log time of a recording: the live node sets it by its own steady
-clock, the viewer of a recording by that of the recording. Nothing in this room reads a clock of the machine.
+It is the time of arrival of messages, which is the log time of a recording. The live node sets it from its own steady
+clock, the viewer of a recording from the log times. No module of this package reads a clock of the machine.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ class WellClock:
     Parameters
     ----------
     begin_ns : int
-        Time since the epoch at which it begins, ns.
+        Time of the start, ns since the epoch.
 
     Attributes
     ----------
     now_ns : int
-        Time since the epoch, ns.
+        Present time, ns since the epoch.
     origin_ns : int
-        The midnight (UTC) before the begin, from which `now` counts: two readers of the same messages count alike.
+        Origin of `now`, ns since the epoch: the midnight (UTC) before the start, so that two readers of the same
+        messages have the same `now`.
     """
 
     def __init__(self, begin_ns: int = 0) -> None:

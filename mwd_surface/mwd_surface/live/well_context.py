@@ -30,10 +30,10 @@ class WellOutlet:
     """
 
     def warn(self, text: str) -> None:
-        """Write a warning, such as of a message that cannot be read, into the log of the process."""
+        """Log a warning, for example about a message that cannot be decoded."""
 
     def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
-        """Accept a new toolface; age: of the word that it comes from, s; frame: of the attitude."""
+        """Accept a new toolface; age: age of the word that it comes from, s; frame: frame name of the attitude."""
 
     def on_inputs(self, table: InputTable) -> None:
         """Accept clocks and ages of the inputs, once a second."""
@@ -45,7 +45,7 @@ class WellOutlet:
         """Accept an interval of the slide sheet that has ended."""
 
     def on_accepted(self, record: SurveyRecord) -> None:
-        """Accept a survey that came into use."""
+        """Accept a survey that is now in use."""
 
     def on_surveys(self, surveys: SurveyList, path: Definitive) -> None:
         """Accept the changed survey list and its path."""
@@ -54,18 +54,18 @@ class WellOutlet:
         """Accept changed alarms and events; missing: kinds of alarms that are not evaluated, in words."""
 
     def on_rig_state(self, samples: Samples) -> None:
-        """Accept rig data of the source in force, `wire.RIG_STATE`, as they came."""
+        """Accept rig data of the source in force, `wire.RIG_STATE`, unchanged."""
 
     def is_simulated(self) -> bool:
         """Return whether a simulator makes the data."""
         return False
 
     def readings(self) -> dict[str, float]:
-        """Return readings of this machine for the table of supervision; none of a recording."""
+        """Return readings of this computer for the table of supervision; empty for a recording."""
         return {}
 
     def run(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:
-        """Run slow work; `done` is called with its future. Here at once."""
+        """Run slow work and call `done` with its future; this class runs the work at once, the node in a thread."""
         future: concurrent.futures.Future[Any] = concurrent.futures.Future()
         try:
             future.set_result(job())
@@ -83,7 +83,7 @@ class WellContext:
     ----------
     clock : WellClock
     live : LiveState
-        The well as page and rig interfaces see it.
+        State of the well for page and rig interfaces.
     alarm_log : AlarmLog
     outlet : WellOutlet
     """

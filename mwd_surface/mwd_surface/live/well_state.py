@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The state of a well at one moment: one immutable value that the live page shows and the rig interfaces send.
+State of a well at one time: one immutable value that the live page shows and the rig interfaces send.
 
-`live_state.LiveState.at` makes it. The page turns its fields into JSON, the rig interfaces turn them into their values.
-Numbers are in SI and rad; a number that is unknown is NaN or None, and zero is always a measured zero. Times are s of
-one steady clock, except stamps, which are ns since the epoch and come from the measurement.
+`live_state.LiveState.at` returns it. The page converts its fields to JSON, the rig interfaces to their values. Numbers
+are in SI and rad; an unknown number is NaN or None, and zero is always a measured zero. Times are s of one steady
+clock, except stamps, which are ns since the epoch and come from the measurement.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from mwd_surface.trajectory.slide_sheet import Stretch, Yield
 from mwd_surface.trajectory.well_path import Definitive
 
 NO_STATUS = Status(0)
-# Far below what drills and far above what a sensor reads of standing mud.
+# Flow and pressure above which the pumps count as on: far below drilling, far above readings of mud at rest.
 LEAST_FLOW = 100e-3 / 60.0  # m^3/s
 _LEAST_PRESSURE = 1e6  # Pa
 
@@ -63,14 +63,14 @@ class AttitudeState:
     Attributes
     ----------
     inclination, azimuth : LiveValue
-        The azimuth is from `north`.
+        Inclination from the vertical, and azimuth from `north`, rad.
     gravity_toolface, magnetic_toolface : Angle or None
-        Of the last sample; None where it does not define them.
+        Toolfaces of the last sample; None if the sample does not define them.
     status : Status
-        Of the last sample.
+        Status of the last sample.
     north : North
     stamp_ns : int or None
-        Of the last sample; None before the first.
+        Stamp of the last sample, ns; None before the first sample.
     """
 
     inclination: LiveValue = NO_VALUE
@@ -84,7 +84,7 @@ class AttitudeState:
 
 @dataclasses.dataclass(frozen=True)
 class DialReading:
-    """An earlier toolface on the dial: angle, rad; mode GRAVITY or MAGNETIC; at, s of the steady clock."""
+    """A toolface on the dial: angle, rad; mode GRAVITY or MAGNETIC; time of arrival, s of the steady clock."""
 
     angle: float
     mode: ToolfaceMode
@@ -95,7 +95,7 @@ class DialReading:
 
 @dataclasses.dataclass(frozen=True)
 class Advisory:
-    """The toolface to steer at and the deviation allowed, rad; inside: within it, None while the toolface is not."""
+    """Advised toolface and its limit, rad; inside: whether the live toolface is within the limit, None if unknown."""
 
     toolface: float
     limit: float
@@ -113,14 +113,15 @@ class ToolfaceState:
     mode : ToolfaceMode
     rotating : bool
     stamp_ns : int or None
-        Of the last sample; None before the first.
+        Stamp of the last sample, ns; None before the first sample.
     measured_ns : int or None
-        When the angle was measured: that of the last sample, or over a link of the word it comes from.
+        Stamp of the measurement, ns: the stamp of the last sample, or over a link the stamp at which the word was
+        measured.
     readings : tuple of DialReading
-        Oldest first.
+        Toolfaces on the dial, oldest first.
     advisory : Advisory or None
     threshold : float or None
-        Inclination, rad, below which the mode is MAGNETIC; None while the estimator has not told it.
+        Inclination, rad, below which the mode is MAGNETIC; None if unknown.
     """
 
     angle: LiveValue = NO_VALUE
@@ -156,7 +157,7 @@ class DrillingState:
 
 @dataclasses.dataclass(frozen=True)
 class RigState:
-    """Measurements of the rig; in_slips: None where the rig does not report it."""
+    """Measurements of the rig; in_slips is None if the rig does not report slips."""
 
     bit_depth: LiveValue = NO_VALUE
     hole_depth: LiveValue = NO_VALUE
@@ -172,7 +173,7 @@ class RigState:
 
     @property
     def pumps_on(self) -> bool | None:
-        """Whether mud is pumped, by flow or else by standpipe pressure; None where the rig reports neither."""
+        """Whether the pumps are on, judged by flow or else by standpipe pressure; None if the rig reports neither."""
         for measured, least in ((self.flow_rate, LEAST_FLOW), (self.pressure, _LEAST_PRESSURE)):
             if measured.state == Freshness.LIVE and measured.value is not None:
                 return measured.value > least
@@ -181,7 +182,7 @@ class RigState:
 
 @dataclasses.dataclass(frozen=True)
 class ReferenceField:
-    """A reference field: T, rad, m/s^2, NaN if unknown; source: where it comes from, in words."""
+    """Reference field and gravity, T, rad and m/s^2, NaN if unknown; source: origin of the values, in words."""
 
     total: float = math.nan
     dip: float = math.nan
@@ -192,7 +193,7 @@ class ReferenceField:
 
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceField:
-        """Return the reference a survey was judged by."""
+        """Return the reference field with which a survey was judged."""
         return cls(
             total=survey.b_reference,
             dip=survey.dip_reference,
@@ -206,10 +207,10 @@ class ReferenceField:
 @dataclasses.dataclass(frozen=True)
 class SurveyProgress:
     """
-    A survey or north seek under way: elapsed and remaining, s, NaN if unknown; result: how the last one ended.
+    Progress of a survey or north seek: elapsed and remaining time, s, NaN if unknown; result: outcome of the last one.
 
-    waits_for: why a survey that has averaged enough samples is not issued yet; elapsed and remaining then refer to
-    that wait.
+    waits_for: reason why a survey that has averaged enough samples is not issued yet; elapsed and remaining then are
+    times of that wait.
     """
 
     active: bool = False
@@ -231,7 +232,7 @@ class DiagnosticLevel(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class NodeDiagnostic:
-    """A line of diagnostics of a node."""
+    """One entry of a node's diagnostics."""
 
     name: str
     level: DiagnosticLevel
@@ -247,9 +248,9 @@ class AlarmState:
     Attributes
     ----------
     rows : tuple of Alarm
-        Newest first.
+        Alarms, newest first.
     not_evaluated : tuple of str
-        Kinds of alarms that could not be judged, in words.
+        Kinds of alarms that could not be evaluated, in words.
     epoch : float
         Time since the epoch at which the clock of `WellState.now` was zero, s, by the clock that stamps the alarms; NaN
         if unknown.
@@ -262,7 +263,7 @@ class AlarmState:
 
 @dataclasses.dataclass(frozen=True)
 class Chart:
-    """Rows of a strip chart, oldest or shallowest first, the names of their columns, and its length, s or m."""
+    """Strip chart: names of the columns, rows (oldest or shallowest first), and length of the chart, s or m."""
 
     columns: tuple[str, ...] = ()
     rows: tuple[Row, ...] = ()
@@ -271,7 +272,7 @@ class Chart:
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """Number of times that a part of the state was set, and the last time, s of the steady clock."""
+    """Number of times that a part of the state was set, and time of the last one, s of the steady clock."""
 
     count: int = 0
     at: float | None = None
@@ -279,7 +280,7 @@ class Change:
 
 @dataclasses.dataclass(frozen=True)
 class RodCount:
-    """Rods in the hole by the tally: their number, the bit depth that they make, m, and the usual length, m."""
+    """Rods in the hole by the tally: number of rods, bit depth that follows, m, and usual length of a rod, m."""
 
     rods: int
     bit_depth: float
@@ -289,14 +290,14 @@ class RodCount:
 @dataclasses.dataclass(frozen=True)
 class WellState:
     """
-    All that is known of a well at `now`; the defaults until something arrives.
+    State of a well at `now`; fields keep their defaults until data arrive.
 
     Attributes
     ----------
     now : float
-        s of the steady clock.
+        Time of this state, s of the steady clock.
     streams : mapping of str to StreamState
-        The streams by name.
+        State of each stream by name.
     reference_given : ReferenceField or None
         The field that the estimator or the receiver reports.
     surveys : SurveyList
@@ -304,41 +305,41 @@ class WellState:
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     rods : RodCount or None
-        The rods in the hole; None where the depth is not counted by rods.
+        Rods in the hole; None if the depth is not counted by rods.
     offset : Offset or None
         Offset of the end of the path from the plan.
     deviation : tuple of Deviation
-        Deviation of a mine hole from its plan, ahead of the bit first; as of the last change of the list.
+        Deviation of a mine hole from its plan, deepest first; computed at the last change of the list.
     branches : tuple of Branch
         Branches of a mine hole, in the order in which they were begun.
     closure : Closure or None
         Closure of a mine hole on its surveyed point; None without such a point.
     clearance, clearance_remarks
-        Clearance to offset wells from the last survey on, the closest by the rule first, and remarks on what was left
-        out or assumed.
+        Clearance to offset wells from the last survey on, the closest by the rule first; and remarks on omitted wells
+        and assumptions.
     stretches, yields
-        The slide sheet, deepest last.
+        Intervals of the slide sheet, deepest last, and the yields of the slides between stations.
     quill : float or None
         Angle of the quill, rad clockwise looking down-hole from the zero of the rig.
     link : LinkStatus or None
         The telemetry link in use.
     control : ControlStatus
-        Who has control of top drive and pumps, what was asked and what the rig does.
+        Holder of the control of top drive and pumps, commands, and actual values of the rig.
     advice : Advice
-        How to drill the next interval.
+        Advice for drilling the next interval.
     downlink : DownlinkStatus or None
-        The command to the tool.
+        State of the downlink command to the tool.
     inputs : InputTable
-        Clocks and ages of the inputs, and which gives the depth.
+        Clock offsets and ages of the inputs, and the source of the depth.
     recorder : RecorderStatus or None
     diagnostics : tuple of NodeDiagnostic
-        Worst first.
+        Diagnostics of the nodes, worst first.
     events : tuple of Event
-        Newest first.
+        Events of the log, newest first.
     well_given : bool
-        Whether somebody described the well; False: its description is assumed.
+        Whether the well was described by a person; False if the description is assumed.
     over_link : bool or None
-        Whether a telemetry link stands between tool and surface; None: not known.
+        Whether the tool is received over a telemetry link; None if unknown.
     over : bool
         Whether the simulation or replay that makes the data has come to its end.
     history, trend, depth_log : Chart
@@ -350,7 +351,8 @@ class WellState:
     tool_health : ToolHealth
         Battery, run time, exposures, self-tests and parts of the tool.
     changes : mapping of str to Change
-        How often and when each part was set, by its name (a field of this class). A part that was never set is missing.
+        Number of times that each part was set, and the last time, by name of the part (a field of this class). A part
+        that was never set is missing.
     """
 
     now: float = 0.0
@@ -398,7 +400,7 @@ class WellState:
 
     @property
     def reference(self) -> ReferenceField:
-        """Reference field in force: the one given, else that of the latest survey that has one."""
+        """Reference field in force: `reference_given`, else the reference of the latest survey that has one."""
         if self.reference_given is not None:
             return self.reference_given
         known = (record.survey for record in self.surveys.records if record.survey.has_reference)
@@ -407,7 +409,7 @@ class WellState:
 
     @property
     def section_azimuth(self) -> float:
-        """Azimuth of the vertical section, rad: of the path, else of the well, else of the plan."""
+        """Azimuth of the vertical section, rad: from the path, else from the well's settings, else from the plan."""
         if self.path is not None:
             return self.path.section_azimuth
         if self.well.section_azimuth_deg is not None:
@@ -415,10 +417,10 @@ class WellState:
         return 0.0 if self.plan is None else self.plan.section_azimuth
 
     def change(self, part: str) -> Change:
-        """Return how often a part was set, and when."""
+        """Return the number of times that a part was set, and the last time."""
         return self.changes.get(part, Change())
 
     def age(self, part: str) -> float | None:
-        """Return the time since a part was last set, s; None before the first."""
+        """Return the time since a part was last set, s; None if it was never set."""
         at = self.change(part).at
         return None if at is None else max(0.0, self.now - at)

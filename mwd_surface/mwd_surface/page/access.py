@@ -21,8 +21,8 @@ from mwd_sensors.core.input_files import read_text
 
 VARIABLE = "MWD_PAGE_TOKEN"
 _SHORTEST = 8
-_MOST_WRONG = 5  # wrong secrets from one address before it has to wait
-_WAIT_S = 60.0
+_MOST_WRONG = 5  # number of wrong secrets in a row from one address after which the address must wait
+_WAIT_S = 60.0  # time from the last wrong secret to the end of the wait
 _REMEMBERED = 1000  # number of addresses that are remembered
 
 

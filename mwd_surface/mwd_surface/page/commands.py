@@ -13,7 +13,7 @@ from mwd_sensors.core.foreign_text import not_a_file_name, unprintable
 from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
-_UINT8, _UINT32 = range(2**8), range(2**32)  # as in the requests of the services
+_UINT8, _UINT32 = range(2**8), range(2**32)  # ranges of the integer fields in the requests of the services
 # Arguments of each command: type (a range: of whole numbers), and whether the argument is optional.
 COMMANDS: dict[str, dict[str, tuple[type | range, bool]]] = {
     "accept_survey": {
@@ -50,7 +50,7 @@ COMMANDS: dict[str, dict[str, tuple[type | range, bool]]] = {
     },
     "export": {"format": (str, False), "name": (str, True)},
 }
-# Decisions that give the rig back or refuse something; they are never delayed or locked out.
+# Values of `decision` that return control of the rig or refuse a request; these are never delayed or locked out.
 _SAFE: dict[str, tuple[int, ...]] = {"judge_control": (1, 2), "decide_downlink": (2, 3)}
 _MAX_TEXT = 500
 

@@ -60,7 +60,7 @@ class FoxgloveServer:
     definitions : Definitions, optional
         Source of schema texts; by default this installation.
     simulated_clock : bool
-        Whether the time is not wall-clock time; clients are then told the time (`set_time`).
+        Whether the time is simulated instead of wall-clock time; `set_time` then sends it to the clients.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class FoxgloveServer:
         try:
             self._server = self._sdk.start_server(
                 name=self._name,
-                # Clients connect through the relay, which knows both names of the protocol.
+                # Clients connect through the relay, which accepts both names of the protocol.
                 host="127.0.0.1",
                 port=0,
                 context=self._context,
@@ -170,7 +170,7 @@ class FoxgloveServer:
         channel.log(data, log_time=log_ns)
 
     def set_time(self, now_ns: int) -> None:
-        """Tell clients the time, ns since the epoch, if it is not wall-clock time."""
+        """Send the time, ns since the epoch, to the clients if it is simulated time."""
         if self._server is not None and self._simulated_clock:
             self._server.broadcast_time(now_ns)
 
@@ -216,7 +216,7 @@ class FoxgloveServer:
             channel.log(last[0], log_time=last[1])
 
 
-# Relay that lets Foxglove clients with the older protocol name connect, by changing one word of the handshake.
+# Relay through which Foxglove clients with the older protocol name can connect: it changes one word of the handshake.
 
 
 NEW, OLD = b"foxglove.sdk.v1", b"foxglove.websocket.v1"
@@ -315,7 +315,7 @@ class HandshakeRelay:
                     way.cancel()
                 await asyncio.gather(*ways, return_exceptions=True)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            # There was no handshake, or the other side has gone, so no answer can be sent.
+            # There was no handshake, or the other side has closed the connection, so no answer can be sent.
             return
         finally:
             for one in (writer, inner):

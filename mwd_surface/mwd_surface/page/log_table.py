@@ -12,8 +12,8 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.page.plain import number
 
-_GAPS = 3  # the deepest gaps, which the page names
-_HELD = 40  # steps for which a sector is held at most
+_GAPS = 3  # number of deepest gaps that the page lists
+_HELD = 40  # largest number of depth steps for which the value of a sector is held
 
 
 def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
@@ -21,8 +21,8 @@ def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
     Return the curves as tables.
 
     rows: depth, m, value, sigma, time of measurement, s, and quality, bits of LogSample; sectors: values of each row,
-    from the high side clockwise; held: numbers of steps, as `held_steps`; gaps: top and bottom of the deepest gaps, m,
-    of gap_count in all. Values are in the unit of the channel.
+    from the high side clockwise; held: result of `held_steps`; gaps: top and bottom of the deepest gaps, m; gap_count:
+    number of all gaps. Values are in the unit of the channel.
     """
     return {"channels": [_channel(curve) for curve in curves if len(curve.depth)]}
 
@@ -43,10 +43,11 @@ def _channel(curve: Curve) -> dict[str, Any]:
 
 def held_steps(sectors: Array) -> list[int]:
     """
-    Return, for each sector, the distance up to which two of its values belong together, in depth steps.
+    Return, for each sector, the largest number of depth steps for which the image holds a value of the sector.
 
-    Over a link the sectors come in turn, so each has a value only now and then; the image shows it, marked as held,
-    until the next one. A distance above one and a half times the usual one, or above 4 m with steps of 0.1 m, is a gap.
+    Over a link the sectors arrive in turn, so a sector has values only at some depths. The image shows each value,
+    marked as held, until the next value of the sector. A distance between two values above 1.5 times the median
+    distance, or above `_HELD` steps, is a gap.
 
     Parameters
     ----------

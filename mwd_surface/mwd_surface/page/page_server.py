@@ -2,10 +2,10 @@
 """
 Server of the driller's page that pushes the state to every browser, in one thread with its own event loop.
 
-Each client gets what changed since its last message, at a bounded rate. A slow client skips states instead of queueing
+Each client gets the changes since its last message, at a bounded rate. A slow client skips states instead of queueing
 them, so memory does not grow. The page is read-only; commands need a token and go to a callback. Protection against the
-open web: loopback unless set otherwise, Host and Origin checked (a foreign name may be a rebound one), a content policy
-without other sources, limits on size, time and number of connections.
+open web: loopback unless set otherwise, checks of Host and Origin (against DNS rebinding), a content policy without
+other sources, limits on size, time and number of connections.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
 
 def sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """Return a handler that sends a file from memory."""
-    # Files of the page change with the program; its font does not, and is large.
+    # The browser keeps a font for a week, because it is large and does not change. Other files change with the program.
     kept = "max-age=604800" if kind.startswith("font/") else "no-cache"
 
     async def send(_request: web.Request) -> web.StreamResponse:
@@ -186,7 +186,7 @@ class PageServer:
             try:
                 loop.call_soon_threadsafe(self._feed.wake)
             except RuntimeError:
-                # The loop closed between the two lines, so no client is left.
+                # The loop was closed after the check above, so no client is left.
                 return
 
     def tell(self, **own: Any) -> None:
@@ -291,7 +291,7 @@ class PageServer:
             try:
                 connection, peer = await loop.sock_accept(listening)
             except OSError:
-                # No file handle is free, or the other side has gone; the next connection may succeed.
+                # No file handle is free, or the other side has closed; the next connection may succeed.
                 await asyncio.sleep(0.05)
                 continue
             if not self._has_room(server, peer[0]):
@@ -416,10 +416,10 @@ class PageServer:
 
     async def _with_token(self, request: web.Request, *, may_be_safe: bool = False) -> int:
         """
-        Refuse a request without the right token; return how long its address is locked out, s.
+        Refuse a request without the right token; return the remaining lock-out time of its address, s.
 
-        may_be_safe: whether to answer a locked-out address that has the right token. An attacker may share the
-        operator's address, so commands that only give the rig back are not locked out.
+        may_be_safe: whether to accept the right token from a locked-out address. An attacker may share the operator's
+        address, so commands that only return control of the rig are not locked out.
         """
         if self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
@@ -496,7 +496,8 @@ def _checked(given: dict[str, Any]) -> dict[str, float | bool]:
     for name, low, high in (("rate", 0.01, _FASTEST), ("seek", 0.0, _LONGEST_S)):
         value = given.get(name, high)
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        # An int may exceed every float. Infinity is beyond a limit, and NaN fails every comparison.
+        # Compare without conversion: an int may exceed the largest float. Infinity is above the limit, and NaN fails
+        # every comparison.
         if not number or not low <= value <= high:
             raise web.HTTPBadRequest(text=f"{name}: expected a number from {low:g} to {high:g}")
     return given
@@ -505,7 +506,7 @@ def _checked(given: dict[str, Any]) -> dict[str, float | bool]:
 # Route of the page to the exported files, so that a tablet without access to the surface unit's disk gets them.
 
 
-_MOST = 200  # files listed, the newest
+_MOST = 200  # largest number of files in the list, the newest
 
 Allowed = Callable[[web.Request], Awaitable[Any]]
 
@@ -546,11 +547,11 @@ def exported_files(folder: Path) -> list[dict[str, Any]]:
     return sorted(found, key=lambda one: one["changed"], reverse=True)[:_MOST]
 
 
-# Listening socket of the page, and a limit on what a watching browser sends.
+# Listening socket of the page, and a limit on the data that a connected browser sends.
 
 
 def peer_of(transport: asyncio.BaseTransport | None) -> str:
-    """Return the address of the other side; empty if the connection is gone."""
+    """Return the address of the other side; empty if the connection is closed."""
     name = None if transport is None else transport.get_extra_info("peername")
     return str(name[0]) if name else ""
 
@@ -589,11 +590,11 @@ class QuietPeer(asyncio.Protocol):
         self._inner.data_received(data)
 
     def eof_received(self) -> bool | None:
-        """Pass on that the peer has ended."""
+        """Pass on that the peer sends no more data."""
         return bool(self._inner.eof_received())
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Pass on that the connection is gone."""
+        """Pass on that the connection is closed."""
         self._inner.connection_lost(error)
 
     def pause_writing(self) -> None:

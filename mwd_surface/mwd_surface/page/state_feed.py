@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Sender of the page's state to its clients: each gets what changed since its last message, at a bounded rate.
+Sender of the page's state to its clients: each client gets the changes since its last message, at a bounded rate.
 
-A slow client skips states instead of queueing them, so memory does not grow and the client does not see old states.
-Each state is followed by a ping, which a browser answers once it has read up to there, and only a few states may be
+A slow client skips states instead of queueing them, so memory does not grow and the client does not show old states.
+Each state is followed by a ping, which a browser answers after it has read the state, and only a few states may be
 unanswered at a time.
 """
 
@@ -19,7 +19,7 @@ from aiohttp import web
 
 from mwd_surface.page.state_json import STRIPS
 
-_HEARTBEAT = 1.0  # s
+_HEARTBEAT = 1.0  # s; longest time between two messages to a client
 _ON_THE_WAY = 4  # largest number of unanswered states; at 15 Hz a round trip of a quarter of a second costs no update
 
 
@@ -70,7 +70,7 @@ class StateFeed:
     clock : callable
         Steady time, s.
     now : callable
-        Clock of the snapshots' `now`.
+        Returns the time by the clock of the snapshots' `now`, s; by default `clock`.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class StateFeed:
     ) -> None:
         self.snapshot: Mapping[str, Any] | None = None
         self.clients: set[Client] = set()
-        # Facts of the server itself: whether it accepts commands, and the export formats.
+        # Data about the server itself: whether it accepts commands, and the export formats.
         self.own: dict[str, Any] = {"controls": False, "exports": []}
         self.skipped = 0
         self._period, self._send_timeout, self._clock = period, send_timeout, clock
@@ -86,7 +86,7 @@ class StateFeed:
         self._texts: dict[str, tuple[int, str]] = {}
 
     async def send(self, client: Client) -> None:
-        """Send new states to a client at the allowed rate, with a heartbeat at least every second, until it leaves."""
+        """Send new states to a client at the allowed rate, or a heartbeat each second, until the client disconnects."""
         period = self._period
         while not client.socket.closed:
             if not client.may_send.is_set():
@@ -129,12 +129,12 @@ class StateFeed:
 
     def message(self, seen: Seen, skipped: int, *, cached: bool = True) -> tuple[str, Seen, bool]:
         """
-        Return the text of the sections that are new to a client, the state it then knows, and whether any is new.
+        Return a message with the sections that are new to a client, its new `Seen`, and whether any section is new.
 
-        `now` of the text is the time at which it was made, for the ages of values; `state_at` is that of the state,
-        which is earlier: without a browser the state is taken once a second.
+        `now` in the message is the time at which the message was made, for the ages of values. `state_at` is the time
+        of the state, which is earlier: without a browser the state is updated once a second.
 
-        cached: whether to use the texts kept for all clients, whose ages are those at the first sending.
+        cached: whether to use the texts that are kept for all clients; ages in them refer to the first sending.
         """
         snapshot = self.snapshot
         own = {
@@ -167,7 +167,7 @@ class StateFeed:
         return head + ", ".join(parts) + "}}", Seen(dict(now_has), strips), bool(parts)
 
     def _text(self, name: str, revision: int, section: Any) -> str:
-        """Return the JSON of a section, which is made once for all clients."""
+        """Return the JSON of a section; it is made once for all clients."""
         known = self._texts.get(name)
         if known is None or known[0] != revision:
             known = self._texts[name] = (revision, dumps(section))

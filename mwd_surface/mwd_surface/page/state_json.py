@@ -3,8 +3,8 @@
 State of a well as the JSON of the live page: finite numbers, text, lists, and None for unknown.
 
 Most sections are the parts of `WellState` under their own names, with the fields of each part. Numbers stay in SI and
-rad; the page converts them. The revision of each section changes whenever the section changes, apart from the ages in
-it, so that clients are sent only what is new to them.
+rad; the page converts them. The revision of each section changes whenever the section changes, apart from its ages, so
+that a client is sent only the changed sections.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from mwd_surface.trajectory.plan import Plan
 
 # Sections that grow row by row: a client is sent only the new rows.
 STRIPS = ("history", "trend", "depth_log")
-# Sections made of samples: they hold the state and the age of each value, so they are made anew each time.
+# Sections with values of samples: they hold the freshness and the age of each value, so they are made anew each time.
 _MEASURED = ("attitude", "toolface", "drilling", "rig")
-# Parts of the state that are sections with the same fields; a part that is a sequence has its first rows.
+# Parts of the state that are sections with the same fields; of a sequence, the section has the first rows.
 _PARTS = (
     *("offset", "rods", "deviation", "branches", "closure", "quill", "link", "control", "advice", "downlink", "inputs"),
     *("survey_progress", "tool_health"),
@@ -80,8 +80,8 @@ class StateJson:
         Returns
         -------
         dict
-            now: time of the state. sections: table by name, None if nothing has come. revisions: by name, a number that
-            changes whenever the section does, apart from the ages in it. Single values are the fields of `LiveValue`:
+            now: time of the state, s. sections: table by name, None before data arrive. revisions: by name, a number
+            that changes whenever the section changes, apart from its ages. Single values are the fields of `LiveValue`:
             at is the time of arrival, which decides when the value becomes stale; measured_at is the time of
             measurement; both in s of the clock of `now`. Other sections have since, the time at which they were last
             set. Sections history, trend and depth_log (STRIPS) are {columns, rows, length}, with the oldest or
@@ -100,7 +100,7 @@ class StateJson:
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _measured(self, state: WellState) -> Iterator[tuple[str, Table]]:
-        """Make the sections whose values have their own freshness."""
+        """Yield name and table of each section whose values have a freshness of their own."""
         # Stream counts change all the time; updating them once per second is enough.
         if state.now - self._counted_at >= 1.0 or state.now < self._counted_at:
             self._counted_at = state.now
@@ -164,7 +164,7 @@ def _part(part: Any) -> Table | None:
 
 
 def _sent(status: RecorderStatus | None) -> Table | None:
-    """Return the fields of the recorder's message, because a viewed recording does not have the others."""
+    """Return the fields of the recorder's message only, because the other fields are not recorded."""
     return None if status is None else {name: plain(getattr(status, name)) for name in status.sent()}
 
 

@@ -47,7 +47,8 @@ def _kind(signal: Signal) -> str:
     return "inclination" if signal.is_inclination else _KINDS[signal.listed_scale.symbol]
 
 
-#: Columns of the survey table, in order: field of a row, title, kind of number, least width that shows it.
+#: Columns of the survey table, in order: field of a row, title, kind of number, and smallest screen on which the column
+#: is shown (0: any, 1: tablet, 2: wide).
 COLUMNS = [
     {"field": name, "title": signal.listed.title, "kind": _kind(signal), "width": shown.width}
     for shown, name, signal in sorted((one.shown, name, one) for name, one in _ROW.items() if one.shown is not None)
@@ -157,7 +158,7 @@ def quality_lights(record: SurveyRecord, limits: QualityLimits, north: North = N
 
 def path_table(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:
     """
-    Return the path as columns.
+    Return the well path as columns for the page.
 
     section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): covariance of the first m positions,
     m^2, for the ellipses. most: number of stations to keep, counted from the last.

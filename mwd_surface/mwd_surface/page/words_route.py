@@ -16,7 +16,7 @@ def words_handler(default: str) -> Callable[[web.Request], Awaitable[web.Respons
     """
     Return the handler of ``words.json?lang=CODE``.
 
-    default: language for a request without a code, or with one that has no catalogue.
+    default: language for a request without a code, or with a code that has no catalogue.
 
     Raises
     ------
