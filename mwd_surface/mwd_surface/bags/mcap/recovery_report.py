@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of an MCAP file, and the report on what was found or recovered."""
+"""Check of an MCAP file, and the report of a check or a recovery."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class RecoveryReport:
     start_ns, end_ns : int
         Log times of the first and the last message; 0 if there is no message.
     notes : tuple of str
-        One sentence for each thing found.
+        One sentence for each fault or anything unusual that was found.
     """
 
     source: Path

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 OVERHEAD = 128  # memory that a waiting message needs in addition to its payload, bytes
-_BATCH = 1000
+_BATCH = 1000  # largest number of entries in a batch
 
 
 class Item(NamedTuple):
