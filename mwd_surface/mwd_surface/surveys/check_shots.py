@@ -32,12 +32,12 @@ _CURVATURE = math.radians(6.0) / 30.0
 # Repeatability of a reading at one attitude, m/s^2 and T: resolution of the telemetry and residual motion of the
 # string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
-# Azimuths are not compared at smaller inclinations.
+# Least inclination at which azimuths are compared, rad.
 _LEAST_INCLINATION = math.radians(3.0)
 # Probability of a larger chi-square by chance below which shots are doubtful, and below which they fail; the verdict of
 # a survey uses the same values.
 _DOUBTFUL, _FAIL = 0.01, 0.001
-# Biases are estimated only if no gap between the toolfaces of the shots is wider than this.
+# Biases are estimated only if every gap between the toolfaces of the shots is smaller than this, rad.
 _WIDEST_GAP = math.pi
 # Number of sigma of the tool code above which a bias is out of specification.
 _BIAS_SIGMAS = 3.0
@@ -109,7 +109,7 @@ def check_shots(
     Raises
     ------
     ValueError
-        The lengths differ.
+        The arguments differ in length.
     """
     depth, force, field = (np.asarray(value, dtype=float) for value in (md, f_t, b_t))
     names = list(tools) or [""] * len(depth)

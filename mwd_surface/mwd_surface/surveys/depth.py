@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Measured depth of a survey: the bit depth reported by the rig at the survey's time, minus the distance sensor-bit.
+Measured depth of a survey: the rig's bit depth at the time of the survey, minus the distance from sensor to bit.
 
 Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
 than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey is paired
@@ -115,7 +115,7 @@ class DepthTrack:
         self._waiting: list[tuple[int, float]] = []
         # Readings that are much older than the latest one and not confirmed yet.
         self._earlier: list[tuple[int, float]] = []
-        # Stamp, ns, and depth, m: of readings dropped as jumps; and start and previous depth of each confirmed jump.
+        # Stamp, ns, and depth, m, of readings dropped as jumps; stamp of each confirmed jump, and the depth before it.
         self._left_out: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._jumps: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._sonde_ns: int | None = None
@@ -207,7 +207,7 @@ class DepthTrack:
         return True
 
     def _continues(self, stamp_ns: int, bit_depth: float) -> bool:
-        """Return whether the last accepted reading before a time is within `rules.bridge`, with a plausible depth."""
+        """Return whether a reading can follow the last accepted one before its time, within `rules.bridge`."""
         at = bisect.bisect_left(self._stamps, stamp_ns) - 1
         return (
             at >= 0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversion of an imported list of stations to a survey list, so that path, reports and exports work as for any other.
+Conversion of an imported list of stations to a survey list, for which path, reports and exports work as usual.
 
 `station_list.start_of` decides where the path starts, as for plans and offset wells. Stations whose own verdict is not
 "accept" are listed but not used.

@@ -67,7 +67,8 @@ class Multistation:
     sigma_inclination: Array
     azimuth_raw: Array  #: shape (n,); uncorrected magnetic azimuth, rad
     used: np.ndarray  #: bool, shape (n,); false for outliers, which do not contribute but are corrected too
-    #: `chi_square`, `degrees`, `probability`: for the residuals of the used stations together with the priors.
+    #: `chi_square`, `degrees`, `probability`: chi-square of the residuals of the used stations and of the priors, its
+    #: degrees of freedom, and the probability of a larger value by chance.
     chi_square: float
     degrees: int
     probability: float

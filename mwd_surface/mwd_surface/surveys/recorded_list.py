@@ -23,7 +23,7 @@ from mwd_surface.surveys.well import Well
 
 EVENTS, EVENT_TYPE = "operator_events", "mwd_msgs/msg/OperatorEvent"
 _LIST_TYPE, _SURVEY_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Survey"
-_SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # of OperatorEvent.msg
+_SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # kinds of OperatorEvent.msg
 
 
 @dataclasses.dataclass(frozen=True)

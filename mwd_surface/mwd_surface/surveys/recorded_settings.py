@@ -126,7 +126,7 @@ def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
     """
-    Return settings whose field model covers the day, and a remark if the IGRF replaces a model that does not.
+    Return settings whose field model covers the day, and a remark if the IGRF replaces the given model.
 
     stamp_ns: time, ns, whose day is used if no date is set. Raises ValueError for a day outside all models.
     """

@@ -162,7 +162,7 @@ class SurveyList:
         value: Value = Value.DEFINITIVE,
     ) -> SurveyList:
         """
-        Put a survey into the path by a person's decision, whatever its automatic verdict; both are kept.
+        Put a survey into the path by a person's decision, whatever its automatic verdict; the list keeps both.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ class SurveyList:
         return self._with([record if r is old else r for r in self.records])
 
     def as_first_decided(self) -> SurveyList:
-        """Return the list with each survey as first decided; without a person's decision, the rules admit a survey."""
+        """Return the list with each survey as first decided; the rules decide on surveys that no person has judged."""
         bare = self._with(())
         for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
             first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
