@@ -426,7 +426,7 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
             unread.append(column)
     directed = tuple(one for one in of.get("dip", ()) if points(one.name))
     if directed:
-        # A dip column without a direction is then the dip of the magnetic field.
+        # If a dip column states its direction, other dip columns are those of the magnetic field.
         of["dip"] = directed
     if "inclination" in of:
         # A list with inclinations may also have the dip of the magnetic field.

@@ -57,7 +57,7 @@ class TableStation:
 
 
 def single_stations(rows: Sequence[TableRow], settings: StationSettings | None = None) -> list[TableStation]:
-    """Compute each row by itself."""
+    """Return the stations of the rows, each computed without the other rows."""
     return [
         TableStation(row.md, row.time, station(row.f_t, row.b_t, row.reference, settings, faults=row.faults), row.run)
         for row in rows

@@ -163,9 +163,10 @@ def _cost(pair: tuple[int, int]) -> int:
 
 def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array) -> list[tuple[int, int]]:
     """
-    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`; empty if the table's is good.
+    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`.
 
-    f_t, b_t: shape (n, 3). dip, printed_inclination, printed: shape (n,), as in `Expected`.
+    The list is empty if the table may have the right wiring. f_t, b_t: shape (n, 3). dip, printed_inclination, printed:
+    shape (n,), as in `Expected`.
     """
     f = np.einsum("pij,nj->pni", _WAYS, f_t / np.linalg.norm(f_t, axis=1, keepdims=True))
     b = np.einsum("qij,nj->qni", _WAYS, b_t / np.linalg.norm(b_t, axis=1, keepdims=True))
