@@ -416,7 +416,7 @@ def storage_of(path: Path) -> str:
 
 
 def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, str]:
-    """Return, by channel, why the first messages of channels declared as CDR are not CDR."""
+    """Return the channels declared as CDR whose first messages are not CDR, each with the reason."""
     waiting = {
         number
         for number in numbers

@@ -63,7 +63,7 @@ class Bag:
     complete : bool
         False if the recording is known to be cut off or damaged.
     lost_bytes : int
-        Bytes of a ROS 1 recording after the place where reading ended.
+        Number of bytes of a ROS 1 recording after the place where reading ended.
 
     Raises
     ------

@@ -45,7 +45,7 @@ class FolderLock:
             self.free()
             raise
         with contextlib.suppress(OSError):
-            # The process number is for the message to the next process; the lock itself needs no content.
+            # Write the process number, which the error of another process names; the lock itself needs no content.
             os.ftruncate(file, 0)
             os.pwrite(file, str(os.getpid()).encode(), 0)
 

@@ -52,7 +52,7 @@ class Ros1Bag:
     complete : bool
         Whether the recording has its index.
     lost_bytes : int
-        Bytes after the place where reading of a file without index ended.
+        Number of bytes after the place where reading of a file without index ended.
 
     Raises
     ------

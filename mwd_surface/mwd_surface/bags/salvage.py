@@ -131,7 +131,7 @@ class _Database:
     topics : dict of int to (name, type)
         Topics by their number in the database.
     lost : int
-        Rows that could not be read in the last call of `messages`.
+        Number of rows that could not be read in the last call of `messages`.
     """
 
     def __init__(self, file: Path, copy: Path) -> None:

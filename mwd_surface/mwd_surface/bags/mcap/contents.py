@@ -21,7 +21,7 @@ class Span:
     Attributes
     ----------
     start_ns, end_ns : int
-        First and last log time.
+        First and last log time, ns.
     offset, length : int
         Position and length in the file, including the headers of its records.
     size : int

@@ -122,7 +122,7 @@ class McapFile:
         Raises
         ------
         FormatError
-            The bytes reach beyond the end of the file, or are more than the largest chunk.
+            The bytes reach beyond the end of the file, or are more than the largest chunk that is allowed.
         """
         if size > MAX_CHUNK_BYTES + _CHUNK_HEAD_BYTES:
             raise FormatError(f"a record of {size} bytes is above the limit of {MAX_CHUNK_BYTES}")
@@ -254,7 +254,7 @@ class McapFile:
         return Bare(at, end, plain[:end], walk_records(np.frombuffer(plain[:end], dtype=np.uint8)))
 
     def _has_wrong_length(self, at: int, length: int) -> bool:
-        """Return whether no record follows a record of this length, but one follows after a change of one bit of it."""
+        """Return whether no record follows a record of this length, but one does if one bit of the length changes."""
         after = at + PREFIX
         if self.read(at, 1)[0] == Opcode.FOOTER or self._begins_records(after + length, first=False, cut_off=False):
             return False
@@ -274,7 +274,7 @@ class McapFile:
         return any(self._begins_records(after + other) for other in likely)
 
     def _resume(self, at: int) -> int:
-        """Return where reading continues after damage at `at`: at the next record, else at the first one found."""
+        """Return where reading continues after damage at `at`: after the damaged record, else at a record found."""
         try:
             after = at + PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
             if after <= self.size and self._begins_records(after, first=False, cut_off=False):

@@ -31,7 +31,7 @@ class Walk:
     end : int
         Position after the last complete record; the length of the data if it consists of complete records.
     impossible : int
-        Messages left out because their log time is after the year 2262, which int64 cannot hold.
+        Number of messages left out because their log time is after the year 2262, which int64 cannot hold.
     """
 
     offset: NDArray[np.int64]

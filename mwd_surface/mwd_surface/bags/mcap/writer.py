@@ -197,7 +197,7 @@ class McapWriter:
         if not self._pending:
             return
         plain = b"".join(self._parts)
-        # Keep the joined bytes: if the disk refuses them, the next attempt need not join again.
+        # Keep the joined bytes: if writing fails, the next attempt need not join them again.
         self._parts = [plain]
         indexes = {channel: _entries(items) for channel, items in self._index.items()}
         start = min(int(entries["log_ns"].min()) for entries in indexes.values())

@@ -27,7 +27,7 @@ class Item(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Memory used while it waits, bytes."""
+        """Memory that the message uses while it waits, bytes."""
         return len(self.data) + OVERHEAD
 
 

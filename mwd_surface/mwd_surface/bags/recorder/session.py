@@ -2,8 +2,8 @@
 """
 One running recording: files, chunks, splits by time and size, and pauses while the disk is full.
 
-Only one thread uses a session. If the disk refuses a write, the recording pauses, its file is completed as far as the
-disk allows, and writing is tried again later.
+Only one thread uses a session. If a write to the disk fails, the recording pauses, its file is completed as far as
+possible, and writing is tried again later.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Session:
     writing : bool
         False while the disk is full or failing.
     dropped : int
-        Messages removed from the queue but not written.
+        Number of messages removed from the queue but not written.
     free : float
         Free bytes on the disk at the last check; NaN if unknown.
     began : float
@@ -287,7 +287,7 @@ class Session:
         return done
 
     def finish(self) -> None:
-        """End the recording; if the disk refuses, complete the file as far as possible."""
+        """End the recording; if a write fails, complete the file as far as possible."""
         try:
             if self.writing:
                 self._record_early()
@@ -302,7 +302,7 @@ class Session:
         if not self._last_ns:
             self._early.append(event)
             return
-        # Ignore the disk's error here: the next message will meet and handle it.
+        # Ignore an error of the disk here: it occurs again with the next message, where it is handled.
         with contextlib.suppress(OSError):
             self._record_event(event)
 
