@@ -44,7 +44,7 @@ _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
 # If a sample is late by at most _LATE_NS, ns, all samples are placed again in order of time. At most _MOST_KEPT samples
 # are kept for this: three days with four channels that send a sample every 10 s.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
-_SILENT_NS = 120 * NANOSECONDS  # ns; a channel with an older last sample has stopped; a link may take a minute
+_SILENT_NS = 120 * NANOSECONDS  # ns; a channel without a sample for longer has stopped; a link may need a minute
 _MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half a day with four channels as above
 
 
@@ -424,7 +424,7 @@ class DepthLog:
             )
 
     def _gaps(self, channel: _DepthChannel, which: str) -> tuple[tuple[float, float], ...]:
-        """Return the intervals of depth without a value, m: in the whole well, and below a channel that stopped."""
+        """Return the intervals of depth without a value, m; if the channel stopped, also the interval below its end."""
         steps = channel.filled[which]
         filled = np.sort(np.fromiter(steps, dtype=float, count=len(steps)))
         if not len(filled):

@@ -99,7 +99,7 @@ class Exposure:
     dose : float
         Share of the life that is used; 1 is the limit.
     limit : float
-        First level of the limit.
+        Lowest level that uses up life; the tool withstands lower levels without limit.
     assumed : bool
         Whether the limit is that of a usual kit, because the tool file states none.
     """
