@@ -38,9 +38,9 @@ from mwd_surface.processing.stream_times import PACE
 
 # Width of the time bins in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
-# Samples cannot be paired if their clocks differ by more, s; message delays are shorter.
+# Samples cannot be paired if their clocks differ by more than this, s; message delays are shorter.
 _APART_S = 1.0
-# Number of messages in a bin that are enough to compare clocks.
+# Least number of messages in a time bin for a comparison of the clocks.
 _FEW = 5
 # Least time since 1970 of a clock that has been set (1989), ns.
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS

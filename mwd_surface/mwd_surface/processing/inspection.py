@@ -334,7 +334,7 @@ def _corrected(reading: _InspectionPass) -> tuple[InputSettings, EstimatorSettin
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
         elif fault.code == FaultCode.MOUNT and reading.turned.any():
-            # Use the whole recording, in axes of the unit, whatever mount it was read with.
+            # Use the turning of the whole recording in axes of the unit, which does not depend on the assumed mount.
             changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
         changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
         if changes:

@@ -53,7 +53,7 @@ class ListBuilder:
     Attributes
     ----------
     depth : DepthTrack
-        Bit depth of the rig; updated by the caller.
+        Bit depth of the rig, as passed to `take_rig`, with the corrections of people.
     surveys : SurveyList
     warnings : list of str
     """

@@ -88,7 +88,7 @@ def process(
 
 
 def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> EstimatorSettings | None:
-    """Return settings with reversed accelerometer if a fault at the end shows reversed signs of it alone; else None."""
+    """Return settings with the accelerometer reversed if a fault at the end shows that its signs are wrong."""
     last = {fault.check: fault for fault in summary.faults}
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
