@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings: reading, writing while they happen, and recovery of damaged ones."""
+"""Recordings: reading, crash-safe writing, and recovery of damaged recordings."""

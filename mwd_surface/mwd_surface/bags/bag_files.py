@@ -46,13 +46,14 @@ __all__ = ["BagError", "BagFiles", "TopicInfo"]
 # First bytes of the files of each storage, and the file name endings that are looked for in a folder.
 _BEGINNINGS = {MAGIC: "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ros1"}
-# A channel is not in its declared encoding if its first _PROBED messages all contradict it; spans searched for them.
+# A channel is not in its declared encoding if its first _PROBED messages all contradict the declaration. They are
+# searched for in the first _PROBED_SPANS spans.
 _PROBED, _PROBED_SPANS = 3, 8
 _SAID = 4  # largest number of contradictions of metadata.yaml that are reported
 
 
 class BagError(Exception):
-    """A bag cannot be used: one sentence says what is wrong, and `hint` says what to do."""
+    """Raised if a bag cannot be used; `sentence` describes the problem, and `hint` the remedy."""
 
     def __init__(self, sentence: str, hint: str = "") -> None:
         super().__init__(f"{sentence}; {hint}" if hint else sentence)
@@ -198,7 +199,7 @@ class BagFiles:
         return [file for file in files if file not in other]
 
     def _compare_counts(self, about: BagMetadata) -> None:
-        """Note contradictions between metadata.yaml and the files; the files are believed."""
+        """Note contradictions between metadata.yaml and the files; the contents of the files are used."""
         said = []
         for topic in about.topics:
             found = self.topics.get(topic.name) or self.unreadable.get(topic.name)
@@ -307,7 +308,7 @@ class BagFiles:
                 check_regular(file, budgets.ROS1 if self.storage == "ros1" else budgets.DATABASE)
             self.other = Ros1Bag(plain[0]) if self.storage == "ros1" else DatabaseFiles(plain, self._scratch_folder)
         except Exception as error:
-            # rosbags, sqlite and the YAML parser each raise errors of their own.
+            # Catch every exception, because rosbags, sqlite and the YAML parser raise different ones.
             hint = "`mwd recover` may save parts of it" if self.storage == "sqlite3" else "was it recorded to the end?"
             raise BagError(f"{self.path} cannot be read: {error}", hint) from error
         self.topics, self.unreadable = self.other.topics, self.other.unreadable
@@ -415,7 +416,7 @@ def storage_of(path: Path) -> str:
 
 
 def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, str]:
-    """Return, by channel, why the first messages of channels declared as CDR are not CDR."""
+    """Return the channels declared as CDR whose first messages are not CDR, each with the reason."""
     waiting = {
         number
         for number in numbers
@@ -523,7 +524,7 @@ class DatabaseFiles:
         self._readers = []
 
     def _completed(self, path: Path, number: int, scratch: Callable[[], Path]) -> Path:
-        """Return the file, or a copy of it that includes the messages of its log."""
+        """Return the file or, if SQLite left a log next to it, a copy that includes the messages of the log."""
         logs = [path.with_name(path.name + suffix) for suffix in _LOGS]
         logs = [log for log in logs if log.is_file() and log.stat().st_size]
         if not logs:

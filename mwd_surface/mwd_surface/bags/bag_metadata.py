@@ -2,8 +2,8 @@
 """
 Reading and writing metadata.yaml of a rosbag2 directory (version 9, as in Jazzy) and a topic's quality of service.
 
-Readers match a topic in metadata.yaml with a channel in the file by name, type *and* quality of service. Both are
-therefore written from the same parsed list.
+Readers match a topic in metadata.yaml with a channel in the file by name, type *and* quality of service. The profiles
+in metadata.yaml and in the channel are therefore written from the same parsed list.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from mwd_sensors.core.output_files import write_whole
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
+# Start time, ns, of a bag or file without messages, as rosbag2 writes it.
 NO_TIME = 2**63 - 1
 
+# Infinite duration, as rmw defines it.
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 # The rmw policies, in the order of the numbers used by bags of version 8 and older.
 _POLICIES = {
@@ -37,7 +39,7 @@ _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class MetadataError(ValueError):
-    """metadata.yaml is missing, unreadable, or does not describe a bag."""
+    """Raised if metadata.yaml is missing, unreadable, or does not describe a bag."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +91,7 @@ def qos_profile(
     Raises
     ------
     ValueError
-        A policy value that rmw does not define.
+        A policy has a value that rmw does not define.
     """
     given = {"history": history, "reliability": reliability, "durability": durability}
     for policy, value in given.items():
@@ -157,7 +159,7 @@ def to_text(bag: BagMetadata) -> str:
 
 
 def serialized(bag: BagMetadata) -> str:
-    """Return the same table without its root key, in the form of the ``rosbag2`` metadata record of an MCAP file."""
+    """Return the table of `to_text` without its root key, as in the ``rosbag2`` metadata record of an MCAP file."""
     return _dump(_information(bag))
 
 
@@ -192,7 +194,7 @@ def read(folder: Path) -> BagMetadata:
             compression_mode=str(info.get("compression_mode") or "").lower(),
         )
     except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
-        # The replay node takes the folder as a parameter and logs the reason.
+        # The replay node logs this error, and its folder is a parameter: do not quote the contents of the file.
         raise MetadataError(without_contents(path, error)) from error
 
 

@@ -3,7 +3,7 @@
 Reading a bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 
 Messages are gathered as rows of arrays. sqlite3 storage, messages compressed one by one, and big-endian or irregular
-messages are read through `rosbags`, which is slower; `Bag.notes` then says so.
+messages are read through `rosbags`, which is slower; `Bag.notes` then has a remark on it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Bag:
     topics : dict of str to TopicInfo
         Topics whose messages can be read.
     unreadable : dict of str to TopicInfo
-        Topics whose messages cannot be read; each says why.
+        Topics whose messages cannot be read; `TopicInfo.problem` is the reason.
     start_ns, end_ns : int
         Log time of the first and the last message; both 0 if there is no message.
     notes : list of str
@@ -63,7 +63,7 @@ class Bag:
     complete : bool
         False if the recording is known to be cut off or damaged.
     lost_bytes : int
-        Bytes of a ROS 1 recording after the place where reading ended.
+        Number of bytes of a ROS 1 recording after the place where reading ended.
 
     Raises
     ------

@@ -264,7 +264,7 @@ class BagWriter:
 
     def finish_file(self, sync: bool = False) -> Path:
         """
-        Finish the current file; after a failure it may be called again.
+        Finish the current file and return its path; after a failure, the call may be repeated.
 
         The next call must be `begin_file` or `close`.
         """
@@ -330,7 +330,7 @@ class BagWriter:
         """
         Stop without finishing: delete a bag written to a temporary folder.
 
-        Keep one written in place for recovery.
+        Keep a bag written in place, for recovery.
         """
         self.file.close()
         self._open = False
@@ -338,7 +338,7 @@ class BagWriter:
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def metadata(self) -> BagMetadata:
-        """Contents of metadata.yaml for the files finished so far."""
+        """Return the contents of metadata.yaml for the files finished so far."""
         return BagMetadata(
             files=list(self.files),
             topics=[
@@ -375,7 +375,7 @@ class BagWriter:
         return File(self.file.path.name, self.file.start_ns, self.file.end_ns, self.file.messages)
 
     def _note_metadata(self) -> None:
-        # Each file carries the table of the whole bag, as in rosbag2, so that a single file can restore it.
+        # Each file contains the metadata of a bag with this file only, so that the file can be used alone.
         topics = [
             Topic(track.channel.topic, track.schema.name, self.file.counts[number], track.type_hash, track.qos)
             for number, track in self._tracks.items()

@@ -26,7 +26,7 @@ _RULE = "=" * 80
 
 
 class DefinitionError(LookupError):
-    """A message type has no definition on this machine; the message says where it was searched and what to install."""
+    """Raised if a message type has no definition here; the message names the searched folders and what to install."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +159,7 @@ class Definitions:
 
     def learn(self, type_name: str, text: str) -> None:
         """
-        Learn a type from the schema text of a recording, unless the type is known already.
+        Add a type to `typestore` from the schema text of a recording, unless the type is known already.
 
         Raises
         ------
@@ -229,9 +229,9 @@ def installed() -> Definitions:
 
 def is_ours(type_name: str, type_hash: str, schema: str) -> bool:
     """
-    Return whether messages of a recording have the fields that this installation expects.
+    Return whether a recorded message type has the definition of this installation; true if one of them is unknown.
 
-    type_hash, schema : from the recording; empty if it has none, and then not compared.
+    type_hash, schema : RIHS01 hash and definition of the type in the recording; "" if the recording has none.
     """
     try:
         known = installed().definition(type_name).type_hash

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lock that admits one process at a time to a folder; the system releases it however the owner ends."""
+"""A lock that admits one process at a time to a folder; the operating system releases it when the process ends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 class FolderTakenError(Exception):
-    """Another process holds the folder; `owner` names its process number."""
+    """Raised if another process holds the lock of a folder; `owner` is its process number."""
 
     def __init__(self, folder: Path, owner: str) -> None:
         super().__init__(f"process {owner} has {folder}")
@@ -45,7 +45,7 @@ class FolderLock:
             self.free()
             raise
         with contextlib.suppress(OSError):
-            # The process number is for the message to the next process; the lock itself needs no content.
+            # Write the process number, which the error of another process names; the lock itself needs no content.
             os.ftruncate(file, 0)
             os.pwrite(file, str(os.getpid()).encode(), 0)
 
@@ -66,7 +66,7 @@ class FolderLock:
 
 
 def _owner(path: Path) -> str:
-    """Return the process number in the file of a lock, or "unknown" where the file is gone."""
+    """Return the process number in the file of a lock, or "unknown" if the file is missing or empty."""
     try:
         with path.open("rb") as file:
             return file.read(32).decode(errors="replace").strip() or "unknown"

@@ -3,7 +3,7 @@
 A copy of a recording with additional topics: the original messages byte for byte, with new messages merged by time.
 
 All messages are written in the order of their log time, the original first at equal times, so that any player shows
-both together. Memory holds only the messages that wait for their time.
+original and new messages together. Only messages that cannot be written yet are held in memory.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
 
 
 class _Rows(NamedTuple):
-    """Columns of messages, each of shape (n,): offset of the record, log time, offset and size of the payload ..."""
+    """Columns of messages, shape (n,): offset of the record to write, log time, offset and size of the payload ..."""
 
     place: Numbers
     log_ns: Numbers
@@ -66,7 +66,7 @@ class _Source:
 
 class MergedBag:
     """
-    Writer of the copy.
+    Writer of a copy of a recording with additional topics.
 
     Parameters
     ----------

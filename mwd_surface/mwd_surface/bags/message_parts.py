@@ -74,7 +74,7 @@ class Part:
         return len(self.log_ns)
 
     def split(self, mark: int) -> tuple[Part, Part]:
-        """Split into the messages before `mark` and those from it on; `mark` is a log time, ns."""
+        """Split at the log time `mark`, ns, into earlier messages, and messages at or after `mark`."""
         cut = int(np.searchsorted(self.log_ns, mark))
         return self.at(slice(0, cut)), self.at(slice(cut, None))
 
@@ -112,7 +112,7 @@ class Decoded:
         return sum(len(log_ns) for _, log_ns, _ in self.samples)
 
     def split(self, mark: int) -> tuple[Decoded, Decoded]:
-        """Split into the samples before `mark` and those from it on; `mark` is a log time, ns."""
+        """Split at the log time `mark`, ns, into earlier samples, and samples at or after `mark`."""
         early, late = Decoded(self.rank, []), Decoded(self.rank, [])
         for name, log_ns, samples in self.samples:
             cut = int(np.searchsorted(log_ns, mark))

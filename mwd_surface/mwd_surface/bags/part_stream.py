@@ -35,7 +35,7 @@ class PartStream:
     Reader of the parts of an opened bag.
 
     on_damage : callable
-        Called with a sentence for each damage met while reading.
+        Called with a sentence for each damage found while reading.
     """
 
     def __init__(self, opened: BagFiles, topics: Mapping[str, TopicInfo], on_damage: Callable[[str], None]) -> None:
@@ -45,9 +45,10 @@ class PartStream:
         self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[Part], M]
     ) -> Iterator[list[M]]:
         """
-        Yield groups of the results of `made` for each part, for some topics and log times.
+        Yield the results of `made` for the parts that have messages of some topics and log times, in groups.
 
-        Every message of a group was logged no later than every message of the next group.
+        start_ns, end_ns : log time from (inclusive) and to (exclusive), ns. Every message of a group was logged no
+        later than every message of the next group.
         """
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
         if self._opened.other is not None:

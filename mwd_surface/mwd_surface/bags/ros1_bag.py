@@ -28,7 +28,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 
-# Number of times that a chunk may be decompressed before the recording is refused.
+# Multiple of the recording's decompressed size that may be decompressed in total before the recording is refused.
 _AGAIN = 4
 _MAGIC = b"#ROSBAG V2.0\n"
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
@@ -52,7 +52,7 @@ class Ros1Bag:
     complete : bool
         Whether the recording has its index.
     lost_bytes : int
-        Bytes after the place where reading of a file without index ended.
+        Number of bytes after the place where reading of a file without index ended.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class _AnyReader(Reader):
         self._sizes: dict[int, int] = {}
 
     def open(self) -> None:
-        """Open the file; if it has no index, build one of the messages that can be found."""
+        """Open the file; if it has no index, build an index of the messages that are found."""
         try:
             super().open()
         except (ReaderError, struct.error, AssertionError, UnicodeDecodeError, ValueError):
@@ -183,7 +183,7 @@ class _AnyReader(Reader):
         """
         Return the decompressed records of a chunk.
 
-        BudgetError if they are too large, ReaderError if they are damaged.
+        Raises BudgetError if the records are too large, and ReaderError if they are damaged.
         """
         most = budgets.ROS1.unpacked or 0
         unpacker = make()

@@ -24,7 +24,7 @@ from mwd_surface.bags.topic_info import TopicInfo
 
 # Rows read from a damaged database at once; number of consecutive empty reads that end the search.
 _STEP, _BARREN = 1000, 50
-# A database header that states more than this multiple of the file's real size is itself damaged.
+# If the header of a database states a size above this multiple of the file's size, the header itself is damaged.
 _LONGEST = 100
 
 
@@ -38,7 +38,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     Raises
     ------
     OSError
-        `path` cannot be read or the disk refuses the new bag.
+        `path` cannot be read or the new bag cannot be written.
     ValueError
         `output` exists, or was given for a folder of MCAP files; or the recording is still running.
     BagError
@@ -131,7 +131,7 @@ class _Database:
     topics : dict of int to (name, type)
         Topics by their number in the database.
     lost : int
-        Rows that could not be read in the last call of `messages`.
+        Number of rows that could not be read in the last call of `messages`.
     """
 
     def __init__(self, file: Path, copy: Path) -> None:

@@ -24,7 +24,7 @@ from mwd_surface.bags.topic_info import FORCE, RATE
 
 Fields = Mapping[str, tuple[str, ...]]
 
-_MAX_MESSAGE_BYTES = 64 * 1024 * 1024
+_MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # largest size of a message that was compressed by itself
 
 
 class SampleDecoder:
@@ -37,7 +37,7 @@ class SampleDecoder:
     message_compression : bool
         Whether each message is compressed separately.
     report : callable
-        Called with a sentence on each thing that cannot be decoded.
+        Called with a sentence on messages that cannot be decoded.
     """
 
     def __init__(

@@ -17,7 +17,7 @@ from mwd_sensors.core.foreign_text import first_of
 
 CDR, ROS1 = "cdr", "ros1"
 RATE, FORCE, MAGNETIC = "angular_velocity", "linear_acceleration", "magnetic_field"
-# First letters of words in topic names that tell what a vector measures, and words of vectors that are not
+# Beginnings of words in topic names that show the quantity of a vector, and words for vectors that are not
 # measurements.
 _SAID = {RATE: ("gyr", "angular", "omega", "rate"), FORCE: ("acc", "specific"), MAGNETIC: ("mag", "compass")}
 _DERIVED = ("free", "bias", "offset", "delta", "euler", "std", "sigma", "variance", "covariance", "gravity", "truth")
@@ -52,7 +52,7 @@ class TopicInfo:
     problem : str
         Reason why the messages cannot be read; empty if they can.
     quantity : str
-        For messages of one vector (`wire.VECTOR`), the field of `wire.IMU` or `wire.MAG` of the vector; empty if
+        For messages of one vector (`wire.VECTOR`): field of `wire.IMU` or `wire.MAG` that the vector fills; empty if
         unknown.
     """
 
@@ -69,19 +69,19 @@ class TopicInfo:
 
     @property
     def gives(self) -> str:
-        """Type of the samples in its messages; bursts and single vectors hold IMU or magnetometer samples."""
+        """Type of the samples in the topic's messages; bursts and single vectors hold IMU or magnetometer samples."""
         if self.quantity:
             return wire.MAG.type_name if self.quantity == MAGNETIC else wire.IMU.type_name
         return wire.IMU.type_name if self.type_name == burst.TYPE_NAME else self.type_name
 
     def described(self) -> str:
-        """Return its name, type and the reason why it cannot be read, as text."""
+        """Return the topic's name and type, and the reason why it cannot be read, as text."""
         return f"{self.name} ({self.type_name or 'no type'}): {self.problem}"
 
 
 def quantity_of(name: str) -> str:
     """
-    Return the quantity that the vectors of a topic measure, from the topic's name; "" if the name does not tell.
+    Return the quantity that the vectors of a topic measure, from the topic's name; "" if the name does not show it.
 
     Drivers also publish the vectors of an IMU separately, as ``/imu/acceleration``, ``/imu/angular_velocity`` and
     ``/imu/mag``, next to derived vectors such as ``/filter/free_acceleration``. The last part of the name that contains

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Files that are sheets of cells: .xlsx, Excel 2003 XML (SpreadsheetML), and HTML tables, which Excel also names .xls.
+Files that are sheets of cells: .xlsx, Excel 2003 XML (SpreadsheetML), and HTML tables, often saved as .xls.
 
 Each reader returns the rows of every sheet with their place in the file; empty rows are left out.
 """
@@ -22,9 +22,9 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell
 
 _SPREADSHEETML = "urn:schemas-microsoft-com:office:spreadsheet"
-_MOST_SPAN = 100  # columns that one cell of an HTML table may span
-# What .xlsx holds in addition to rows, cells and their texts: openpyxl takes up to 0.1 ms for each of these elements,
-# whatever its name, and several ms for each sheet.
+_MOST_SPAN = 100  # largest number of columns that one cell of an HTML table may span
+# Largest number of elements of an .xlsx file that are not rows, cells or their texts, and of sheets. openpyxl takes up
+# to 0.1 ms for each of these elements, whatever its name, and several ms for each sheet.
 _MOST_OTHER, _MOST_SHEETS = 100_000, 200
 _OF_CELLS = re.compile(rb"<(?:\w+:)?(?:row|c|v|f|is|t|si|r|rPr)[\s/>]")
 _SHEET = re.compile(rb"<(?:\w+:)?sheet[\s/>]")
@@ -118,7 +118,11 @@ def _check_archive(data: bytes, name: str) -> None:
 
 
 def _too_much(archive: zipfile.ZipFile) -> str:
-    """Return which budget an archive exceeds, in words; empty if it is within all. Any part may serve as any other."""
+    """
+    Return the budget that an archive exceeds, in words; empty if it exceeds none.
+
+    All parts are counted, because any part may be used as a sheet.
+    """
     items = archive.infolist()
     most = budgets.SPREADSHEET.unpacked or 0
     if sum(item.file_size for item in items) > most:

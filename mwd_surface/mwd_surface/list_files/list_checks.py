@@ -20,16 +20,16 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import POSITION
 
-DEEPEST = 20_000.0  # m; the longest hole so far has 15.2 km
-_ARC = 60.0  # m; stations farther apart than this skip other stations
+DEEPEST = 20_000.0  # m; the caller must confirm a greater depth; the longest hole so far is 15.2 km long
+_ARC = 60.0  # m; between stations farther apart than this, stations are missing from the list
 _IMPOSSIBLE = 100_000.0  # m; the caller cannot confirm a greater depth
 _FARTHEST = 4.1e7  # m; no coordinate of a map is larger than the circumference of the Earth
-# Dogleg that no usual hole exceeds, rad/m; short radius drilling does, and the caller then confirms the dogleg.
+# Largest dogleg of a usual hole, rad/m. After short radius drilling, the caller confirms a larger dogleg.
 _DOGLEG = math.radians(30.0) / 30.0
-# A misfit of north and east above _NOTICED, m, is explained by mixed units if these leave less than the share _CLEARLY
-# of it.
+# A misfit of north and east above _NOTICED, m, is due to mixed units if a change of the unit reduces the misfit to less
+# than the share _CLEARLY.
 _NOTICED, _CLEARLY = 0.3, 0.1
-# Two tools, or rounding, may change the angles of neighbouring stations by this, rad.
+# Largest change of direction between neighbouring stations that rounding or a change of tool may cause, rad.
 _ROUNDING = math.radians(1.0)
 
 
@@ -64,7 +64,7 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
     Raises
     ------
     ListFileError
-        Two neighbouring stations differ too much in direction, and the caller has not confirmed it.
+        Two neighbouring stations differ too much in direction, and the caller has not confirmed the dogleg.
     """
     md, inc, azi = columns
     turned = mc.dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:])
@@ -89,7 +89,7 @@ def allowed(md: Array) -> Array:
     """
     Return the largest allowed distance between listed and computed positions, m.
 
-    The distance grows with depth, for the calculation method, and with gaps where stations were skipped.
+    The distance grows with depth, because calculation methods differ, and with gaps where stations are missing.
     """
     # Between distant stations the hole does not follow one arc.
     gaps = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(md) - _ARC, 0.0))])
@@ -144,12 +144,12 @@ def check_positions(name: str, columns: tuple[Array, Array, Array], positions: A
 
 def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Array, difference: Array) -> None:
     """
-    Refuse mixed length units in a nearly vertical hole, which moves sideways less than `allowed` tolerates.
+    Refuse mixed length units in a nearly vertical hole, whose horizontal misfit is smaller than `allowed`.
 
     Raises
     ------
     ListFileError
-        North and east fit far better if either they or the depths are taken in the other unit.
+        North and east fit far better if the depths are converted from feet to metres, or from metres to feet.
     """
     apart = _sideways(difference)
     if not apart > _NOTICED:
@@ -173,7 +173,7 @@ def _sideways(difference: Array) -> float:
 
 
 def turn_between(columns: tuple[Array, Array, Array], positions: Array) -> float:
-    """Return the rotation of the azimuths, rad, that aligns the computed path with the listed north and east."""
+    """Return the rotation of the azimuths, rad, that aligns the computed path with north and east; nan if unknown."""
     md, inc, azi = columns
     try:
         computed = mc.path(md, inc, azi)

@@ -27,7 +27,7 @@ ANGLES = (
 TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station", "coordinates", "in_use", "leg")
 NORTHS = ("true", "grid", "magnetic")
 DIPS = ("down", "up")  # direction in which positive angles from the horizontal point
-# Words that state this direction in the name of a column, or in a line of the head about the angle.
+# Words that state the direction of positive angles in the name of a column, or in a line of the head.
 _POINTS = {
     "up": re.compile(r"\bup(?:wards?)?\b|上倾|上仰|上为正|上正|向上|仰角为正|仰为正"),
     "down": re.compile(r"\bdown(?:wards?)?\b|下倾|下俯|下为正|下正|向下|俯角为正|俯为正"),
@@ -305,7 +305,8 @@ class Given:
         Quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name means that
         the quantity is not read.
     length_unit, angle_unit, north : str
-        Replace the statements of the file; empty: the file decides.
+        Unit of lengths (of LENGTH_UNITS), unit of angles (of ANGLE_UNITS) and north of azimuths. Each replaces the
+        statement of the file; if empty, the file decides.
     decimal : str
         "point" or "comma"; empty: inferred from the cells.
     dip : str
@@ -313,8 +314,8 @@ class Given:
     wellhead : tuple of float, optional
         Northing and easting of the wellhead, in m, subtracted from map coordinates.
     usual_dip : str
-        Direction of positive angles from the horizontal in the well of the list, where neither caller nor list nor
-        vertical depths say it.
+        Usual direction of positive angles from the horizontal in the well; used if neither the caller nor the list nor
+        its vertical depths determine the direction.
     confirm : tuple of str
         Words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct.
     """
@@ -344,7 +345,7 @@ class Given:
                 raise ValueError(f"unknown {what} {value!r}; choose one of {', '.join(known)}")
 
     def with_dip(self, way: str) -> Given:
-        """Return the facts with the usual direction of dips, that of the well."""
+        """Return the facts with another `usual_dip`."""
         return dataclasses.replace(self, usual_dip=way)
 
 
@@ -396,7 +397,7 @@ class Columns:
 
     @property
     def missing(self) -> list[str]:
-        """Return the quantities that every list needs and this list lacks."""
+        """Quantities that every list needs and this list does not have."""
         return [what for what in NEEDED if what not in self.of and not (what == "inclination" and "dip" in self.of)]
 
 
@@ -425,7 +426,7 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
             unread.append(column)
     directed = tuple(one for one in of.get("dip", ()) if points(one.name))
     if directed:
-        # Another dip of the list is that of the magnetic field.
+        # If a dip column states its direction, other dip columns are those of the magnetic field.
         of["dip"] = directed
     if "inclination" in of:
         # A list with inclinations may also have the dip of the magnetic field.
@@ -467,7 +468,7 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
 
 
 def points(text: str) -> str:
-    """Return where positive angles from the horizontal point by a text, one of DIPS; "" if it does not say so."""
+    """Return the direction of positive angles from the horizontal in a text, one of DIPS; "" if it states none."""
     words = _words(text)
     found = [way for way, pattern in _POINTS.items() if pattern.search(words)]
     return found[0] if len(found) == 1 else ""

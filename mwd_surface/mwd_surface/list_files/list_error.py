@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The error raised for every file of rows that cannot be read as expected."""
+"""The error raised if a list of stations or a table cannot be read."""
 
 
 class ListFileError(ValueError):
-    """A file is not a valid list of stations; the message gives file, line and rule."""
+    """Raised if a file is not a valid list or table; the message gives file, line and rule."""

@@ -64,7 +64,7 @@ _TOTALS = frozenset(
         "平均",
     ]
 )
-_FEW = 4
+_FEW = 4  # largest number of rows or values that a remark quotes
 # Words in a row that extends a list to the bit or to the planned end, where no survey was taken.
 _PROJECTION = re.compile(
     r"^\W*(?:proj|projected|projection|extrap|extrapolated|extrapolation|外推|预测)\W*$"
@@ -75,7 +75,7 @@ _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGN
 _START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
 _WORD = re.compile(r"[^\W\d_]{3,}")  # a cell that begins like this is a word, not a mistyped number
 _PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
-# Distance of the first station from its wellhead above which a convergence of 3 deg moves it by half a metre, m.
+# Distance between wellhead and first station at which a convergence of 3 deg moves the station by half a metre, m.
 _OFFSET = 10.0
 # First bytes of recordings, which are not lists.
 _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
@@ -91,7 +91,7 @@ class _ListedStation:
 
 
 def _verdict(row: _ListedStation) -> str:
-    """Return the verdict of a station; exports of this program mark the stations in use themselves, whoever decided."""
+    """Return the verdict of a station; "accept" if an export of this program marks the station as in use."""
     if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
         return "accept"
     return row.texts.get("verdict", "").lower()
@@ -156,7 +156,7 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
 
 def _are_units(cells: Sequence[str]) -> int:
-    """Return 1 if the row below the names holds units: words without numbers, among them a unit, datum or north."""
+    """Return 1 if a row has words only, and one of them is a unit, datum or north, or each cell has a word; else 0."""
     if any(number_cells.looks_like_number(cell) for cell in cells):
         return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
@@ -167,7 +167,7 @@ def _are_units(cells: Sequence[str]) -> int:
 def _stations(table: Table, given: Given) -> StationList:
     """Return the list in a table, read by the rules of this module."""
     provenance, lines = read_provenance(table.head, table.name)
-    # The head of this program's exports is for people. The provenance already settles angles and wellhead.
+    # The head of this program's exports is for people. The provenance lines already state angles and wellhead.
     head = Head() if provenance is not None else read_head(lines)
     columns = list_columns.find(table.names, given, table.units)
     if head.horizontal and "inclination" in columns.of:
@@ -193,7 +193,7 @@ def _missing(table: Table, columns: Columns) -> str:
 
 
 def _roughly(cell: number_cells.Cell) -> float:
-    """Return the number in a cell by the decimal mark that it reveals; nan if it is not a number."""
+    """Return the number in a cell, read with the decimal mark that the cell itself reveals; nan if there is none."""
     found = number_cells.split(cell)
     try:
         return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
@@ -210,7 +210,7 @@ class _ListReader:
     table, columns, head, given
         As read from the file; `given` replaces statements of the file.
     provenance
-        The list behind the table, if the table is an export of this program.
+        Data of the original list, if the table is an export of this program.
     """
 
     def __init__(
@@ -222,7 +222,7 @@ class _ListReader:
         self.name = table.name
         self.of = dict(columns.of)
         if provenance is not None:
-            # The exports of this program also have the azimuth by each method.
+            # Exports of this program have one azimuth column for each method too: read the definitive azimuth.
             self.of = {
                 what: tuple(one for one in found if one.name == f"{what}_deg") or found
                 for what, found in self.of.items()
@@ -244,7 +244,7 @@ class _ListReader:
         depth = needed[0].number
         kept: list[Row] = []
         notes: list[Row] = []
-        # Number of rows kept before a note such as "projected to the bit", and of rows at the end that are marked so.
+        # Number of rows kept before a note such as "projected to the bit", and number of last rows with such a note.
         announced = marked = 0
         for row in rows:
             cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
@@ -442,7 +442,7 @@ class _ListReader:
         if column.quantity in ANGLES:
             angle = number_cells.angle(str(cell), bearing=column.quantity == "azimuth")
             if math.isfinite(angle):
-                # Such an angle is in degrees, whatever unit the column states.
+                # Degrees with minutes, and quadrant bearings, are in degrees, whatever unit the column states.
                 return angle * list_columns.ANGLE_UNITS["deg"] / self._factor(column)
         number, words = number_cells.split(cell) or ("", "")
         try:
@@ -510,7 +510,12 @@ class _ListReader:
         return ""
 
     def _length_unit(self, column: Column) -> str:
-        """Return the unit of a length without one: that of the head, else that of the other lengths of the list."""
+        """
+        Return the unit for a column of lengths whose name and cells have no unit.
+
+        It is the unit that the head states, else that of the other lengths of the list, else that of the datum's
+        elevation or of the coordinates in the head; "" if there is none.
+        """
         if self.head.strange_unit:
             raise ListFileError(
                 f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
@@ -582,9 +587,9 @@ class _ListReader:
 
     def _of_one_leg(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """
-        Sort the surveys of this program's raw log by depth.
+        Return the stations; sort those of a raw log that this program exported by depth.
 
-        The log has them in the order in which they were taken.
+        A raw log lists surveys in the order in which they were taken. It is refused if it has surveys of several legs.
         """
         definitive = any(one.texts.get("station") in _START_ROWS for one in found)
         if self.provenance is None or "in_use" not in self.columns or definitive:
@@ -741,7 +746,7 @@ class _ListReader:
         )
 
     def _checked(self, confirmed: Iterable[Remark]) -> None:
-        """Keep remarks on confirmed values; those confirmed for the list behind an export are remarks already."""
+        """Add remarks on confirmed values, except those that the provenance of an export already contains."""
         known = frozenset() if self.provenance is None else self.provenance.confirmed
         self.remarks += [one for one in confirmed if not known & set(one.values)]
 
@@ -760,7 +765,7 @@ class _ListReader:
         return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
 
     def _in_own_north(self, azimuth: Array, north: str, column: Callable[[str], Array]) -> tuple[Array, str]:
-        """Return azimuths from the north of the well behind an export; nan if declination or convergence is missing."""
+        """Return azimuths from the north of an exported well; nan if declination or convergence is missing."""
         own = str(self.provenance.well.get("north_reference", "")) if self.provenance is not None else ""
         if not own or self.given.north or north in ("", own):
             return azimuth, self.given.north or own or north
@@ -768,7 +773,7 @@ class _ListReader:
         return (azimuth + to_true[north] - to_true[own]) % math.tau, own
 
     def _figure(self, what: str, values: Array) -> Array:
-        """Return a reference value per station; if the table has none, the value of the list behind the export."""
+        """Return a reference value per station; if the table has none, the value in the provenance of the export."""
         known = {} if self.provenance is None else self.provenance.reference
         return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
@@ -859,7 +864,7 @@ class _ListReader:
         return shifted[:, 0], shifted[:, 1]
 
     def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
-        """Rotate map coordinates, which follow a grid, to the north of the list's azimuths."""
+        """Rotate map coordinates, which follow a grid, to the north of the azimuths if they then fit the angles."""
         offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):
             if offset > _OFFSET:

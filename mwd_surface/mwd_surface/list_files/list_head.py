@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Read the head of a list: north, units, whether angles count from the horizontal, and the wellhead.
+Read the head of a list: north, units, whether angles are measured from the horizontal, and the wellhead.
 
-The head is what stands above the names of the columns or in comments: "North Reference: Grid", "Depth Unit: ft",
-"# WELL HEAD X-COORDINATE: 431200.000 (m)". A north or unit that is stated in words that nobody understands is kept
-and quoted, never treated as absent.
+The head consists of the lines above the column names and of comments: "North Reference: Grid", "Depth Unit: ft",
+"# WELL HEAD X-COORDINATE: 431200.000 (m)". A north or unit that is stated in unknown words is kept and quoted, never
+treated as absent.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _OF_OTHERS = re.compile(
     r"target|[-=]>|磁偏角|收敛",
     re.IGNORECASE,
 )
-# Words of a sentence that says from which north azimuths count, or how they were corrected.
+# Words of a sentence that states from which north azimuths are measured, or how they were corrected.
 _SENTENCE = re.compile(
     r"azi\w*.*\b(?:corrected|uncorrected|referenced|referred|relative|measured|given|are|is|from)\b"
     r"|\b(?:corrected|uncorrected|referenced|referred)\b.*azi|方位.*(?:校正|修正|改正|未|不)",
@@ -56,8 +56,8 @@ _HORIZONTAL = re.compile(
     re.IGNORECASE,
 )
 _POSITIVE = re.compile(r"\b(?:dips?|angles?|incl\w*)\b.*\bpositive|positive\s+dip|(?:倾|仰|俯).*正", re.IGNORECASE)
-# Dips that are not those of the hole: of the magnetic field or of beds, or one value such as "dip 62.5 deg". The values
-# 0 and 90 may explain a convention.
+# Dips of the magnetic field or of beds, and single values such as "dip 62.5 deg", which are not angles of the hole. The
+# values 0 and 90 are left out, because they may explain a convention.
 _OTHER_DIP = re.compile(
     r"magn[eé]t|\bmag\b|\bmag[ _]?dip|\bm_?dip|\bfield|feld|\bb[ _]?(?:total|dip|field)|\b[nµμ]T\b|declin|\bref\b"
     r"|\breferences?\b(?!.*horizont)|\b(?:igrf|wmm|bggm|hdgm|mvhd|emm)|needle|magnit|магнит|磁|参考|基准"
@@ -93,8 +93,8 @@ class Head:
     north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
     as in LENGTH_UNITS and ANGLE_UNITS, or "". map_unit: unit of map coordinates and offsets. hinted_unit: unit of the
     elevation of the depth datum, such as the kelly bushing; depths usually have the same unit. horizontal: whether
-    angles are measured from the horizontal. dip: where positive ones of these point, "up", "down" or "". wellhead:
-    northing and easting, m, or None.
+    angles are measured from the horizontal. dip: direction of positive angles from the horizontal, "up", "down" or "".
+    wellhead: northing and easting, m, or None.
     """
 
     north: str = ""
@@ -165,7 +165,7 @@ def _north(head: Head, line: str) -> Head:
     north = north_of(said) or north_of(line[found.start() :])
     if north:
         return dataclasses.replace(head, north=north, strange_north="")
-    # The line is "Azimuth reference" without a value, or the name of a column.
+    # Without a text after "Azimuth reference", the line has no value or is the name of a column.
     return dataclasses.replace(head, strange_north=said) if said and not head.north else head
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-North and east of a list as offsets from its wellhead, where the file has map coordinates instead.
+Conversion of the north and east columns of a list to offsets from the wellhead, if they are map coordinates.
 
-A hole of a given length cannot reach farther from its wellhead than that. Positions that lie farther away are map
-coordinates or count from another point; the wellhead is subtracted where it is known, and asked for where it is not.
+No point of a hole is farther from the wellhead than its measured depth. Positions farther away are map coordinates or
+offsets from another point. The wellhead is subtracted if it is known; otherwise the error asks for it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 
 # Tolerance, m, of the rule that no point of the hole is farther from the wellhead than the measured depth.
 _ROUNDING = 5.0
-# Slots of a platform or pad lie within this distance of the point from which their offsets count, m.
+# Slots of a platform or pad lie within this distance of the origin of their offsets, m.
 _SITE = 2000.0
-# Beyond this distance, numbers can only be map coordinates, m.
+# Positions farther than this from the origin can only be map coordinates, m.
 _MAP = 20_000.0
 # Below this inclination the first station is taken to lie directly below the wellhead, rad.
 _VERTICAL = math.radians(1.0)
@@ -39,7 +39,7 @@ def offsets_from_wellhead(
     charted: bool,
 ) -> tuple[Array, tuple[Remark, ...]]:
     """
-    Return north and east from the wellhead, shape (n, 2), m, and remarks on what was assumed.
+    Return north and east from the wellhead, shape (n, 2), m, and remarks on the assumptions.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _shifted(
     """
     Subtract the wellhead from map coordinates.
 
-    Raise an error if the hole cannot reach its first station from there.
+    Raise ListFileError if the hole cannot reach its first station from the wellhead.
     """
     shifted = pair - np.array(wellhead)
     apart = float(np.hypot(*shifted[first]))

@@ -2,8 +2,8 @@
 """
 Cells of a table as numbers: decimal and thousands marks judged over a whole column, null values, units in a cell.
 
-A mark is judged by all cells of its column, then by the other columns of the table, and by what the quantity can be.
-Where nothing decides, the reader asks; it never guesses between 1 m and 1000 m.
+The decimal mark is found from all cells of the column, else from the other columns, else from the plausible range of
+the quantity. If none of them decides, the reader asks; it never guesses between 1 m and 1000 m.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
     """
     Return columns as text: numbers with a decimal point, null values as empty text.
 
-    A column that contains any words stays as it is. If nothing reveals the decimal mark, the point is the decimal mark.
+    A column that contains any words stays as it is. If no cell reveals the decimal mark, the point is the decimal mark.
     """
     shown = set().union(*(marks(cells) for cells in columns)) if columns else set()
     whole = next(iter(shown)) if len(shown) == 1 else "."

@@ -15,10 +15,10 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.table import Table
 
-# Indices in a P7 record of the survey, the type, the status, and the first of the numbers that follow.
+# Indices of fields in a P7 record: number of the survey, type, status, and the first of the values in `_NAMES`.
 _SURVEY, _TYPE, _STATUS, _FIRST = 3, 7, 8, 10
 _NAMES = ("MD", "INC", "AZI", "NS", "EW", "TVD", "NORTHING", "EASTING")
-_PROJECTED = "6"
+_PROJECTED = "6"  # status of a projected station
 _NORTHS = {"AZ_GRID": "grid", "AZ_TRUE": "true", "AZ_MAGN": "magnetic", "AZ_MAG": "magnetic"}
 _UNIT_FIELD = 16  # field of the record "Survey Definition" that holds the unit of its measured depths
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The list behind an export of this program: its well, tie-on, reference and remarks, as lines next to the table.
+Data of the original list in an export of this program: well, tie-on, reference and remarks, as lines next to the table.
 
-Programs write these lines and the reader of every list reads them back, so that an exported list has the same position
-and the same assumptions as the original list. Each line is "mwd", the name of the part, a colon and JSON.
+Every export contains these lines, and the list reader reads them, so that an exported list has the same position and
+the same assumptions as the original list. Each line is "mwd", the name of the part, a colon and JSON.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import Start
 
 _MARK, _REMARK = "mwd ", "remark"
-# A spreadsheet that saves the file again may put quotes and a comment sign in front.
+# A spreadsheet that saves the file again may put quotes and a comment sign in front of a line.
 _LINE = re.compile(r'^[\s"#]*mwd (?P<part>well|start|reference|remark): ?(?P<json>.*)$', re.DOTALL)
 
 
 @dataclasses.dataclass(frozen=True)
 class Provenance:
     """
-    The list behind an export.
+    Data of the list from which this program made an export.
 
     Attributes
     ----------
@@ -68,9 +68,9 @@ class Provenance:
 
 def read_provenance(head: Iterable[str], name: str) -> tuple[Provenance | None, list[str]]:
     """
-    Return the list behind a table from the lines of its head, and the other lines.
+    Return the data of the original list from the lines of a table's head, and the other lines.
 
-    None if this program did not export it.
+    The data are None if this program did not export the table.
 
     name: name of the file, for messages.
 

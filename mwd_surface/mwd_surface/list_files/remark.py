@@ -3,8 +3,8 @@
 Remarks of a list: every assumption that its reader made and everything that the reader left out, each with a kind.
 
 A remark is created together with its assumption and stays with the list: `StationList.remarks` becomes `Plan.remarks`
-or `SurveyList.remarks`, which is kept in surveys.json and printed on the page, in the report, in exports and in
-clearance.
+or `SurveyList.remarks`, which is kept in surveys.json and shown on the page, in the report, in exports and in clearance
+results.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ class RemarkKind(enum.StrEnum):
 
     HOLE_ABOVE_ASSUMED = "hole_above_assumed"  #: the list begins below the wellhead; the path above is assumed
     TIE_ON_ASSUMED = "tie_on_assumed"  #: the path starts at a tie-on that is assumed
-    TIE_ON_OF_LIST = "tie_on_of_list"  #: the path starts at depth, at the first station's own position
+    TIE_ON_OF_LIST = "tie_on_of_list"  #: the path starts at the listed position of a first station below the wellhead
     NOT_COMPARED = "not_compared"  #: a part of a well that was not compared in a clearance scan
-    NORTH_ASSUMED = "north_assumed"  #: the list does not say from which north its azimuths count
+    NORTH_ASSUMED = "north_assumed"  #: the list does not state from which north its azimuths are measured
     UNIT_ASSUMED = "unit_assumed"  #: a unit that the list does not state, or states in one place only
-    NUMBERS_ASSUMED = "numbers_assumed"  #: the decimal or thousands mark could also be read otherwise
+    NUMBERS_ASSUMED = "numbers_assumed"  #: a mark that may be the decimal mark or the thousands mark
     COLUMN_CHOSEN = "column_chosen"  #: several columns could be the quantity; one was chosen
     COLUMN_NOT_READ = "column_not_read"  #: a column, unit or word was not understood; it is quoted
     DIP_CONVERTED = "dip_converted"  #: angles from the horizontal were converted to inclinations
-    WELLHEAD_ASSUMED = "wellhead_assumed"  #: the position of the wellhead of an offset well
+    WELLHEAD_ASSUMED = "wellhead_assumed"  #: the position of the wellhead of an offset well is assumed
     MAP_SHIFTED = "map_shifted"  #: map coordinates; the wellhead was subtracted
     MAP_TURNED = "map_turned"  #: map coordinates turned from grid north to the north of the azimuths
     AZIMUTH_MISSING = "azimuth_missing"  #: stations without azimuth

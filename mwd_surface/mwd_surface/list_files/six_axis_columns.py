@@ -3,8 +3,8 @@
 Meaning and units of the columns of a table of six-axis readings.
 
 Names are read without regard to case, spaces and brackets: ``grav_axial_mps2``, ``Grav Axial (m/s2)`` and
-``GRAV_AXIAL`` are the same quantity. A unit stands at the end of the name. Without one, the unit of a sensor is
-inferred from the size of the total.
+``GRAV_AXIAL`` are the same quantity. A unit stands at the end of the name. If the names have no unit, the unit of a
+sensor is inferred from the size of the total acceleration or field.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ def _sensor_names(stems: Sequence[str], axis: str, letter: str) -> tuple[str, ..
     return (*by_role, *(f"{stem}{join}{letter}" for stem in stems for join in ("_", "")))
 
 
+# Beginnings of column names: gravity (down at rest), specific force (up at rest), magnetic field.
 _DOWN = ("grav", "gravity", "g")
 _UP = ("accel", "acc", "specific_force", "f", "linear_acceleration", "a")
 _MAGNETIC = ("mag", "magnetic_field", "b", "h", "m")
@@ -74,7 +75,7 @@ _REFERENCES = {
 _AZIMUTHS = ("azi", "az", "azim", "azimuth", "hole_azimuth")
 _NORTHS = {"grid": ("grid", "gn", "g"), "true": ("true", "tn", "t"), "magnetic": ("mag", "magnetic", "mn", "m")}
 _DEPTH = _Quantity("measured depth", LENGTH_UNITS, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
-# Angles that the table brings along: they show whether axes and signs are what the columns say.
+# Angles given in the table; they show whether axes and signs of the sensor columns are correct.
 _PRINTED = {
     "inclination": _Quantity(
         "inclination", ANGLE_UNITS, ("incl", "inc", "inclination", "incl_deg", "hole_inclination", "dev", "deviation")
@@ -107,9 +108,9 @@ class Columns:
     depth: str | None
     time: str | None
     run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
-    factors: Mapping[str, float]  #: column -> what to multiply it by to get SI
-    assumed: tuple[str, ...]  #: sentences on units that follow from the size of the readings
-    printed: Mapping[str, str]  #: inclination and azimuth (by north, where the name has one) -> column
+    factors: Mapping[str, float]  #: column -> factor to SI units
+    assumed: tuple[str, ...]  #: sentences on the units that the column names do not state
+    printed: Mapping[str, str]  #: key of `_PRINTED` (inclination, azimuth, azimuth_true ...) -> column
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
@@ -187,9 +188,9 @@ def _triad_factors(
     assumed: list[str],
 ) -> dict[str, float]:
     """
-    Return factors to SI for the columns of a sensor, by their units or the size of the total.
+    Return factors to SI for the columns of a sensor, from their units or from the size of the total.
 
-    ValueError if mixed.
+    Raises ValueError if only some of the columns have a unit.
     """
     given = [_unit(name, units) for name in three]
     if all(given):
@@ -219,17 +220,17 @@ def _stem(name: str, units: Mapping[str, float]) -> str:
 
 
 def _found(names: Sequence[str], quantity: _Quantity) -> list[str]:
-    """Columns that are this quantity."""
+    """Return the columns whose name is a name of the quantity."""
     return [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
 
 
 def _first(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """The first column that is this quantity, None where there is none."""
+    """Return the first column of a quantity; None if there is none."""
     return next(iter(_found(names, quantity)), None)
 
 
 def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """The one column that is this quantity, None where there is none; ValueError where there are two."""
+    """Return the only column of a quantity; None if there is none. Raises ValueError if there are several."""
     found = _found(names, quantity)
     if len(found) > 1:
         raise ValueError(f"{quantity.words} is given twice: {' and '.join(found)}; leave one of them out")
@@ -293,7 +294,7 @@ def numbers(table: Mapping[str, Sequence[Any]], name: str, rows: int, factor: fl
     """
     Return a column as numbers in SI; empty or unreadable cells are nan.
 
-    ValueError if it does not have `rows` cells.
+    Raises ValueError if the column does not have `rows` cells.
     """
     cells = table[name]
     if len(cells) != rows:

@@ -38,7 +38,7 @@ class TableRow:
     b_t: Array
     reference: Reference | None
     faults: tuple[Reason, ...] = ()  #: why the row is not a station
-    #: `inclination`, `azimuth`: as the table itself has them, rad, from magnetic north; nan where it has none.
+    #: `inclination`, `azimuth`: angles given in the table, rad, the azimuth from magnetic north; nan if not given.
     inclination: float = math.nan
     azimuth: float = math.nan
 
@@ -52,12 +52,12 @@ class TableStation:
     time: str
     station: Station
     run: str = ""
-    first: Station | None = None  #: its result with the stations before it only; None if it is judged by itself
-    outlier: bool = False  #: whether its field is not that of the other stations of its run
+    first: Station | None = None  #: result from this and earlier stations of the run only; None if computed alone
+    outlier: bool = False  #: whether the field disagrees with the other stations of the run
 
 
 def single_stations(rows: Sequence[TableRow], settings: StationSettings | None = None) -> list[TableStation]:
-    """Compute each row by itself."""
+    """Return the stations of the rows, each computed without the other rows."""
     return [
         TableStation(row.md, row.time, station(row.f_t, row.b_t, row.reference, settings, faults=row.faults), row.run)
         for row in rows
@@ -75,20 +75,21 @@ def table_rows(
     """
     Read every row of a six-axis table.
 
-    A run whose columns have the wrong hand, sign, order or unit, or a dead axis, has that fault in all its rows.
+    If the sensor columns of a run have the wrong handedness, sign, order or unit, or a dead axis, all its rows get this
+    fault.
 
     Parameters
     ----------
     table : mapping of str to sequence
         Columns by name.
     override : Reference, optional
-        Used in place of the columns of the reference.
+        Reference whose values replace those of the table; the table completes it.
     axial : str, optional
         Letter of the axis that runs down-hole, x or z, for columns named by letters.
     refine : callable, optional
-        Gives the reference of a row, from its own and its time.
+        Function that returns the reference to use, given the reference and the time of a row.
     run : str, optional
-        Column that names the run of a row, in place of those found.
+        Column that names the run of a row, instead of the columns recognised by name.
 
     Raises
     ------
@@ -106,7 +107,7 @@ def table_rows(
 
 
 def _wired(rows: list[TableRow], columns: Columns) -> list[TableRow]:
-    """Return the rows, those of each run with what is wrong with its sensor columns."""
+    """Return the rows with the faults of the sensor columns of their run added."""
     found = list(rows)
     for name in dict.fromkeys(row.run for row in rows):
         at = [k for k, row in enumerate(rows) if row.run == name]
@@ -146,7 +147,7 @@ def _read(
     override: Reference | None,
     refine: Refine | None,
 ) -> TableRow:
-    """Return one row; `values` holds every column in SI. Raises ValueError as `stations` does."""
+    """Return one row; `values` holds every column in SI. Raises ValueError if its reference contradicts itself."""
     known = {
         key: float(values[name][row]) for key, name in columns.references.items() if math.isfinite(values[name][row])
     }
@@ -175,7 +176,7 @@ def _read(
 def _printed(
     columns: Columns, values: Mapping[str, Array], row: int, reference: Reference | None
 ) -> tuple[float, float]:
-    """Return inclination and azimuth from magnetic north that the table has in a row, rad; nan where it has none."""
+    """Return the inclination, and the azimuth from magnetic north, given in a row, rad; nan if not given."""
 
     def of(name: str) -> float:
         return float(values[columns.printed[name]][row]) if name in columns.printed else math.nan
@@ -184,7 +185,7 @@ def _printed(
         turn, azimuth = north_correction(reference, north), of(f"azimuth_{north}")
         if turn is not None and math.isfinite(azimuth):
             return of("inclination"), azimuth - turn
-    # An azimuth without a named north counts from the best north that the reference allows.
+    # An azimuth without a named north is taken from the best north that the reference allows.
     return of("inclination"), of("azimuth") - (north_correction(reference, best_north(reference)) or 0.0)
 
 

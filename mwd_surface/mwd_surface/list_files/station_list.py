@@ -17,11 +17,11 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 # Sources of a start, in the words of `surveys.leg.Origin`.
 WELLHEAD, FIRST_STATION, WITHOUT_POSITION = "wellhead", "first station of the list", "given without a position"
 POSITION = ("north", "east", "tvd")
-# An arc from the wellhead that ends within this distance of the first station's own position means that the hole left
-# the wellhead vertically. The tolerance covers rounding and the differences of calculation methods; m, and share of the
-# depth.
+# Largest distance between the listed position of the first station and the position computed for a vertical start at
+# the wellhead, m, and share of the depth. The tolerance covers rounding and the differences of calculation methods.
 _REACHED, _REACHED_SHARE = 0.2, 0.001
-# A station without azimuth counts as vertical up to this inclination, rad: over 30 m it is within half a metre.
+# A station without azimuth counts as vertical up to this inclination, rad; over 30 m the hole then moves sideways by
+# about half a metre.
 VERTICAL = math.radians(1.0)
 # Largest dogleg of an assumed hole that leaves the wellhead vertically, rad/m; twice that of most motors.
 _SHARPEST = math.radians(20.0) / 30.0
@@ -54,7 +54,7 @@ class StationList:
     name : str
         Name of the list, for people.
     north : str
-        North from which azimuths count: "magnetic", "true", "grid", or "" if the file does not say.
+        North from which azimuths are measured: "magnetic", "true", "grid", or "" if the file does not state it.
     md, inclination, azimuth : ndarray, shape (n,)
         Measured depth, m, increasing; angles in rad. A missing azimuth is nan.
     positions : ndarray, shape (n, 3)
@@ -92,7 +92,7 @@ class StationList:
 
 
 def carried(azimuth: Array) -> Array:
-    """Fill each missing azimuth with the last one above, or with the first azimuth if none is above."""
+    """Fill each missing azimuth with the last known azimuth above, or with the first known azimuth if there is none."""
     known = np.flatnonzero(~np.isnan(azimuth))
     if not known.size:
         return np.zeros_like(azimuth)

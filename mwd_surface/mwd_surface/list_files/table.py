@@ -57,10 +57,10 @@ class Table:
     """
     Rows under named columns.
 
-    name: name of the file. at: place of the column names. names, units: of each column; the unit is given here if the
-    file states it apart from the name, else "". rows: the rows below the names. head: lines above the names, and
-    comments. remarks: rows that were left out. separator: text between the cells of a text file, " " or "  " for
-    spaces; "" for other files.
+    name: name of the file. at: place of the column names. names, units: name and unit of each column; the unit is ""
+    unless the file states it apart from the name. rows: the rows below the names. head: lines above the names, and
+    comments. remarks: remarks on rows and sheets that were left out. separator: text between the cells of a text file,
+    " " or "  " for spaces; "" for other files.
     """
 
     name: str
@@ -115,7 +115,7 @@ def text_of(data: bytes, name: str) -> str:
 
 
 def _old_office(data: bytes) -> str:
-    """Return the kind of a compound file of Microsoft Office, by the names of its streams, and what the user can do."""
+    """Return the kind of a compound file of Microsoft Office, by the names of its streams, and advice to the user."""
     for stream, what in (
         ("Workbook", "an Excel 97 to 2003 workbook (.xls, BIFF8)"),
         ("Book", "an Excel 5 workbook (.xls, BIFF5)"),
@@ -307,7 +307,7 @@ def _records(lines: Sequence[tuple[int, str]], separator: str, name: str) -> lis
     """
     Split the lines into rows; a quoted cell may span a few lines.
 
-    Csv.Error if the lines cannot be split this way.
+    Raises csv.Error if the lines cannot be split this way.
     """
     reader = csv.reader((f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True, strict=True)
     grid, before = [], 0
@@ -373,7 +373,11 @@ def _stacked(rows: Sequence[Row]) -> list[str]:
 def _spaced(
     lines: Sequence[tuple[int, str]], name: str, is_header: Header
 ) -> tuple[list[Row], tuple[int, int], list[str]] | None:
-    """Split rows at spaces where column names have several words: each word belongs to the column it stands above."""
+    """
+    Split rows at spaces if column names have several words; each word belongs to the column below it.
+
+    Return the rows, the index and number of the rows of names, and the names; None if there are no names.
+    """
     tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
     grid = [
         Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)

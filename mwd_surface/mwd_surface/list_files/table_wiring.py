@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Wrong hand, sign, order, unit or a dead axis of the sensor columns of a six-axis table.
+Detection of wrong handedness, sign, order or unit, or a dead axis, in the sensor columns of a six-axis table.
 
-The way in which a tool was wired and its table was written is one of few: each sensor's three columns may be exchanged
-or have another sign (48 ways, half of them left-handed), or be in another unit. All rows of a run share it. Two things
-show which one it is: total and dip of the reference (they see unit, dead axes, and the wiring of one sensor against the
-other), and the inclination and azimuth that the table brings along (they see the wiring that both sensors share, above
-all the hand: a mirrored table has the totals of a sound one).
+The three columns of a sensor may be exchanged or have another sign (48 wirings, half of them left-handed), or be in
+another unit; all rows of a run have the same fault. Two comparisons reveal it. Total and dip of the reference reveal a
+wrong unit, a dead axis, and a wrong wiring of one sensor relative to the other. The inclination and azimuth given in
+the table reveal a wrong wiring that both sensors share, above all the handedness: a mirrored table has the same totals.
 """
 
 from __future__ import annotations
@@ -27,14 +26,16 @@ from mwd_sensors.core.frames import inclination, wrap_pi
 
 # Largest number of rows that are examined; of a longer run, rows at equal intervals.
 _LOOKED_AT = 60
-# Reading and reference agree within this share of the total: gravity; field, which interference disturbs.
+# Largest difference between the total of correct readings and its reference, as a share: gravity; field, which
+# interference disturbs.
 _GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
-# Limits of differences, rad: a dip fits below the first; a direction of the hole asks for another wiring above the
-# second, for interference moves an azimuth by several degrees. The other wiring must fit within the third, and
-# better by the factor in the fourth place.
+# Limits of angle differences, rad. A dip fits the reference below _DIP_FITS. Another wiring is considered if the hole
+# direction differs from the table by more than _DIRECTION_OFF, because interference moves an azimuth by several
+# degrees. The other wiring must fit within _DIRECTION_FITS, and better by the factor _BETTER.
 _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.radians(6.0), math.radians(4.0), 3.0
-# A wiring is wrong if the dips of at most the first share of the rows fit it, and another one explains at least the
-# second share of them. One row fits one of 48 wirings by chance in a third of the cases, three in one of 10 000.
+# A wiring is wrong if at most the share _FEW of the dips fits, and another wiring fits at least the share _MOST.
+# _LEAST_ROWS is the least number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
+# cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
@@ -42,22 +43,23 @@ _ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRA
 _FIELDS = {"nT": 1e-9, "uT": 1e-6, "mT": 1e-3, "T": 1.0, "gauss": 1e-4, "mgauss": 1e-7}
 # Largest number of corrections of a wiring that a message names.
 _NAMED = 4
-# An axis is dead if it varies by less than the first share of the total although the others require the second.
+# An axis is dead if its range is less than the share _CONSTANT of the total although the total and the other axes
+# require a range above the share _MOVES.
 _CONSTANT, _MOVES = 5e-4, 0.1
-# Part of the share above by which a total is off.
+# A total is wrong if its relative error exceeds this part of _GRAVITY_SHARE or _FIELD_SHARE.
 _OFF_SHARE = 0.3
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """Readings of one sensor in a run, and what its columns are called."""
+    """Readings of one sensor in a run, with the names and units of its columns."""
 
     columns: tuple[str, str, str]
     values: Array  #: shape (n, 3); SI, axial and the two transverse axes
-    total: float  #: what its total should be, SI; nan: unknown
-    share: float  #: of the total by which a sound reading may differ
-    unit: float  #: the unit that the columns were read in, SI
-    units: Mapping[str, float]  #: units that they may be in instead, SI
+    total: float  #: expected total, SI; nan: unknown
+    share: float  #: largest relative error of the total of correct readings
+    unit: float  #: unit in which the columns were read, SI
+    units: Mapping[str, float]  #: possible units of the columns by name, SI
 
 
 @dataclass(frozen=True)
@@ -65,22 +67,22 @@ class Expected:
     """Expected values of the rows, shape (n,), rad; NaN if unknown."""
 
     dip: Array
-    inclination: Array  #: as the table has it
-    azimuth: Array  #: as the table has it, from magnetic north
+    inclination: Array  #: given in the table
+    azimuth: Array  #: given in the table, from magnetic north
 
 
 def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Sensor:
-    """Return the accelerometers of a run; f_t, m/s^2, shape (n, 3); unit: that of the columns, m/s^2."""
+    """Return the accelerometers of a run; f_t, m/s^2, shape (n, 3); unit: unit of the columns, m/s^2."""
     return Sensor(columns, f_t, STANDARD_GRAVITY, _GRAVITY_SHARE, unit, _ACCELERATIONS)
 
 
 def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit: float) -> Sensor:
-    """Return the magnetometers of a run; b_t, T, shape (n, 3); total: of the reference, nan if unknown; unit, T."""
+    """Return the magnetometers of a run; b_t: T, shape (n, 3); total: reference field, T, or nan; unit: T."""
     return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
 
 
 def wiring_faults(force: Sensor, field: Sensor, expected: Expected) -> tuple[Reason, ...]:
-    """Return what is wrong with the sensor columns of a run, in words of the table; empty if nothing shows it."""
+    """Return the faults of the sensor columns of a run, with the column names of the table; empty if none is found."""
     usable = np.isfinite(force.values).all(axis=1) & np.isfinite(field.values).all(axis=1)
     usable &= (np.linalg.norm(force.values, axis=1) > 0.0) & (np.linalg.norm(field.values, axis=1) > 0.0)
     at = np.flatnonzero(usable)
@@ -107,7 +109,7 @@ def wiring_faults(force: Sensor, field: Sensor, expected: Expected) -> tuple[Rea
 
 
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
-    """Return the unit in which the readings have the right total, where that is another one than was read."""
+    """Return the unit with which the readings have the expected total; None if it is the unit that was read."""
     ratio = float(np.median(np.linalg.norm(values, axis=1))) / sensor.total
     # Units differ by more than a factor of two: a smaller ratio has another cause, such as a wrong reference.
     if not math.isfinite(ratio) or 0.5 < ratio < 2.0:
@@ -118,12 +120,12 @@ def _unit_of(sensor: Sensor, values: Array) -> str | None:
 
 
 def _dead(sensor: Sensor, values: Array) -> int | None:
-    """Return the axis that stays the same although, by the other two and the total, it should change."""
+    """Return the index of an axis that is constant although total and other axes require a change; None if none is."""
     if len(values) < _LEAST_ROWS or not math.isfinite(sensor.total):
         return None
     moved = np.ptp(values, axis=0) / sensor.total
     off = np.abs(np.linalg.norm(values, axis=1) / sensor.total - 1.0)
-    # Fewer rows with a wrong total may be near steel.
+    # A smaller share of rows with a wrong total may come from stations near steel.
     if np.mean(off > _OFF_SHARE * sensor.share) < _FEW:
         return None
     for axis in range(3):
@@ -135,7 +137,7 @@ def _dead(sensor: Sensor, values: Array) -> int | None:
 
 
 def _ways() -> tuple[Array, list[int]]:
-    """Return the 48 ways to order and sign three axes, shape (48, 3, 3), simplest first, with their complexity."""
+    """Return the 48 ways to order and sign three axes, shape (48, 3, 3), simplest first, and the mistakes in each."""
     ways = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
@@ -154,16 +156,17 @@ _REVERSED = int(np.argmin(np.abs(_WAYS + np.eye(3)).sum(axis=(1, 2))))
 
 
 def _cost(pair: tuple[int, int]) -> int:
-    """Return how many mistakes a wiring of both sensors takes; the same one in both counts as one more than one."""
+    """Return the number of mistakes in a wiring of both sensors; the same mistakes in both count once, plus one."""
     p, q = pair
     return _COSTS[p] + (1 if p == q and p != _AS_IT_IS else _COSTS[q])
 
 
 def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array) -> list[tuple[int, int]]:
     """
-    Return the simplest wirings of both sensors, as places in `_WAYS`, that explain a run; none if its own may be right.
+    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`.
 
-    f_t, b_t: shape (n, 3); the rest, shape (n,), as `Expected`.
+    The list is empty if the table may have the right wiring. f_t, b_t: shape (n, 3). dip, printed_inclination, printed:
+    shape (n,), as in `Expected`.
     """
     f = np.einsum("pij,nj->pni", _WAYS, f_t / np.linalg.norm(f_t, axis=1, keepdims=True))
     b = np.einsum("qij,nj->qni", _WAYS, b_t / np.linalg.norm(b_t, axis=1, keepdims=True))
@@ -176,7 +179,7 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
         fitting = (off < _DIRECTION_FITS) & (_BETTER * off < off[_AS_IT_IS, _AS_IT_IS])
         fitting &= fits >= max(float(fits[_AS_IT_IS, _AS_IT_IS]), 1.0 / len(dip))
     elif _independent(f_t, b_t) and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW:
-        # One sensor against the other. All signs reversed look like a dip of the wrong sign (`DIP_SIGN`).
+        # Compare one sensor with the other. Reversing all signs looks like a dip of the wrong sign (`DIP_SIGN`).
         fitting = np.zeros_like(fits, dtype=bool)
         fitting[_AS_IT_IS] = fits[_AS_IT_IS] >= _MOST
         fitting[_AS_IT_IS, _REVERSED] = False
@@ -189,9 +192,9 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
 
 def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Array) -> Array | None:
     """
-    Return how far the hole axis of each wiring is from that of the table, median over the rows, rad, shape (p, q).
+    Return the median angle between the hole axis of each wiring and that given in the table, rad, shape (48, 48).
 
-    f, b: unit vectors of each way, shapes (48, n, 3). None where the table has no angles.
+    f, b: unit vectors by wiring, shapes (48, n, 3). None if the table has no usable angles.
     """
     whole = np.isfinite(printed_inclination) & np.isfinite(printed)
     level = np.isfinite(printed_inclination)
@@ -201,7 +204,7 @@ def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Arr
         there = printed_inclination[whole]
         across = np.sqrt(np.abs(np.sin(tilt) * np.sin(there)))
         apart = np.hypot(tilt - there, 2.0 * across * np.abs(np.sin(0.5 * wrap_pi(turn - printed[whole]))))
-        # Near the vertical every wiring has the direction down: such rows say nothing.
+        # Leave out rows near the vertical, where the direction does not distinguish the wirings.
         telling = np.sin(there) > math.sin(_ANOTHER_ATTITUDE)
         return np.asarray(np.median(apart[..., telling], axis=2)) if telling.any() else None
     if level.any():
@@ -211,7 +214,7 @@ def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Arr
 
 
 def _independent(f_t: Array, b_t: Array) -> bool:
-    """Return whether at least three rows have attitudes of their own."""
+    """Return whether at least `_LEAST_ROWS` rows differ in attitude by more than `_ANOTHER_ATTITUDE`."""
     chosen: list[tuple[Array, Array]] = []
     for one in zip(f_t, b_t, strict=True):
         if all(max(map(_angle, one, other)) > _ANOTHER_ATTITUDE for other in chosen):
@@ -225,10 +228,10 @@ def _angle(a: Array, c: Array) -> float:
 
 
 def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int, int]]) -> Reason:
-    """Return the reason that names wirings, each by what has to be done to the columns."""
+    """Return the reason that names the corrections of the columns, one for each possible wiring."""
     by_dip = all(p == _AS_IT_IS for p, _ in pairs)
     if by_dip:
-        # Gravity with the inverse way has the same dips.
+        # The inverse change of the gravity columns gives the same dips.
         remedies = [_words(names, way) for _, q in pairs for names, way in ((field, _WAYS[q]), (force, _WAYS[q].T))]
     else:
         ways = [((force, _WAYS[p]), (field, _WAYS[q])) for p, q in pairs]
@@ -240,7 +243,7 @@ def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int
 
 
 def _words(names: Sequence[str], way: Array) -> str:
-    """Return what has to be done to three columns; empty where nothing has."""
+    """Return the correction of three columns in words; empty if they need none."""
     order, signs = np.argmax(np.abs(way), axis=1), way.sum(axis=1)
     moved = [k for k in range(3) if order[k] != k]
     turned = [names[order[k]] for k in range(3) if signs[k] < 0.0]

@@ -32,7 +32,7 @@ def witsml_table(text: str, name: str) -> Table:
     Raises
     ------
     ListFileError
-        The document is not XML, has no trajectory, a station without md or incl, or an unknown unit; names the line.
+        The document is not XML, has no trajectory, a station without md or incl, or an unknown unit.
     """
     from lxml import etree
 

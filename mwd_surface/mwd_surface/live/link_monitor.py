@@ -80,7 +80,8 @@ class LinkMonitor:
         self._qualities[quality.link] = dataclasses.replace(status, at=self._clock.now, strokes=strokes)
         causes = {}
         for link, one in self._qualities.items():
-            # No alarm before the first samples, because the rig may not have started yet, nor after the end of a simulation.
+            # No alarm before the first samples, because the rig may not have started yet, nor after the end of a
+            # simulation.
             missed = one.state == NO_INPUT and one.stamp_ns and not self._live.parts.over
             if one.state == DOUBTFUL or missed:
                 only = len(self._qualities) == 1

@@ -2,11 +2,11 @@
 """
 Merge of log samples by depth: curves at a fixed depth step, each value with its sigma and its counts.
 
-The depth of a sample is that of its sensor: the depth of the bit at the time of measurement, less the distance from
-sensor to bit. A sample whose sensor moved is shared among the depth steps that it passed, in proportion to the time in
-each. Two passes are kept besides the sum of all data: the first pass, of the time in which the sensor was deeper than
-ever before, and the deepest pass, of the time in which the bit was on bottom. Reaming and connections add to the sum
-alone, so they change neither pass.
+The depth of a sample is the depth of its sensor: bit depth at the time of measurement minus the distance from sensor to
+bit. If the sensor moved during a sample, the sample is divided among the depth steps that the sensor passed, in
+proportion to the time in each. In addition to the sum of all data, two passes are kept. The first pass has the data
+from the time in which the sensor was deeper than ever before. The deepest pass has the data from the time in which the
+bit was on bottom. Data of reaming and connections are in the sum of all data only.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from mwd_surface.surveys.list_rules import DEEPEST as DEEPEST_M
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)
 STEP_M = 0.1  # m, default depth step
-# Distance from the deepest depth within which a sensor counts as deepest, m: below the pick-up at a connection.
+# A sensor or bit within this distance of its deepest depth counts as deepest, m; the pick-up at a connection is larger.
 _ON_BOTTOM_M = 0.03
-# Longest time between two depths of the bit across which the depth is interpolated, s; as `depth.bridge`.
+# Longest time between two bit depths over which the depth is interpolated, s.
 _BRIDGE_S = 30.0
-_CHUNK = 256  # number of steps whose sums are kept together
-_STEP_S = 1.0  # s, length of the parts into which an interval is cut
-_DEPTHS_NS = NANOSECONDS  # ns between the depths that are kept
-_LONGEST_S = 3600.0  # s; no channel has a longer interval
-_MOST_SECTORS, _MOST_CHANNELS = 64, 64
-_FARTHEST_M = 100.0  # m from the bit; no sensor of a bottom-hole assembly is farther
-_LARGEST = 1e12  # far above every value in its unit; its square and the sums over a well stay finite
+_CHUNK = 256  # number of depth steps in one array of sums
+_STEP_S = 1.0  # s, approximate length of the parts into which the interval of a sample is cut
+_DEPTHS_NS = NANOSECONDS  # least time between two bit depths that are kept, ns
+_LONGEST_S = 3600.0  # longest interval of a sample, s
+_MOST_SECTORS, _MOST_CHANNELS = 64, 64  # largest number of sectors of a sample, and of channels
+_FARTHEST_M = 100.0  # largest distance of a sensor from the bit, m
+_LARGEST = 1e12  # largest absolute value of a sample in its unit; its square and the sums over a well stay finite
 _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
-# Lateness up to which a sample puts the order of a channel right, ns, and the number of samples that are kept for it:
-# with four channels each 10 s, those of three days.
+# If a sample is late by at most _LATE_NS, ns, all samples are placed again in order of time. At most _MOST_KEPT samples
+# are kept for this: three days with four channels that send a sample every 10 s.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
-_SILENT_NS = 120 * NANOSECONDS  # a channel whose last sample is older has stopped; words may take a minute
-_MOST_WAITING = 20_000  # samples that wait for a depth; with four channels each 10 s, half a day
+_SILENT_NS = 120 * NANOSECONDS  # ns; a channel without a sample for longer has stopped; a link may need a minute
+_MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half a day with four channels as above
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,8 +72,9 @@ class Curve:
     quality : ndarray, shape (n,)
         Bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap.
     gaps : tuple of (float, float)
-        Intervals of depth without a value, top and bottom, m, from the first value of the channel in the whole well to
-        its last, or to the depth that its sensor has reached if it stopped; even if this curve is only a part.
+        Top and bottom, m, of each interval without a value, from the first to the last value of the channel in the
+        whole well, even if the curve has only the deepest steps. If the channel stopped, the last gap ends at the depth
+        that the sensor has reached.
     """
 
     channel: str
@@ -93,7 +94,7 @@ class Curve:
 @dataclasses.dataclass(frozen=True)
 class Newest:
     """
-    Newest value of a channel: value and 1 sigma in its unit, its time, ns, and the depth of its sensor then, m.
+    Newest value of a channel: value and 1 sigma in its unit, time, ns, and depth of the sensor at that time, m.
 
     quality: bits of mwd_msgs/LogSample.
     """
@@ -112,7 +113,7 @@ class _Sums:
 
     The errors of counts are independent from sample to sample, so their variances add up. All other errors (bias,
     rounding, shared pulses of two words) may be the same in each sample, so their sigmas add up: the mean of many
-    samples is not better than one.
+    samples then has the same sigma as one sample.
 
     A deep hole has many steps. They are records of arrays, `_CHUNK` steps each, so that a step of a channel without
     sectors takes 57 bytes.
@@ -126,13 +127,13 @@ class _Sums:
         self._chunks: dict[int, Samples] = {}
 
     def add(self, index: int, sample: LogSample, share: float) -> None:
-        """Add the share of a sample that belongs to a step, all at once: its parts have the same error."""
+        """Add a sample with its share in this step, 0 to 1; call this once for each sample, not for its parts."""
         number, place = divmod(index, _CHUNK)
         if number not in self._chunks:
             self._chunks[number] = self._none.copy()
         step = self._chunks[number][place]
         step["seen"] = True
-        # A value of one moment, from a word, has the weight of a second.
+        # A value without a duration, from a word of a link, has the weight of one second.
         weight = share * (sample.duration or 1.0)
         counted = math.isfinite(sample.counts)
         if math.isfinite(sample.value):
@@ -193,23 +194,23 @@ class DepthLog:
     Parameters
     ----------
     sensor_to_bit : float
-        Distance from the sonde to the bit, m, for channels that do not say where their sensor is.
+        Distance from the sonde to the bit, m, for samples without a sensor distance of their own.
     step_m : float
         Depth step, m.
     history : int or None
-        Number of depths of the bit that are kept, one a second; None keeps all. Once the first are dropped, a sample
-        that comes after later ones of its channel is placed as it comes.
+        Number of bit depths that are kept, one per second; None keeps all. After the first depths were dropped, a late
+        sample is placed as it arrives, and the other samples are not placed again.
 
     Attributes
     ----------
     version : int
         Increases with every change.
     unplaced : dict of str to int
-        Samples without a depth, by channel: no depth of the bit within half a minute of their time.
+        Number of samples without a depth, by channel: there is no bit depth within half a minute of their time.
     unusable : dict of str to int
-        Samples and depths that are left out because they contradict themselves or the limits of a log, by reason.
+        Number of samples and depths left out because they contradict themselves or the limits of a log, by reason.
     disordered : int
-        Samples that were placed after later ones of their channel: the passes may be off by their share.
+        Number of samples placed after later samples of their channel; they may be in the wrong pass.
 
     Raises
     ------
@@ -231,9 +232,9 @@ class DepthLog:
         self.unusable: dict[str, int] = {}
         self._units: dict[str, str] = {}
         self.disordered = 0
-        self._waiting: list[tuple[int, int, LogSample]] = []  # heap by end and arrival
+        self._waiting: list[tuple[int, int, LogSample]] = []  # heap, ordered by end of the sample, ns, and by arrival
         self._arrivals = itertools.count()
-        # All samples in place, as long as they are few enough to be placed anew.
+        # All placed samples, to place them again in order after a late sample; None if there were too many to keep.
         self._placed: list[LogSample] | None = []
         self._begin_anew()
 
@@ -254,9 +255,9 @@ class DepthLog:
         """
         Add a depth of the bit, m, in order of time.
 
-        One depth a second is kept. A depth that is unknown is left out. A depth that no bit can have is left out and
-        counted. A depth that is older than the last one by a second or more removes the later depths: a person has
-        corrected the depth, or the rig's clock was set back (`DepthTrack` confirms it).
+        One depth per second is kept. An unknown depth (NaN) is left out. An impossible depth is left out and counted. A
+        depth that is older than the last one by a second or more removes the later depths: a person has corrected the
+        depth, or the rig's clock was set back (`DepthTrack` confirms this).
         """
         if math.isnan(bit_depth):
             return
@@ -279,7 +280,7 @@ class DepthLog:
             self._placed = None
 
     def add(self, samples: Iterable[LogSample]) -> list[LogSample]:
-        """Add samples; those whose end is later than the last depth wait for the next one. Return the valid samples."""
+        """Add samples, and return the valid ones; a sample that ends after the last bit depth waits for a later one."""
         valid = []
         for sample in samples:
             reason = self._fault(sample)
@@ -299,7 +300,7 @@ class DepthLog:
         self.unusable[reason] = self.unusable.get(reason, 0) + 1
 
     def _fault(self, sample: LogSample) -> str:
-        """Return why a sample, which may come from anybody, does not keep to the limits of a log; empty if it does."""
+        """Return why a sample, which may come from any program, exceeds the limits of a log; empty if it does not."""
         if not is_channel_name(sample.channel):
             return "name of the channel is not letters, digits and underscores"
         if sample.channel not in self._units and len(self._units) >= _MOST_CHANNELS:
@@ -325,7 +326,7 @@ class DepthLog:
         self._place_in_order(ready)
 
     def _place_in_order(self, samples: Sequence[LogSample]) -> None:
-        """Place samples in order of time; where one is older than a placed one of its channel, place all anew."""
+        """Place samples in order of time; if one is older than a placed sample of its channel, place all again."""
         samples = sorted(samples, key=_order)
         known = [(self._channels[one.channel], one) for one in samples if one.channel in self._channels]
         behind = [channel.newest_ns - one.stamp_ns for channel, one in known]
@@ -333,7 +334,7 @@ class DepthLog:
             self._placed += samples
             if len(self._placed) > _MOST_KEPT:
                 self._placed = None
-        # A sample that is later still belongs to a clock that was set back: it is placed as it comes.
+        # A sample that is late by more than _LATE_NS comes from a clock that was set back: place it as it arrives.
         if self._placed is not None and any(0 < late <= _LATE_NS for late in behind):
             self._placed.sort(key=_order)
             self._begin_anew()
@@ -380,7 +381,7 @@ class DepthLog:
             self.unplaced[sample.channel] = self.unplaced.get(sample.channel, 0) + 1
 
     def _bit(self, stamp_ns: int) -> tuple[float, float] | None:
-        """Return the depth of the bit and the deepest so far, m; None where no depth is near in time."""
+        """Return the depth of the bit and its deepest depth so far, m; None without a bit depth within `_BRIDGE_S`."""
         after = bisect.bisect_left(self._stamps, stamp_ns)
         if after == 0 or after == len(self._stamps):
             near = 0 if after == 0 else after - 1
@@ -430,7 +431,7 @@ class DepthLog:
             )
 
     def _gaps(self, channel: _DepthChannel, which: str) -> tuple[tuple[float, float], ...]:
-        """Return the intervals of depth without a value, m: in the whole well, and below a channel that stopped."""
+        """Return the intervals of depth without a value, m; if the channel stopped, also the interval below its end."""
         filled = channel.passes[which].filled()
         if not len(filled):
             return ()
@@ -449,14 +450,14 @@ class DepthLog:
 
 def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array, ...]]:
     """
-    Return a common depth for curves of one step.
+    Return a common depth axis for curves with the same depth step, m.
 
     Returns
     -------
     depth : ndarray, shape (n,)
-        Middle of each step, m, from the shallowest to the deepest of all.
+        Middle of each step, m, from the shallowest to the deepest step of all curves.
     rows : tuple of ndarray of int64, shape (m,)
-        Row of each value of each curve on it.
+        For each curve: index in `depth` of each of its values.
     """
     curves = [one for one in curves if len(one.depth)]
     if not curves:
@@ -470,20 +471,20 @@ def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array,
 
 def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[float, float]:
     """
-    Return the depth shift of a log against another, by cross-correlation.
+    Return the depth shift between two curves by cross-correlation.
 
     Parameters
     ----------
     reference, other : Curve
-        Of one depth step.
+        Curves with the same depth step.
     most_m : float
         Largest shift that is tried, m.
 
     Returns
     -------
     shift, correlation : float
-        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN where fewer
-        than ten steps are common to both.
+        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN if fewer than
+        ten steps have a value in both curves.
 
     Raises
     ------
@@ -532,7 +533,7 @@ def _even(sample: LogSample) -> bool:
     return len(sample.sectors) == len(sample.sigma_sectors) == len(sample.sector_durations) <= _MOST_SECTORS
 
 
-# Limits of a sample by the reason for which one that exceeds them is refused.
+# Checks of a sample; the key is the reason for refusing a sample that fails the check.
 _LIMITS: dict[str, Callable[[LogSample], bool]] = {
     f"distance of the sensor from the bit outside 0 to {_FARTHEST_M:.0f} m": lambda one: _within(
         one.sensor_to_bit, 0.0, _FARTHEST_M

@@ -18,9 +18,9 @@ from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.well import Well
 
 _NULL = -999.25
-#: Mnemonics of curves in LAS that readers know; of another channel, its name in capitals.
+#: Mnemonics of curves in LAS that other programs know; any other channel has its name in capitals.
 MNEMONICS = {"gamma": "GR", "inclination": "INCL", "temperature": "TEMP", "lateral_vibration": "VIBL"}
-_DECIMALS = 3
+_DECIMALS = 3  # number of decimals in files
 _QUALITY = (
     f"sum of flags: {INCOMPLETE} little data, {SATURATED} detector saturated (lower bound), {FROM_WORD} from a word, "
     f"{ONE_SIDED} one side of the hole"
@@ -39,7 +39,7 @@ class Column(NamedTuple):
 
 def columns(log: DepthLog, which: str) -> list[Column]:
     """
-    Return the columns of a log: depth, and of each channel value, sigma, quality, time, counts and sectors.
+    Return the columns of a log: depth; and value, sigma, quality, time, counts and sectors of each channel.
 
     which: the pass, one of `depth_log.PASSES`.
     """
@@ -87,7 +87,7 @@ def csv(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def parquet(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return the numbers of the CSV as a Parquet table."""
+    """Return a Parquet table with the same numbers as the CSV table."""
     import pyarrow as arrow
     from pyarrow import parquet as files
 
@@ -100,7 +100,7 @@ def parquet(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def las(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a LAS 2.0 file; null -999.25."""
+    """Return a LAS 2.0 file; unknown values are -999.25."""
     import lasio
 
     found = columns(log, which)
@@ -130,7 +130,7 @@ def las(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def gap_lines(log: DepthLog, which: str) -> list[str]:
-    """Return a sentence on the gaps of each channel that has any, however many they are."""
+    """Return one sentence for each channel with gaps."""
     return [_gap_line(curve) for curve in log.curves(which) if curve.gaps]
 
 
@@ -145,7 +145,7 @@ def _gap_line(curve: Curve) -> str:
 
 
 def printed(values: Sequence[float] | Array) -> list[float | None]:
-    """Return numbers as files have them, rounded; None for an unknown one."""
+    """Return numbers rounded as in files; None for unknown numbers."""
     cells = (fixed(float(value), _DECIMALS) for value in values)
     return [float(cell) if cell else None for cell in cells]
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Log samples on disk, so that a surface node that starts again has the log and the health of the tool from before.
+Journal of log samples on disk, from which a restarted surface node restores the log and the health of the tool.
 
-The file holds one JSON value a line: a sample, or once a second the depth of the bit and whether the rig pumps. A line
-that a power cut has torn is left out. The file is bounded: where it grows too long, its older half is dropped, and the
-account of the tool's health is written as a line of its sums, so that nothing of the tool's life is lost with it.
+Each line of the file is one JSON value: a sample or, once a second, the bit depth and whether the pumps are on. A line
+that is incomplete after a power cut is left out. The size of the file is limited: if the file grows too long, its older
+half is dropped, and one line with the sums of the tool's health is written, so that the dropped samples still count.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.tool_health import HealthLedger
 
 NAME = "log_samples.jsonl"
-_MOST_BYTES = 64 * 1024 * 1024  # about a week
+_MOST_BYTES = 64 * 1024 * 1024  # largest size of the file; about a week of data
 _SUMS = "sums"
 _UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 _FIELDS = frozenset(field.name for field in dataclasses.fields(LogSample))
@@ -38,14 +38,14 @@ class LogJournal:
     ----------
     path : Path
     most_bytes : int
-        Size of the file, bytes, beyond which its older half is dropped.
+        Size of the file, bytes, above which its older half is dropped.
 
     Attributes
     ----------
     unreadable : int
-        Lines that were left out when it was read.
+        Number of lines that were left out when the file was read.
     fault : str
-        Why the disk takes no lines at present; empty while it does. See `try_again`.
+        Reason why lines cannot be written at present; empty if they can. See `try_again`.
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
@@ -59,7 +59,7 @@ class LogJournal:
         self._rig_ns = 0
 
     def _opened(self) -> BinaryIO:
-        """Return the file, open to append; a line that was torn in a full disk or a power cut ends there."""
+        """Open the file to append to it; end its last line if a full disk or a power cut left it incomplete."""
         file = self._path.open("a+b")
         size = file.seek(0, os.SEEK_END)
         if size:
@@ -71,7 +71,7 @@ class LogJournal:
 
     @classmethod
     def read(cls, path: Path) -> LogJournal:
-        """Return the journal of a finished run, which changes nothing on the disk."""
+        """Return the journal of a finished run, for reading only."""
         made = cls.__new__(cls)
         made.unreadable, made.fault, made._path, made._file, made._rig_ns = 0, "", path, None, 0
         made._health = None
@@ -81,13 +81,13 @@ class LogJournal:
     def close(self) -> None:
         """Close the file."""
         if self._file is not None:
-            # A full disk refuses the last line once more.
+            # Closing the file writes the last line again, which fails again on a full disk.
             with contextlib.suppress(OSError):
                 self._file.close()
             self._file = None
 
     def try_again(self) -> None:
-        """Open the file again after a fault; `fault` stays if the disk still takes no line."""
+        """Open the file again after a fault; `fault` is set again if the file still cannot be written."""
         if self.fault:
             self.fault = ""
             try:
@@ -103,10 +103,10 @@ class LogJournal:
 
     def restore(self, log: DepthLog, health: HealthLedger) -> None:
         """
-        Hand all that the file held to a log and to a new account of the tool's health.
+        Add all data of the file to a log and to a new account of the tool's health.
 
-        The journal writes the sums of this account when it drops lines, and after a fault of the disk: hand each sample
-        and each state of the rig to the account before you write it here.
+        The journal writes the sums of this account when it drops lines, and after a fault of the disk. Add each sample
+        and each state of the rig to the account before writing it to the journal.
         """
         begin = next((k + 1 for k in range(len(self._lines))[::-1] if _has_sums(self._lines[k], health)), 0)
         for k, line in enumerate(self._lines):
@@ -138,7 +138,7 @@ class LogJournal:
         self._write({name: _written(value) for name, value in vars(sample).items()})
 
     def add_rig(self, stamp_ns: int, bit_depth: float | None, pumping: bool | None) -> None:
-        """Write depth of the bit, m, and whether the rig pumps, once a second; None: unknown."""
+        """Write the bit depth, m, and whether the pumps are on, at most once a second; None: unknown."""
         if not 0 <= stamp_ns - self._rig_ns < NANOSECONDS:
             self._rig_ns = stamp_ns
             self._write({"at": stamp_ns, "bit": bit_depth, "pumping": pumping})
@@ -182,7 +182,7 @@ class LogJournal:
 
 
 def _has_sums(line: str, health: HealthLedger) -> bool:
-    """Return whether a line held the sums of an account, which then has them."""
+    """Restore an account from the sums in a line; return False if the line has no valid sums."""
     if not line.startswith(f'{{"{_SUMS}"'):
         return False
     try:

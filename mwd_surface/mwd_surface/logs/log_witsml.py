@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Logs over depth as a WITSML 1.4.1.1 log object: one row a depth step, an empty field for an unknown value."""
+"""Logs over depth as a WITSML 1.4.1.1 log object: one row per depth step, an empty field for an unknown value."""
 
 from __future__ import annotations
 

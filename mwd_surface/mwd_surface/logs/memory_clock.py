@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Clock of a tool's memory against that of the run, from the rotation of the string that both have recorded.
+Offset and drift of the clock of a tool's memory relative to the clock of the run, from the recorded rotation.
 
-The rig reports the speed of the top drive, the memory the speed of the tool. The correlation of both finds the offset
-of the clocks, whatever it is. Each start and stop of the rotation then gives the offset at its time to a fraction of a
-sample, and a line through these gives offset and drift with their sigmas.
+The run has the speed of the top drive, the memory has the speed of the tool. The lag with the largest correlation of
+the two is a first offset of the clocks, which may have any size. The offset is then refined to a fraction of a sample
+at each start and stop of the rotation. A straight line through the refined offsets gives offset, drift and sigmas.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from mwd_sensors.core.wire import NANOSECONDS
 
 _COARSE_S = 0.5  # s, grid of the first search
 _SMOOTH_S = 2.0  # s, length of the mean over both rotations before the refinement
-_SPAN_S = 40.0  # s around a change of the rotation in which the offset is refined
-_LEAST_S = 4.0  # s of data before and after a change
-_FINE_S, _REACH_S = 0.02, 2.0  # s, grid and reach of the refinement
-# Correlation that a match needs, and by how much it must exceed that of every other offset.
+_SPAN_S = 40.0  # length of the window around a change of the rotation in which the offset is refined, s
+_LEAST_S = 4.0  # least time with data before and after a change, s
+_FINE_S, _REACH_S = 0.02, 2.0  # s, step and largest correction of the refinement
+# Least correlation of a match, and least difference from the correlation of any other match.
 _LEAST_CORRELATION, _LEAST_LEAD = 0.85, 0.02
-_APART_S = 20.0  # s from the best offset at which another offset counts as another match
-# Crystals are better than this by far; a larger drift is a wrong match.
+_APART_S = 20.0  # s; an offset farther from the best offset than this counts as another match
+# Largest drift, s/s. Crystal clocks drift far less, so a larger drift means a wrong match.
 _MOST_DRIFT = 2e-4
 
 
 class ClockError(ValueError):
-    """The clocks cannot be compared; the message says why, and what to do."""
+    """Raised if the clocks cannot be compared; the message gives the reason and the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,12 +47,12 @@ class MemoryClock:
     offset_s, sigma_offset_s : float
         Memory minus run at that time, s, and 1 sigma.
     drift, sigma_drift : float
-        Growth of the offset, s/s, and 1 sigma; both NaN where there are fewer than three changes of the rotation, with
-        which no scatter shows whether the growth is real.
+        Growth of the offset, s/s, and 1 sigma; both NaN with fewer than three changes of the rotation, because the
+        scatter of the offsets is then unknown.
     correlation : float
-        Correlation of both rotations.
+        Correlation of the rotary speeds of run and memory at the first offset.
     changes : int
-        Changes of the rotation that were used.
+        Number of starts and stops of the rotation that were used.
     """
 
     reference_ns: int
@@ -70,7 +70,7 @@ class MemoryClock:
         return self.reference_ns + round(ahead / (1.0 + drift))
 
     def __str__(self) -> str:
-        """Return offset and drift with their sigmas, and what they rest on, for people."""
+        """Return offset and drift with their sigmas, number of changes and correlation, as text for people."""
         drift = "drift not known (it needs three starts or stops)"
         if not math.isnan(self.drift):
             drift = f"drift {self.drift * 1e6:+.0f} ± {self.sigma_drift * 1e6:.0f} ppm"
@@ -82,7 +82,7 @@ class MemoryClock:
 
 @dataclasses.dataclass(frozen=True)
 class Rotation:
-    """Rotary speed over time: stamps, ns, rising, and rad/s, shape (n,)."""
+    """Rotary speed over time: increasing stamps, ns, and speed, rad/s, both of shape (n,)."""
 
     stamp_ns: Array
     speed: Array
@@ -90,7 +90,7 @@ class Rotation:
 
 def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
     """
-    Find the clock of a memory.
+    Find offset and drift of the clock of a memory relative to the run.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
 
 
 def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[float, float]:
-    """Return the lag with the best correlation over all lags with half of the shorter recording in common, s."""
+    """Return the lag with the best correlation, s, and this correlation; half of the shorter series must overlap."""
     one = np.interp(np.arange(0.0, run_s[-1], _COARSE_S), run_s, run)
     two = np.interp(np.arange(0.0, memory_s[-1], _COARSE_S), memory_s, memory)
 
@@ -195,9 +195,10 @@ def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: floa
 
 def _smoothed(time_s: Array, value: Array) -> Callable[[Array], Array]:
     """
-    Return a function that gives the mean of a series over the time around each moment.
+    Return a function for the mean of a series over `_SMOOTH_S` around given times, s.
 
-    Interpolation between noisy samples has less noise midway than at a sample, which would draw the best shift there.
+    Interpolated values without this mean have less noise midway between samples than at samples, so the best shift
+    would be biased towards midway.
     """
     steps = 0.5 * (value[1:] + value[:-1]) * np.diff(time_s)
     area, half = np.concatenate([[0.0], np.cumsum(steps)]), 0.5 * _SMOOTH_S

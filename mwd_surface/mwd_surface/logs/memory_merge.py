@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Merge of a tool's memory into the log and the surveys of a run: clock, gaps filled, and what was improved."""
+"""Merge of a tool's memory into the log and the surveys of a run, and the improvement of each channel."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from mwd_surface.surveys.depth import DepthReading
 from mwd_surface.surveys.survey_list import SurveyList
 
 GRAVITY, SURVEY = "gravity", "survey"
-# Longest time between a survey of the run and the same survey in the memory. A survey over a link has the time at which
-# the pumps stopped; two stations are minutes apart.
+# Longest time between a survey of the run and the same survey in the memory, ns. A survey over a link has the time at
+# which the pumps stopped; two stations are minutes apart.
 _SAME_NS = 60 * NANOSECONDS
 _FROM_MEMORY = "its readings are those of the tool's memory"
 
@@ -38,12 +38,12 @@ class Improvement:
     ----------
     channel : str
     steps, before, filled, lost : int
-        Depth steps of the merged log; those of them that the run had; those that the memory fills; and those that the
-        run had and the merged log has not.
+        Numbers of depth steps: with a value in the merged log; with a value in the merged log and in the run's log;
+        with a value from the memory only; with a value in the run's log only.
     sigma_before, sigma_after : float
-        Median 1 sigma of the steps that both have; NaN if none.
+        Median 1 sigma in the run's log and in the merged log, over the steps with a value in both; NaN if none.
     depth_shift, correlation : float
-        Depth shift of the memory against the run, m, and their correlation; NaN if unknown.
+        Depth shift of the memory relative to the run, m, and correlation of the two logs; NaN if unknown.
     """
 
     channel: str
@@ -69,7 +69,7 @@ class Improvement:
 
 
 def in_run_time(samples: Iterable[LogSample], clock: MemoryClock) -> list[LogSample]:
-    """Return samples of the memory with the stamps of the run."""
+    """Return samples of the memory with stamps in run time."""
     return [dataclasses.replace(one, stamp_ns=clock.run_ns(one.stamp_ns)) for one in samples]
 
 
@@ -77,8 +77,8 @@ def combined(run: Iterable[LogSample], memory: Iterable[LogSample]) -> list[LogS
     """
     Return the samples of the memory, and those parts of the samples of the run that the memory does not cover.
 
-    Both rest on the same pulses, which must not count twice. A hole of the memory keeps the data of the run. Values and
-    sectors are covered each by their own, because over a link they come in samples of their own.
+    Both have the same pulses of a detector, which must not be counted twice. In gaps of the memory, the data of the run
+    are kept. Values and sectors are compared separately, because a link sends them in separate samples.
     """
     memory = list(memory)
     covered = {key: _covered(ends) for key, ends in _intervals(memory).items()}
@@ -96,7 +96,7 @@ def recorded_surveys(bag: Bag, well: str = "") -> list[Survey]:
     Raises
     ------
     BagError
-        It has none.
+        The dump has no surveys.
     """
     name = topic_of(bag, SURVEY, Survey.MESSAGE, well)
     if name is None:
@@ -108,17 +108,17 @@ def with_surveys(
     listed: SurveyList, surveys: Sequence[Survey], clock: MemoryClock, depth_of: Callable[[int], DepthReading]
 ) -> tuple[SurveyList, int, int]:
     """
-    Return the survey list of a run with the surveys of the memory, and how many are revisions and how many are new.
+    Return the survey list of a run with the surveys of the memory, and the numbers of revised and of new surveys.
 
-    A survey of the memory is the revised value of the run's survey that is nearest in time, if there is one within a
-    minute; otherwise it is added to the list.
+    A survey of the memory becomes the revised value of the run's survey that is nearest in time, if that survey came
+    over a link and is within a minute. Without a survey within a minute, the survey of the memory is added to the list.
 
     Parameters
     ----------
     listed : SurveyList
         List of the run.
     surveys : sequence of Survey
-        Surveys of the memory, by its clock.
+        Surveys of the memory, with stamps of the memory's clock.
     clock : MemoryClock
     depth_of : callable
         Function that returns the depth of the sensor at a stamp of the run, ns.
@@ -141,7 +141,7 @@ def with_surveys(
         free.remove(same)
         known = same.survey
         if not known.link:
-            # The run has the readings themselves; the memory has nothing better.
+            # The survey did not come over a link, so the run already has its readings in full resolution.
             continue
         revision, headline = same.newest_revision + 1, moved.headline or _FROM_MEMORY
         listed = listed.revise(dataclasses.replace(moved, uuid=known.uuid, revision=revision, headline=headline))
@@ -152,12 +152,12 @@ def with_surveys(
 _Ends = tuple[int, int]
 _Covered = tuple[list[int], list[int]]
 _NOTHING: _Covered = ([], [])
-# Longest hole of a memory, and longest part of a sample, that rounded stamps and the error of the clock can make, ns.
+# Gaps of a memory and parts of a sample that are shorter than this, ns, are due to rounded stamps and clock errors.
 _ROUNDING_NS = NANOSECONDS // 2
 
 
 def _key(sample: LogSample) -> tuple[str, bool]:
-    """Return the channel, and whether the sample has a value besides sectors."""
+    """Return the channel of a sample, and whether the sample has a value; otherwise it has sectors only."""
     return sample.channel, math.isfinite(sample.value)
 
 
@@ -167,7 +167,7 @@ def _ends_ns(sample: LogSample) -> _Ends:
 
 
 def _intervals(samples: Iterable[LogSample]) -> dict[tuple[str, bool], list[_Ends]]:
-    """Return the intervals with a value, and those with sectors, of each channel."""
+    """Return the intervals of each channel, ns, with a value (key: channel, True) and with sectors (channel, False)."""
     found: dict[tuple[str, bool], list[_Ends]] = {}
     for one in samples:
         ends = _ends_ns(one)
@@ -179,7 +179,7 @@ def _intervals(samples: Iterable[LogSample]) -> dict[tuple[str, bool], list[_End
 
 
 def _covered(intervals: list[_Ends]) -> _Covered:
-    """Return begins and ends of the union of intervals, rising, ns."""
+    """Return the beginnings and the ends of the union of intervals, increasing, ns."""
     begins: list[int] = []
     ends: list[int] = []
     for begin, end in sorted(intervals):
@@ -192,7 +192,7 @@ def _covered(intervals: list[_Ends]) -> _Covered:
 
 
 def _uncovered(whole: _Ends, begins: list[int], ends: list[int]) -> list[_Ends]:
-    """Return the parts of an interval, ns, that a union of intervals does not cover; a moment is a part of its own."""
+    """Return the parts of an interval, ns, that a union of intervals does not cover; its length may be zero."""
     begin, last = whole
     first = bisect.bisect_left(ends, begin)
     if begin == last:
@@ -207,12 +207,12 @@ def _uncovered(whole: _Ends, begins: list[int], ends: list[int]) -> list[_Ends]:
 
 
 def _part(sample: LogSample, begin: int, end: int) -> LogSample:
-    """Return the part of a sample between two times, ns: its rate, with its share of time and counts."""
+    """Return the part of a sample between two times, ns: the same value, with a share of its time and counts."""
     whole = _ends_ns(sample)
     if (begin, end) == whole:
         return sample
     share = (end - begin) / (whole[1] - whole[0])
-    # Only the error of counts grows as they become fewer.
+    # Only a counting error grows when there are fewer counts.
     grown = 1.0 if math.isnan(sample.counts) else 1.0 / math.sqrt(share)
     return dataclasses.replace(
         sample,
@@ -227,7 +227,7 @@ def _part(sample: LogSample, begin: int, end: int) -> LogSample:
 
 
 def improvements(run: DepthLog, merged: DepthLog, memory: DepthLog) -> list[Improvement]:
-    """Return what the memory adds to each channel, first pass."""
+    """Return the improvement of each channel by the memory, in the first pass."""
     found = []
     for name in merged.channels:
         after = merged.curve(name, FIRST)
@@ -259,7 +259,7 @@ def improvements(run: DepthLog, merged: DepthLog, memory: DepthLog) -> list[Impr
 
 
 def _common(before: Curve, after: Curve, step_m: float) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """Return which steps of `after` have a value before, and the sigmas of the steps that both have."""
+    """Return whether each step of `after` has a value in `before`, and both sigmas of steps with a value in both."""
     depth, (old, new) = on_grid((before, after), step_m)
     value, sigma = np.full((2, len(depth)), np.nan)
     value[old], sigma[old] = before.value, before.sigma
@@ -275,7 +275,7 @@ def rotation_of_rig(bag: Bag, well: str = "") -> Rotation:
     Raises
     ------
     BagError
-        It has none.
+        The recording has no rig data.
     """
     samples = _samples(bag, RIG, wire.RIG_STATE, well, "the clocks are compared by the rotation in the rig data")
     known = (samples["valid"] & wire.RIG_VALID["rotary_speed"]) != 0
@@ -289,14 +289,14 @@ def rotation_of_memory(bag: Bag, well: str = "") -> Rotation:
     Raises
     ------
     BagError
-        It has none.
+        The dump has no gravity samples.
     """
     samples = _samples(bag, GRAVITY, wire.GRAVITY, well, "is it a dump of a memory (`mwd memory dump`)?")
     return _rising(samples["stamp_ns"], samples["rotary_speed"])
 
 
 def _samples(bag: Bag, topic: str, layout: wire.Layout, well: str, remedy: str) -> Samples:
-    """Return the samples of a topic; BagError with the remedy if the recording has none."""
+    """Return the samples of a topic. Raises BagError with the remedy if the recording has none."""
     name = topic_of(bag, topic, layout.type_name, well)
     if name is None:
         raise BagError(f"{bag.path} has no rotation, {topic}", remedy)

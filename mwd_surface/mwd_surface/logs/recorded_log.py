@@ -10,7 +10,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 
 TOPICS = ("log", "link/log")
 RIG = "rig/state"
-#: Settings `link.source` of a surface that hears the tool itself, and of one that hears all of its links.
+#: Values of the setting `link.source`: the surface receives the tool directly, or over all of the tool's links.
 DIRECT, BEST = "direct", "best"
 
 
@@ -23,13 +23,13 @@ def recorded_samples(bag: Bag, well: str = "", source: str = DIRECT) -> list[Log
     """
     Return the log samples that a recording holds, in order of recording.
 
-    Those of the tool itself are preferred to those that a link brought. well: its namespace, if there are several.
-    source: the setting `link.source` of the surface.
+    Samples received directly from the tool are preferred to samples received over a link. well: namespace of the well,
+    if the recording has several. source: setting `link.source` of the surface.
 
     Raises
     ------
     BagError
-        The recording has none, or those of several wells and none is named.
+        The recording has no log samples, or it has those of several wells and `well` is empty.
     """
     for relative in TOPICS:
         name = topic_of(bag, relative, LogSample.MESSAGE, well)
@@ -49,13 +49,13 @@ def topic_of(bag: Bag, relative: str, type_name: str, well: str = "") -> str | N
     Raises
     ------
     BagError
-        Several wells have it, and none is named.
+        Several wells have this topic, and `well` is empty.
     """
     wanted = f"/{well.strip('/')}/{relative}" if well.strip("/") else f"/{relative}"
     names = [t.name for t in bag.topics.values() if t.type_name == type_name and t.count]
     exact = [name for name in names if "/" + name.strip("/") == wanted]
     found = exact or [name for name in names if ("/" + name.strip("/")).endswith(wanted)]
-    # `link/log` ends with /log too.
+    # Leave out `link/log` if `log` is wanted: its name ends with /log too.
     found = [name for name in found if relative.startswith("link/") or not name.strip("/").endswith("link/" + relative)]
     if len(found) > 1:
         raise BagError(f"{bag.path} has {relative} of several wells: {', '.join(found)}", "name one with --well")
@@ -64,14 +64,14 @@ def topic_of(bag: Bag, relative: str, type_name: str, well: str = "") -> str | N
 
 def namespace_with(bag: Bag, topics: Mapping[str, str], well: str = "") -> str | None:
     """
-    Return the namespace, with a slash at its end, in which a recording has the first of some topics that it has.
+    Return the namespace, with a slash at its end, of the first of some topics that has messages in a recording.
 
-    topics: types of messages by relative topic. None if the recording has no message of any of them.
+    topics: type of message by relative topic. None if the recording has no message of any of these topics.
 
     Raises
     ------
     BagError
-        Several wells have the topic, and none is named.
+        Several wells have the topic, and `well` is empty.
     """
     for relative, type_name in topics.items():
         name = topic_of(bag, relative, type_name, well)

@@ -28,19 +28,19 @@ _HOUR_S = 3600.0
 # Longest gap between two samples that counts as exposure at the later value, s. A link sends its words in turn, so gaps
 # are normal. The gap for temperature may be longer, because a tool warms slowly.
 _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
-# A sample that is older than the end of its series by more than this comes from a clock that was set back, or the end
-# from a wrong stamp: the series begins again there. A longer step forward does not count as run time. No link
+# If a sample is older than the end of its series by more than this, ns, a clock was set back or an earlier stamp was
+# wrong: the series begins again at the sample. A step forward by more than this does not count as run time. No link
 # delivers a sample later than this; `DepthLog` uses the same rule with a shorter time.
 _JUMP_NS = 3600 * NANOSECONDS
 _FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are known not to change, s
-# A longer gap is a silence, over which the charge is assumed: at first that of the last known state, s, then that of
-# idle pumps. A step of more than the second number, s, is a wrong clock.
+# A gap above _FLOW_HELD_S is a silence, for which the charge is assumed: during the first _SILENCE_HELD_S, s, that of
+# the last known state of the pumps, then that of idle pumps. A gap above _LONGEST_SILENCE_S, s, means a wrong clock.
 _SILENCE_HELD_S, _LONGEST_SILENCE_S = 3600.0, 30 * 86400.0
 _LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
-# 1 sigma of the figures of a usual kit, as shares, where the tool file states no battery.
+# Battery of a usual kit, used if the tool file states none; relative 1 sigma of its capacity and of its currents.
 _ASSUMED = Battery(capacity_sigma=0.25, current_sigma=0.4)
-_ROOM_C = 25.0
-_MOST_SOURCES, _MOST_BINS = 64, 100
+_ROOM_C = 25.0  # room temperature, degC
+_MOST_SOURCES, _MOST_BINS = 64, 100  # largest number of sources; largest index of a histogram bin, on each side of 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,15 +55,15 @@ class BatteryHealth:
     used, sigma_used : float
         Used charge and its 1 sigma, C.
     capacity : float
-        Capacity at the temperature, C.
+        Capacity of the full battery at the newest temperature, C.
     current : float
-        Mean current on which the remaining time rests, A.
+        Mean current from which the remaining time is computed, A.
     remaining, sigma_remaining : float
-        Time until the battery is used at this temperature and mean current, and its 1 sigma, s.
+        Time until the battery is empty at this temperature and mean current, and its 1 sigma, s.
     remaining_active, remaining_idle : float
-        The same with the pumps always on, and always off, s.
+        Remaining time with the pumps always on, and always off, s.
     assumed : tuple of str
-        Sentences on what is assumed; empty if the time rests on the tool file and on measurements alone.
+        Sentences on assumptions; empty if the remaining time follows from the tool file and from measurements.
     """
 
     voltage: float
@@ -87,18 +87,19 @@ class Exposure:
     Attributes
     ----------
     source, unit : str
+        Name of the quantity, and unit of all its levels.
     newest, largest : float
         Newest and largest sample.
     observed : float
         Time for which there are samples, s.
     bins : tuple of (float, float)
-        Histogram: lower edge of each filled bin, rising, and the time in it, s.
+        Histogram: lower edge of each filled bin, increasing, and time in the bin, s.
     width : float
         Width of a bin.
     dose : float
         Share of the life that is used; 1 is the limit.
     limit : float
-        Level from which on life is used.
+        Lowest level that uses up life; the tool withstands lower levels without limit.
     assumed : bool
         Whether the limit is that of a usual kit, because the tool file states none.
     """
@@ -117,7 +118,7 @@ class Exposure:
 
 @dataclasses.dataclass(frozen=True)
 class PartHealth:
-    """A part of the tool: serial number, day of calibration (empty: none), days for which it is overdue."""
+    """A part of the tool: serial number, day of calibration (empty: none), days by which calibration is overdue."""
 
     name: str
     serial_number: str
@@ -135,20 +136,20 @@ class ToolHealth:
     stamp_ns : int
         End of the newest sample, ns; 0 before the first.
     run_time : float
-        Run time of the electronics: their own counter, else the time since the first sample without the silences of
-        more than an hour, s; NaN before the first sample.
+        Run time of the electronics, s: from the tool's counter, else the time since the first sample without gaps of
+        more than an hour; NaN before the first sample.
     pumping : float
-        Time with the pumps on, s; NaN if the rig has not told it.
+        Time with the pumps on, s; NaN if the rig has not reported the state of the pumps.
     battery : BatteryHealth or None
-        None if neither the tool nor its file tells of a battery.
+        None if neither the samples nor the tool file have data on a battery.
     exposures : tuple of Exposure
     failed_tests : tuple of str or None
-        Self-tests that failed when they last ran, by name; None: the tool has reported no results.
+        Names of the self-tests that failed when they last ran; None: the tool has reported no results.
     unreported_tests : tuple of str
-        Self-tests of which the tool has not reported that they ran, by name: these have neither passed nor failed.
+        Names of the self-tests that the tool has not reported as run, so that their result is unknown.
     parts : tuple of PartHealth
     remarks : tuple of str
-        Sentences on what could not be read.
+        Sentences on data that could not be read.
     """
 
     stamp_ns: int = 0
@@ -184,7 +185,7 @@ class _Series:
         return {name: getattr(self, name) for name in _SUMS_OF_SERIES} | {"bins": sorted(self.bins.items())}
 
     def restore(self, sums: Mapping[str, Any]) -> None:
-        """Take over the sums of a former run of the surface; its bins may have had another width."""
+        """Replace the sums by those of an earlier run of the surface, whose bins may have another width."""
         for name, kind in _SUMS_OF_SERIES.items():
             if name != "width":
                 setattr(self, name, kind(sums[name]))
@@ -196,14 +197,14 @@ class _Series:
         self.bins[min(max(index, -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
 
     def add(self, sample: LogSample, held_s: float) -> None:
-        """Add a sample, which stands for the time since the former one up to `held_s`, s."""
+        """Add a sample; it represents the time since the previous sample if that is at most `held_s`, s."""
         half = round(0.5 * sample.span * NANOSECONDS)
         begin, end = sample.stamp_ns - half, sample.stamp_ns + half
         if end < self.end_ns - _JUMP_NS:
             self.end_ns = self.newest_ns = begin - 1
         if sample.stamp_ns > self.newest_ns:
             self.newest, self.sigma, self.newest_ns = sample.value, sample.sigma, sample.stamp_ns
-        # A sample stands for the time since the former one, where that is near; else for its own interval.
+        # Without a recent previous sample, a sample represents its own interval only.
         near = 0 < begin - self.end_ns <= held_s * NANOSECONDS
         seconds = max(0.0, (end - (self.end_ns if near else max(begin, self.end_ns))) / NANOSECONDS)
         known = begin - self.end_ns <= _JUMP_NS
@@ -218,7 +219,7 @@ class _Series:
 
 class HealthLedger:
     """
-    Account of one tool.
+    Account of the health of one tool: sums over its samples.
 
     Parameters
     ----------
@@ -228,9 +229,9 @@ class HealthLedger:
     Attributes
     ----------
     battery : Battery
-        Figures of the battery in force.
+        Capacity, currents and sigmas from the tool file, else those of a usual kit.
     version : int
-        Increases with every sample in the account.
+        Number that increases with every sample in the account.
     """
 
     def __init__(self, limits: ToolLimits | None = None) -> None:
@@ -251,8 +252,8 @@ class HealthLedger:
         """
         Add a sample, in order of arrival.
 
-        Values that are not finite are ignored, and so are samples whose unit is not that of their source (of its first
-        sample, for a source that `SOURCES` does not have), and new sources once `_MOST_SOURCES` are known.
+        A sample is ignored if its value is not finite, if its unit differs from the unit of its source (in `SOURCES`,
+        else of the source's first sample), or if its source is new and `_MOST_SOURCES` sources are known already.
         """
         source = sample.source or sample.channel
         if not math.isfinite(sample.value) or (source not in self._series and len(self._series) >= _MOST_SOURCES):
@@ -272,7 +273,7 @@ class HealthLedger:
             self._count_charge(sample)
 
     def sums(self) -> dict[str, Any]:
-        """Return the whole account as numbers, strings, lists and dictionaries, from which `restore` goes on."""
+        """Return the whole account as numbers, strings, lists and dictionaries, for `restore`."""
         return {
             "last_ns": self._last_ns,
             "flow": self._flow,
@@ -286,12 +287,12 @@ class HealthLedger:
 
     def restore(self, sums: Mapping[str, Any]) -> None:
         """
-        Replace the account by the sums of a former run of the surface.
+        Replace the account by the sums of an earlier run of the surface.
 
         Raises
         ------
         KeyError, TypeError, ValueError
-            The sums are not those of an account, which is then unchanged.
+            The sums are not valid; the account is unchanged.
         """
         series = {}
         for name, kept in list(sums["series"].items())[:_MOST_SOURCES]:
@@ -321,15 +322,15 @@ class HealthLedger:
             if sample.value >= self._count[1]:
                 self._counted.use(sample.value - self._count[1], seconds, self._temperature)
             else:
-                # The counter counts since the battery was new, so it falls only with another battery. The tool and
-                # its currents stay.
+                # The counter starts with a new battery, so a smaller value means that the battery was replaced. Keep
+                # the charge and time of the run: the mean current of the tool does not depend on the battery.
                 before, self._counted = self._counted, _Charge(self.battery)
                 self._counted.use(sample.value, 0.0, _ROOM_C)
                 self._counted.in_run, self._counted.seconds = before.in_run, before.seconds
         self._count = (sample.stamp_ns, sample.value)
 
     def add_flow(self, stamp_ns: int, *, pumping: bool) -> None:
-        """Add whether the pumps are on, in order of time; after a clock was set back, the time counts from there."""
+        """Add the state of the pumps in order of time; if a clock was set back, time is counted from the new stamp."""
         if self._flow is not None and self._flow[0] - _JUMP_NS <= stamp_ns <= self._flow[0]:
             return
         if self._flow is not None:
@@ -351,8 +352,8 @@ class HealthLedger:
         return _ROOM_C if series is None else series.newest
 
     def health(self, day: datetime.date | None = None) -> ToolHealth:
-        """Return the health of the tool; day: on which the calibrations must hold, by default that of the samples."""
-        # All samples come through one link. A wrong clock of one source does not shorten the time of the others.
+        """Return the health of the tool; day: day for which calibrations are checked, by default of the last sample."""
+        # The longest run time of all sources counts, so that a wrong clock of one source does not shorten it.
         since = max((series.running for series in self._series.values()), default=math.nan)
         if day is None and self._last_ns:
             day = datetime.datetime.fromtimestamp(self._last_ns / NANOSECONDS, datetime.UTC).date()
@@ -433,7 +434,7 @@ class HealthLedger:
             assumed.append("the run is short: pumps always on")
         left = max(0.0, full * share * (1.0 - charge.used))
         sigma_used = scale * charge.total
-        # The used share falls as the capacity grows, so its error is that of the whole capacity.
+        # The charge left is the capacity minus the used charge, so the error of the whole capacity counts.
         sigma_left = math.hypot(
             full * item.capacity_sigma * share, sigma_used * share, full * (1.0 - charge.used) * spread
         )
@@ -454,18 +455,22 @@ class HealthLedger:
 
 @dataclasses.dataclass(frozen=True)
 class _Silence:
-    """Time without a known flow, s; active_s: the part with the pumps assumed on; last: both for the last silence."""
+    """Total time without known flow, s; active_s: part with pumps assumed on; last: both times of the last silence."""
 
     seconds: float = 0.0
     active_s: float = 0.0
     last: tuple[float, float] = (0.0, 0.0)
 
     def after(self, seconds: float, active_s: float) -> _Silence:
-        """Return it with one more silence, s."""
+        """Return the sums with one more silence, s."""
         return _Silence(self.seconds + seconds, self.active_s + active_s, (seconds, active_s))
 
     def back(self, seconds: float) -> _Silence:
-        """Return it after the clock went back by a time, s: if by most of the last silence, that was a wrong stamp."""
+        """
+        Return the sums after the clock went back by a time, s.
+
+        If the time is at least half of the last silence, a wrong stamp caused the silence, and it is removed.
+        """
         if not 0.0 < self.last[0] <= 2.0 * seconds:
             return self
         return _Silence(self.seconds - self.last[0], self.active_s - self.last[1])
@@ -483,11 +488,11 @@ class _Charge:
         self.total, self.used, self.in_run, self.seconds = sums
 
     def sums(self) -> tuple[float, ...]:
-        """Return the numbers with which it can be made again."""
+        """Return the numbers from which this object can be made again."""
         return self.total, self.used, self.in_run, self.seconds
 
     def use(self, charge: float, seconds: float, celsius: float) -> None:
-        """Draw a charge, C, in a time, s; a time of 0: before the run, or in a time that is not known."""
+        """Add a charge, C, drawn in a time, s, at a temperature, degC; 0 s: before the run, or the time is unknown."""
         self.total += charge
         self.used += charge / (self._battery.capacity_ah * _HOUR_S * self._battery.share(celsius))
         if seconds > 0.0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of the tool as a table of a recording, so that a viewer and `mwd report` know those of the live surface."""
+"""Limits of the tool as a table of a recording, so that a viewer and `mwd report` use those of the live surface."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.tool_limits import ToolLimits
 
 TOOL = "tool"  # name of the table
-FILE = "tool_health.json"  # the same beside the survey list
+FILE = "tool_health.json"  # file with the same table in the folder of the survey list
 _HEALTH = "health"
 
 

@@ -22,7 +22,7 @@ HEADER = ",".join(
     ("stamp_ns", *_ANGLES, *(f"sigma_{key}" for key in _ANGLES), "gravity_x", "gravity_y", "gravity_z", "status")
 )
 _DEG = 180.0 / math.pi
-# Units of the last decimal: six decimals of a degree, nine of a gravity component.
+# Number of units of the last decimal in one degree, and in a gravity component of 1.
 _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
 # Largest length of a row without the status words: stamp with sign, angles and sigmas, three components, commas,
@@ -50,7 +50,7 @@ class Lines:
         Raises
         ------
         ValueError
-            The two differ in length.
+            `attitude` and `gravity` differ in length.
         """
         n = len(attitude)
         if len(gravity) != n:

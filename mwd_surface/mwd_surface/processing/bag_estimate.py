@@ -55,7 +55,7 @@ from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warn
 from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
-# Largest difference of the stamps of sensors logged together, s; beyond it, one sensor uses another clock.
+# Largest difference of the stamps of sensors logged together, s; with a larger one, one sensor uses another clock.
 _SKEW_S = 1.0
 
 
@@ -71,7 +71,7 @@ class _Result:
     originals : list of Originals
         Messages of the bag.
     until_ns : int
-        No message logged up to this time will follow.
+        No message logged up to this time, ns, will follow.
     """
 
     output: Output | None
@@ -118,8 +118,7 @@ class BagEstimate:
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
         self._compensation, self._merger = compensation, merger
-        # Nobody waits for a recording as for a live node: a date outside the field model is refused before the run
-        # begins.
+        # Unlike the live node, refuse a date outside the field model before the run begins.
         derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)
@@ -182,7 +181,7 @@ class BagEstimate:
         self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
 
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
-        """Yield the blocks of the bag, with its unchanged messages if there is a merger."""
+        """Yield the blocks of the bag, each with the unchanged messages of its time if there is a merger."""
         if self._merger is not None:
             yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
             return
@@ -221,7 +220,7 @@ class BagEstimate:
         yield _Result(self._pipeline.finish())
 
     def _estimated(self, imu: Imu) -> Iterator[_Result]:
-        """Yield the results of samples and of the requests that fall into their time."""
+        """Yield the results of IMU samples, and of the requests that were made between these samples."""
         for part, requests in self._requests.cut(imu.samples["stamp_ns"], imu.log_ns):
             if part.stop > part.start:
                 followed = None if imu.followed is None else imu.followed.part(part)
@@ -309,7 +308,7 @@ class BagEstimate:
                 self._summary.warnings += [words] * (words not in self._summary.warnings)
 
     def _pass_gate(self, samples: BlockSamples) -> None:
-        """Replace impossible sensor values by NaN, before calibration and smoother spread them."""
+        """Replace impossible sensor values by NaN, before calibration and smoothing carry them into other values."""
         topics, gate = self.topics, self._pipeline.gate
         passes = {topics.imu: gate.imu, topics.mag: gate.mag, topics.precision: gate.precision}
         for topic, take in {**passes, topics.temperature: gate.temperature}.items():
@@ -478,7 +477,7 @@ def _time(stamp_ns: int) -> str:
 
 T = TypeVar("T")
 
-_DEPTH = 3
+_DEPTH = 3  # default number of items that wait between two stages
 
 
 @contextlib.contextmanager
@@ -576,13 +575,13 @@ def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[
 # Queue of IMU samples that wait for the next block, or for enough later samples to smooth them.
 
 
-# Samples that follow a longer gap do not change those before it.
+# Samples after a gap longer than this, ns, do not affect the smoothed samples before it.
 _SILENCE_NS = 60 * wire.NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
 class Imu:
-    """Samples ready for the estimator, their log times, and their gravity if a smoother followed it."""
+    """Samples ready for the estimator, their log times, and their smoothed gravity; None without a smoother."""
 
     samples: Samples
     log_ns: Stamps
@@ -591,7 +590,7 @@ class Imu:
 
 class ImuQueue:
     """
-    Queue that holds samples back.
+    Queue of IMU samples that wait for the next block or for the smoother.
 
     smooth : settings of the method bounded, for smoothing gravity; None: no smoothing. mount : mount of the units in
     the tool; gravity is smoothed in tool axes.
@@ -606,7 +605,7 @@ class ImuQueue:
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample that the smoother has found, see `State.samples_are`."""
+        """Meaning of a sample as determined by the smoother, see `State.samples_are`."""
         return self._smoother.samples_are if self._smoother is not None else ""
 
     @property
@@ -625,7 +624,7 @@ class ImuQueue:
             self._new.append((samples, log_ns))
 
     def done(self) -> Iterator[Imu]:
-        """Remove and return the samples that are ready; call this after everything else of their time was pushed."""
+        """Remove and yield the samples that are ready; push the other sensors' samples of the same time first."""
         new, self._new = self._new, []
         if self._smoother is None:
             yield from (Imu(samples, log_ns, None) for samples, log_ns in new)
@@ -640,7 +639,7 @@ class ImuQueue:
                 yield from self._taken([self._push(part[0])])
 
     def finish(self) -> Iterator[Imu]:
-        """Remove and return all waiting samples."""
+        """Remove and yield all waiting samples."""
         yield from self.done()
         yield from self._finished()
 
@@ -650,7 +649,7 @@ class ImuQueue:
             return Track.empty(0)
         samples = self._mount.imu_in_tool(samples)
         stamps, accel = samples["stamp_ns"], samples["linear_acceleration"]
-        # Use the same samples as the estimator.
+        # Remove rate jumps as the estimator does.
         gyro = self._jumps.without(stamps, np.ascontiguousarray(samples["angular_velocity"]))
         return smoother.push(stamps, gyro, accel, clip_flags.of(samples))
 

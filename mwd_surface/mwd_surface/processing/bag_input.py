@@ -33,13 +33,13 @@ from mwd_surface.processing.half_imu import Kind, is_accelerometer, kind_of
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
-# Unit, field, quantity, and the option that names its unit.
+# Sensor, field of its message, quantity, and command option for the quantity's unit.
 QUANTITIES = (
     ("imu", "linear_acceleration", "acceleration", "--accel-unit"),
     ("imu", "angular_velocity", "rate", "--gyro-unit"),
     ("mag", "magnetic_field", "field", "--mag-unit"),
 )
-# The other fields of these messages are not read.
+# Fields to read, by message type.
 FIELDS = {
     wire.IMU.type_name: (
         "angular_velocity",
@@ -51,7 +51,8 @@ FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-# Topics of results that show which namespaces are wells of this program, and their estimator's IMU topic.
+# Topics of results with their types; a namespace with one of them is a well of this program. _ORIENTED is the topic on
+# which the estimator publishes the IMU samples with the orientation.
 _RESULTS = {
     "attitude": "mwd_msgs/msg/Attitude",
     "gravity": "mwd_msgs/msg/Gravity",
@@ -62,7 +63,7 @@ _RESULTS = {
 _ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # number of messages of all topics together after which frames and times are considered known
-_AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and longest time, ns, of a mean that must show gravity
+_AVERAGED, _AVERAGED_NS = 10, 5e7  # largest number of samples, and longest time, ns, of a mean tested for gravity
 # A mean specific force below this is not gravity in m/s2, g or mg; even a turning tool has a larger mean. The lowest
 # limit of `units` is the same.
 _LEAST_GRAVITY = 0.3
@@ -315,7 +316,7 @@ def in_si(block: Block, topics: Topics, given: InputSettings) -> Block:
 
 
 class OptionNeededError(ValueError):
-    """The samples can be used with other options of the input, which the message names."""
+    """Raised if the samples can be used only with other options of the input, which the message names."""
 
 
 def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
@@ -356,7 +357,7 @@ def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
 
 def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
     """
-    Return how the units are mounted in the tool, from the settings, the message frames and the static transforms.
+    Return the mount of the units in the tool, from the settings, the message frames and the static transforms.
 
     Raises
     ------
@@ -374,7 +375,7 @@ def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
 
 
 def tool_frame(bag: Bag, topics: Topics, mount: Mount) -> str:
-    """Return the frame of the tool's axes, named as in the live estimator: that of the samples, unless rotated."""
+    """Return the frame of the tool's axes: the sonde's frame if the mount turns the samples, else their own frame."""
     frame = frame_names(bag, [topics.imu]).get(topics.imu, wire.SONDE_FRAME)
     return frame[: frame.rfind("/") + 1] + wire.SONDE_FRAME if mount.turns else frame
 
@@ -420,12 +421,12 @@ def refuse_damaged(bag: Bag, given: InputSettings) -> None:
 
 def worth_saying(bag: Bag) -> list[str]:
     """Return the notes on a recording that a user should see."""
-    # Most recordings of other programs carry no checksums, so this note would tell the user nothing.
+    # Most recordings of other programs carry no checksums, so this note would not help the user.
     return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
 
 
 def _cut_off(path: Path) -> bool:
-    """Return whether a file lacks its very end: nothing may be missing, but that cannot be known."""
+    """Return whether a file does not end like an MCAP file, so that messages may be missing."""
     for file in path.glob("*.mcap") if path.is_dir() else [path]:
         if file.suffix == ".mcap":
             with file.open("rb") as opened:
@@ -436,7 +437,7 @@ def _cut_off(path: Path) -> bool:
 
 
 def _name_vector(bag: Bag, name: str, quantity: str) -> None:
-    """Assign the quantity of a sensor to a topic of vectors that a user chooses, unless its name tells the quantity."""
+    """Assign the quantity of a sensor to a topic of vectors that a user chooses, unless its name shows the quantity."""
     for candidate in (name, f"/{name}"):
         about = bag.topics.get(candidate)
         if about is not None and about.type_name == wire.VECTOR.type_name and not about.quantity:
@@ -445,7 +446,7 @@ def _name_vector(bag: Bag, name: str, quantity: str) -> None:
 
 def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
     """
-    Return the topic of that name; None for an empty name.
+    Return the topic of a name, with or without its first slash; None for an empty name.
 
     Raises
     ------
@@ -505,7 +506,7 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
 
 
 def _likely(bag: Bag, candidates: list[str]) -> list[str]:
-    """Return the topics whose readings may be an IMU's; accelerometer halves and topics without gravity are not."""
+    """Return the topics that may be a complete IMU, without accelerometer halves and topics without gravity."""
     first = {name: first_samples(bag, name) for name in candidates}
     whole = [name for name in candidates if kind_of(first[name]) != Kind.GYRO and not is_accelerometer(first[name])]
     if whole:
@@ -525,12 +526,12 @@ def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
         gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
         return (gyro, imu) if gyro is not None else (imu, None)
     halves = [name for name in others if _is_accelerometer(bag, name)]
-    # If there are two, one may be without gravity.
+    # A driver may publish the acceleration with and without gravity: prefer topics with gravity.
     return imu, _nearest(imu, [name for name in halves if not without_gravity(first_samples(bag, name))] or halves)
 
 
 def _nearest(name: str, others: list[str]) -> str | None:
-    """Return the topic whose name shares most with this one; None if there is none, or several share equally."""
+    """Return the topic whose name has the longest beginning in common with a name; None if there is no single one."""
     pairs = {other: zip(name, other, strict=False) for other in others}
     shared = {
         other: sum(1 for _ in itertools.takewhile(lambda two: two[0] == two[1], pairs[other])) for other in others
@@ -540,7 +541,7 @@ def _nearest(name: str, others: list[str]) -> str | None:
 
 
 def _kind(bag: Bag, imu: str) -> Kind:
-    """Return which vectors the messages of an IMU topic carry."""
+    """Return the kind of an IMU topic, by the vectors that its messages carry."""
     if quantity := bag.topics[imu].quantity:
         return Kind.GYRO if quantity == RATE else Kind.ACCELEROMETER
     return kind_of(first_samples(bag, imu))
@@ -568,7 +569,7 @@ def without_gravity(samples: Samples) -> bool:
     if len(force) < _SAME_AT_LEAST or not np.any(force):
         return False
     interval_ns = float(np.median(np.diff(samples["stamp_ns"])))
-    # In such a short time a tool hardly turns.
+    # Average over so short a time that a tool hardly turns.
     each = min(max(int(_AVERAGED_NS / interval_ns), 1), _AVERAGED) if interval_ns > 0.0 else 1
     count = len(force) // each
     means = force[: count * each].reshape(count, each, 3).mean(axis=1)

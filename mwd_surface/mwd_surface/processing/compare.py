@@ -2,8 +2,8 @@
 """
 Comparison of two runs of the estimator: station by station, and statistics of their attitudes.
 
-The files of `mwd process` are compared, so that runs of two versions, two methods, two machines, or a run and a golden
-run can be compared. Memory stays constant: both attitudes are read in parallel.
+The files of `mwd process` are compared, so that runs of two versions, two methods or two machines can be compared, or a
+run and its expected results (`golden`). Memory stays constant: both attitudes are read in parallel.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ LIMITS = (
     "survey_inclination_deg",
     "survey_azimuth_deg",
     "survey_toolface_deg",
-    "survey_sigma_share",  # of a station's sigmas, relative to the expected sigma
-    "survey_stamp_s",  # between the times of a station in the two runs
-    "attitude_inclination_deg",  # at any one sample, like the next three
+    "survey_sigma_share",  # difference of a station's sigma, relative to the expected sigma
+    "survey_stamp_s",  # difference between the times of a station in the two runs
+    "attitude_inclination_deg",  # difference at any sample, like the next three
     "attitude_azimuth_deg",
     "attitude_toolface_deg",
     "attitude_gravity_deg",  # angle between the directions of gravity
@@ -36,7 +36,7 @@ LIMITS = (
 _STATION_ANGLES = (("inclination_deg", False), ("azimuth_deg", True), ("toolface_deg", True))
 _SIGMAS = ("sigma_inclination_deg", "sigma_azimuth_deg", "sigma_toolface_deg")
 _PAIRED_WITHIN_NS = 2_000_000_000  # stations farther apart in time are different stations
-_ROUNDING = 1.0 + 1e-9
+_ROUNDING = 1.0 + 1e-9  # factor of a limit that allows for rounding
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Comparison:
     stations : tuple of StationDifference
     missing, extra : tuple of str
         Stations only in the expected run, or only in this run, as "number at depth".
-    statistics : tuple of Statistics
+    statistics : tuple of DifferenceStatistics
     rows, rows_missing, rows_extra : int
         Number of samples in both runs; only in the expected run; only in this run.
     status_differs : int
@@ -109,7 +109,7 @@ def read_limits(path: Path) -> dict[str, float]:
     Raises
     ------
     ValueError
-        The file is not YAML or not such a table, a name is unknown, or a reason is missing.
+        The file is not YAML or not a table of limits, a name is unknown, or a reason is missing.
     OSError
         The file cannot be read.
     """
@@ -239,7 +239,7 @@ def _station_failures(stations: list[StationDifference], limits: dict[str, float
         for name, value in one.differences.items():
             key = "survey_sigma_share" if name in _SIGMAS else f"survey_{name}"
             limit = limits.get(key, 0.0)
-            # The comparison is negated so that a nan, known in one run only, also fails.
+            # The comparison is negated so that NaN, for a value known in one run only, also fails.
             if not abs(value) <= limit * _ROUNDING + 1e-9:
                 yield f"station {one.sequence}: {name} differs by {value:+.4g}, limit {limit:g}"
 

@@ -86,7 +86,7 @@ def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:
 
 
 def _bit_depths(bag: Bag) -> tuple[Stamps, Array]:
-    """Return stamps, ns, and bit depths, m, where the rig knew the depth."""
+    """Return stamps, ns, and bit depths, m, of the rig's messages with a valid depth, in order of time."""
     topic = bag.find_topic(wire.RIG_STATE.type_name, "rig/state")
     rows = [block[topic][1] for block in bag.blocks([topic]) if topic in block]
     if rows:

@@ -24,7 +24,7 @@ _HALF, _IN_TURNS = 0.98, 0.05
 _CHANGES = 8
 # Longest gap of the accelerometer that is interpolated: the larger of a number of its intervals and a time, ns.
 _INTERVALS, _SHORTEST_NS = 5, 100_000_000
-_RATED = 16  # number of intervals from which its rate is computed
+_RATED = 16  # number of first intervals whose median is the interval of the accelerometer
 
 
 @unique
@@ -39,7 +39,7 @@ class Kind(StrEnum):
 
 
 def kind_of(samples: Samples) -> Kind:
-    """Return which vectors the messages of a topic carry, from some of its samples with their covariances."""
+    """Return the kind of a topic, by the vectors in some of its samples, which include covariances."""
     no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
     if not len(samples) or (no_gyro & no_accel).all():
         return Kind.WHOLE
@@ -73,7 +73,7 @@ class Joiner:
     Parameters
     ----------
     kind : Kind
-        Kind of the gyro's topic. If it has both halves, the numbers of a message tell which half it carries.
+        Kind of the gyro's topic. If the topic has both halves, the values of each message show its half.
     """
 
     def __init__(self, kind: Kind) -> None:
@@ -152,7 +152,7 @@ class Joiner:
 
 
 def _without(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Return which messages do not carry a vector, shape (n,)."""
+    """Return whether each message lacks a vector, shape (n,)."""
     values = samples[vector]
     empty = (values == 0.0).all(axis=1) | ~np.isfinite(values).any(axis=1)
     return np.asarray(empty | input_covariance.not_provided(samples, vector))

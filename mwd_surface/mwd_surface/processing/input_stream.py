@@ -2,8 +2,8 @@
 """
 Streams of a recording's samples as the estimator needs them: each once, on one clock, complete, and in SI.
 
-Every command that works on the sensors of a recording reads it through these streams; `mwd inspect` and `mwd process`
-refuse a recording for the same reasons.
+Every command that works on the sensors of a recording reads the samples through these streams; `mwd inspect` and `mwd
+process` refuse a recording for the same reasons.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from mwd_surface.processing.stream_times import PACE
 
 # Width of the time bins in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
-# Samples cannot be paired if their clocks differ by more, s; message delays are shorter.
+# Samples cannot be paired if their clocks differ by more than this, s; message delays are shorter.
 _APART_S = 1.0
-# Number of messages in a bin that are enough to compare clocks.
+# Least number of messages in a time bin for a comparison of the clocks.
 _FEW = 5
 # Least time since 1970 of a clock that has been set (1989), ns.
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
@@ -65,7 +65,8 @@ class SampleStream:
         Topics, the IMU first if there is one; messages without stamped samples pass unchanged.
     given : InputSettings
     held : str
-        Topic whose samples are held back until it is known whether all come twice (`RepeatedSamples`), as in live use.
+        Topic whose samples are held back until it is known whether each sample comes twice (`RepeatedSamples`), as in
+        live use.
 
     Attributes
     ----------
@@ -73,7 +74,7 @@ class SampleStream:
     without_time : frozenset of str
         Topics whose messages carry no time of their own.
     undated : dict of str to int
-        Samples left out so far because they have no time although others of their topic do.
+        By topic: number of samples left out so far because they have no time although other samples have one.
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
@@ -115,7 +116,7 @@ class SampleStream:
             yield self.take(block)
 
     def take(self, block: Block) -> Block:
-        """Return a block of the topics in the form to use."""
+        """Return a block without repeated samples and with the samples on one clock."""
         out = {}
         for name, (log_ns, samples) in block.items():
             if name in self._stamped:
@@ -292,7 +293,7 @@ def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
 
 
 def asked_span(bag: Bag, given: InputSettings) -> tuple[int | None, int | None]:
-    """Return the log times from (inclusive) and to (exclusive) which to read a recording, ns; None: no limit."""
+    """Return the part of a recording to read: log time from (inclusive) and to (exclusive), ns; None: no limit."""
     start = bag.start_ns + round(given.start_s * 1e9) if given.start_s > 0.0 else None
     return start, bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
 
@@ -407,7 +408,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Proble
 
 
 def clock_was_set(bag: Bag, topics: Topics) -> bool:
-    """Return whether the IMU's clock was set, by its first samples; true if the recorder's was not set either."""
+    """Return whether the IMU's clock was set, by its first samples; true if the recorder's clock was not set either."""
     samples = first_samples(bag, topics.imu)
     unset = len(samples) > 0 and 0 < int(np.median(samples["stamp_ns"])) < CLOCK_SET_NS
     return not unset or bag.start_ns < CLOCK_SET_NS
@@ -446,7 +447,12 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
 
 @dataclasses.dataclass
 class _Course:
-    """Course of a clock between two settings: log times and offsets, ns, and whether the stamps jumped at its start."""
+    """
+    Course of a clock from one jump of its offset to the next.
+
+    first_ns, last_ns: first and last log time, ns. last_offset: last offset, ns. was_set: whether the course began
+    because the clock was set, not because messages were delayed. bins: number of the time bin -> least offset, ns.
+    """
 
     first_ns: int
     last_ns: int

@@ -52,7 +52,7 @@ from mwd_surface.processing.stream_times import StreamTimes
 from mwd_surface.surveys.recorded_settings import with_a_model
 
 _UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
-_PASSES = 6
+_PASSES = 6  # largest number of corrections of the settings
 # Number of each vector's sensor, and faults that a sensor has if its messages declare the vector absent.
 _SENSORS = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.DEAD, FaultCode.INVALID)
@@ -77,18 +77,19 @@ class Inspection:
     units : dict of str to str
         Units of the readings: name of the option to unit.
     mount : str
-        How the units are mounted, as text.
+        Mount of the units in the tool, as text.
     turns_about : str
-        Axis of the unit about which the string was seen to turn, and its direction; empty if it never turned.
+        Axis of the unit about which the string turned, and its direction; empty if the string never turned.
     rests : int
-        Intervals at rest that are long enough for a survey.
+        Number of intervals at rest that are long enough for a survey.
     rest_s : float
-        Longest of them, s.
+        Longest interval at rest, s.
     faults : list of SensorFault
-        Sensor faults present at the end, with the samples read as found.
+        Sensor faults present at the end, with the samples read with the units and the mount found.
     remarks : list of str
         Sentences on anything unusual.
-    missing : list of (result, what it needs)
+    missing : list of (str, str)
+        Results that cannot be computed, each with the input that is missing.
     surveys : list of str
         Verdicts of the surveys that the command yields.
     refusal : str
@@ -209,7 +210,7 @@ def inspect(
 
 
 def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> tuple[Topics, InputSettings, str]:
-    """Return topics and settings with which a recording can be read, and why `mwd process` would still refuse it."""
+    """Return topics and settings with which a recording can be read, and why `mwd process` still refuses it, or ""."""
     topics = find_topics(bag, given)
     for _ in range(_PASSES):
         found = problems(bag, topics, given, estimator.place)
@@ -307,7 +308,7 @@ def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -
 
 
 def _note_turns(reading: _InspectionPass, imu: Samples) -> None:
-    """Note which axis of the unit points down-hole, from each three seconds in which the string turned."""
+    """Note the axis of the unit that points down-hole, for each interval of 3 s in which the string turned."""
     stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
     dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
     part = (stamps - stamps[0]) // (3 * wire.NANOSECONDS)
@@ -333,7 +334,7 @@ def _corrected(reading: _InspectionPass) -> tuple[InputSettings, EstimatorSettin
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
         elif fault.code == FaultCode.MOUNT and reading.turned.any():
-            # Use the whole recording, in axes of the unit, whatever mount it was read with.
+            # Use the turning of the whole recording in axes of the unit, which does not depend on the assumed mount.
             changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
         changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
         if changes:
@@ -364,7 +365,7 @@ def _remarks(bag: Bag, topics: Topics, reading: _InspectionPass, start: Estimato
 
 
 def _missing(topics: Topics, reading: _InspectionPass, mount: Mount, reason: str) -> list[tuple[str, str]]:
-    """Return for each missing result what the recording would need."""
+    """Return the results that cannot be computed, each with the input that the recording lacks."""
     place, missing = reading.estimator.place, []
     if reason:
         missing.append(("surveys", reason))
@@ -432,7 +433,7 @@ def _command(bag: Bag, topics: Topics, reading: _InspectionPass, output: Path, o
 
 
 def figures(times: StreamTimes) -> str:
-    """Return rate, length and count of a topic as text."""
+    """Return the number of samples and the rate of a topic as text."""
     rate = f"{times.rate:.4g} Hz" if math.isfinite(times.rate) else "one message"
     return f"{times.count} samples, {rate}"
 
@@ -443,12 +444,13 @@ __all__ = ["BagError", "Inspection", "figures", "inspect"]
 # Mount of a magnetometer in the tool, found from the angle between gravity and the reference field in a recording.
 
 
-# Every how many magnetic samples one is used; allowed differences of gravity (sine) and of the dip (rad).
+# Step between the magnetic samples that are used; allowed additional standard deviation of the sine of the dip over the
+# attitudes; allowed difference between the mean dip and the reference, rad.
 _EVERY, _STEADY, _DIP = 7, 0.01, 0.05
 
 
 def reference_of(estimator: EstimatorSettings, first_ns: int) -> Reference | None:
-    """Return the field of the place if it is known for the date; a date outside the model is reported as missing."""
+    """Return the reference field of the place; None if no field is set, or if the model does not cover the date."""
     try:
         return derivation.reference(estimator, first_ns)
     except ValueError:

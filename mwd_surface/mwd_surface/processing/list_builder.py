@@ -53,7 +53,7 @@ class ListBuilder:
     Attributes
     ----------
     depth : DepthTrack
-        Bit depth of the rig; updated by the caller.
+        Bit depth of the rig, as passed to `take_rig`, with the corrections of people.
     surveys : SurveyList
     warnings : list of str
     """
@@ -102,7 +102,7 @@ class ListBuilder:
 
     @property
     def depth_source(self) -> str:
-        """Return the source of the depths as text."""
+        """Source of the depths, as text."""
         if self._table is not None:
             return f"of the table {self._given_depths}"
         if self._live_used:
@@ -115,7 +115,7 @@ class ListBuilder:
         """
         Accept depths of the rig, `wire.RIG_STATE`, and the IMU samples of the same part of the recording.
 
-        Both come with the log times of their messages, which show what arrived first.
+        Both come with the log times of their messages, which give the order of arrival.
         """
         if not self.uses_rig:
             return
@@ -131,7 +131,8 @@ class ListBuilder:
         """
         Add a survey of the estimator to the list; return the measured depth of the sensor, m, nan if unknown.
 
-        log_ns : log time of its last sample, ns; changes that people made before it was listed are applied first.
+        log_ns : log time of the survey's last sample, ns. Changes that were made live before the survey was listed are
+        applied first.
         """
         if not self._begun:
             self._begin(survey)
@@ -173,7 +174,11 @@ class ListBuilder:
             self.warnings.append(f"the decision of {decided.operator_name} is not applied: {error}")
 
     def _revise(self, survey: DecidedSurvey) -> None:
-        """Revise a survey as the whole run says, unless the recorded revisions say it already."""
+        """
+        Apply the revised value of a survey from the whole run.
+
+        With the settings of the live list, only a withdrawal that is not among the recorded revisions is applied.
+        """
         old = next((r for r in self.surveys.records if r.survey.uuid == survey.uuid), None)
         if old is None:
             return
@@ -208,7 +213,7 @@ class ListBuilder:
         return self.surveys, text + (f", missing here: {missing}" if missing else "")
 
     def _begin(self, first: DecidedSurvey) -> None:
-        """Begin the list where the live list began."""
+        """Begin the list like the live list: with its well, legs and plan, and the surveys of earlier recordings."""
         self._begun = True
         well = self._well
         place, recorded = self._estimator.place, self._recorded.estimator

@@ -27,7 +27,7 @@ from mwd_surface.surveys.recorded_settings import Recorded
 
 def channels_of(tool_file: Path | None) -> dict[str, LogChannel]:
     """
-    Return the log channels of a tool configuration; without a file, the usual ones.
+    Return the log channels of a tool configuration; without a file, the default channels.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def computed_samples(
     on_survey: Callable[[Survey], None] | None = None,
 ) -> list[LogSample]:
     """
-    Return the log samples of a recording, as the live estimator gives them.
+    Return the log samples of a recording, as the live estimator computes them.
 
     on_survey : called with each survey of the estimator.
 

@@ -30,14 +30,14 @@ _IMU = "imu/data_raw"
 
 
 def end_rows(output: Output) -> NDArray[np.int64]:
-    """Return the attitude row at which the interval of each survey ends; the last row if none does."""
+    """Return the index of the attitude row at which the interval of each survey ends; the last row if there is none."""
     newest = np.maximum.accumulate(output.attitude["stamp_ns"])
     return np.searchsorted(newest, [survey.end_ns for survey in output.surveys]).clip(max=len(newest) - 1)
 
 
 class Merger:
     """
-    Writer of the copy while the estimator runs.
+    Writer of a copy of a recording with the estimates, while the estimator runs.
 
     Parameters
     ----------
@@ -45,16 +45,16 @@ class Merger:
         Folder of the copy.
     bag : Bag
     imu_topic : str
-        Estimates are published in its namespace, and logged at its log times.
+        Topic of the IMU; the estimates get its namespace, and the log times of its messages.
     thinner : Thinner
         Thinner of attitude and gravity.
 
     Attributes
     ----------
     remarks : list of str
-        Topics that have another name than expected.
+        Sentences on topics that have another name than usual.
     frame : str
-        Frame of the estimates; set it before the first one.
+        Frame of the estimates; set it before the first call of `take`.
     """
 
     def __init__(self, path: Path, bag: Bag, imu_topic: str, thinner: Thinner) -> None:
@@ -83,7 +83,7 @@ class Merger:
         Write the next results and messages.
 
         output, log_ns : results of IMU samples, and the log time of each sample. originals : messages of the recording.
-        until_ns : nothing logged up to this time will follow.
+        until_ns : no message logged up to this time, ns, will follow.
         """
         for one in originals:
             self._merged.add_originals(one)

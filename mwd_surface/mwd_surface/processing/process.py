@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-`mwd process`: attitude, surveys and the settings in force from a recording, written to a folder.
+`mwd process`: compute attitude and surveys from a recording, and write them with the settings in force to a folder.
 
 Results appear completely or not at all.
 """
@@ -37,7 +37,7 @@ REVERSED = (
     "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
     "--accelerometer down does"
 )
-_AFTER = ("surveys.csv", "surveys.json", "faults.csv", CONFIG, INPUT)  # files named after the attitude
+_AFTER = ("surveys.csv", "surveys.json", "faults.csv", CONFIG, INPUT)  # order of the files listed below the attitude
 
 
 def process(
@@ -88,12 +88,12 @@ def process(
 
 
 def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> EstimatorSettings | None:
-    """Return settings with the accelerometer reversed, if motion or dip showed this as the only fault until the end."""
+    """Return settings with the accelerometer reversed if a fault at the end shows that its signs are wrong."""
     last = {fault.check: fault for fault in summary.faults}
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
     shown = any(fault.code in reversals and fault.sensors == (1,) for fault in standing)
-    # Surveys that the live estimator rejected are rejected again.
+    # With the settings of the live list, surveys that the live estimator rejected are rejected again.
     if not shown or estimator.tool.mount.accelerometer != "up" or summary.as_live:
         return None
     return settings.changed(estimator, {"tool.mount.accelerometer": "down"})
@@ -122,7 +122,7 @@ def _processed(
         read = input_text(bag.path, given, calibrated=compensation is not None)
         (draft / INPUT).write_text(read, encoding="utf-8")
         summary.files = [file.name for file in draft.iterdir()]
-        # List the largest file first: it is the main result.
+        # List the attitude first, because it is the main result.
         summary.files.sort(key=lambda name: _AFTER.index(name) if name in _AFTER else -1)
     return summary
 
@@ -173,7 +173,7 @@ def _finished(
 ) -> Summary:
     refuse_damaged(bag, given)
     summary = run.run(sink, progress)
-    # Damage may only be detected while reading.
+    # Some damage is found only while reading.
     refuse_damaged(bag, given)
     if summary.rows == 0:
         if given.start_s > (long := (bag.end_ns - bag.start_ns) * 1e-9) > 0.0:

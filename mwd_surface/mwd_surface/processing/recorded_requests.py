@@ -2,7 +2,7 @@
 """
 Requests to the estimator in a recording, repeated at the same samples so that the same surveys result.
 
-They are surveys on request, rotary surveys and north seeks, a given reference field, and a restart.
+The requests are surveys on request, rotary surveys and north seeks, a given reference field, and a restart.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.recorded_list import EVENT_TYPE, EVENTS
 
-# Longest time from a sample to the message of a request that took effect after it, ns. It separates the passes of a
-# recording whose time goes back.
+# A request takes effect only at samples logged at most this much earlier than its message, ns. If the stamps of a
+# recording go back, this limit finds the samples of the right pass.
 _LATEST_NS = 10 * NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
 class Request:
-    """One request: the last sample before it and the log time of its message, ns, its kind as text, and its action."""
+    """One request: stamp of the last sample before it, ns, log time of its message, ns, kind as text, and action."""
 
     stamp_ns: int
     log_ns: int
@@ -51,7 +51,7 @@ def _use_reference(pipeline: Pipeline, event: Any) -> None:
     pipeline.set_reference(Reference(*field, event.gravity if event.gravity > 0.0 else None, event.source))
 
 
-# Name of the constant in OperatorEvent.msg, number and action.
+# Number of the kind in OperatorEvent.msg -> kind as text, and action.
 _KINDS: dict[int, tuple[str, Callable[[Pipeline, Any], Output | None]]] = {
     0: ("survey on request", _take_survey),
     1: ("north seek", _seek_north),
@@ -82,7 +82,7 @@ class RecordedRequests:
     Attributes
     ----------
     remarks : list of str
-        Requests that could not be repeated.
+        Sentences on requests that are not repeated.
     """
 
     def __init__(self, bag: Bag, namespace: str, begin_ns: int, *, with_field: bool) -> None:
@@ -104,7 +104,7 @@ class RecordedRequests:
         """
         Split samples, shapes (n,), ns, after the sample of each request.
 
-        Yield each part with the requests due then.
+        Yield each part with the requests that are due after it.
         """
         start = 0
         while self._waiting:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Intervals in which a tool rests: how many are long enough for a survey, and which a wrong gyro unit hides.
+Intervals in which a tool rests: count of those long enough for a survey, and detection of a gyro in a wrong unit.
 
-The accelerometers show a rest too. If they do while the gyro seems to turn or shake, gravity does not move with that
-turn, and no axis stands out as that of a turning string, then the gyro may be in another unit: read in rad/s, a gyro in
-deg/s turns and scatters 57 times as much as it really does.
+The accelerometers show a rest too. The gyro may be in another unit if the accelerometers show a rest, the gyro shows
+turning or noise, gravity does not follow this turning, and no axis of the gyro has most of the noise, as the axis of a
+turning string has. If a gyro in deg/s is read in rad/s, its rate and noise are 57 times too large.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mwd_surface.processing.input_stream import Problem
 _DEG = math.pi / 180.0
 # Least noise ratio of a gyro's quietest to noisiest axis; a turning string has most noise along its axis.
 _ALIKE = 0.4
-_FEW = 3  # samples in half a second, as for a survey
+_FEW = 3  # least number of samples in half a second, as for a survey
 
 
 class Rests:
@@ -33,7 +33,7 @@ class Rests:
     Attributes
     ----------
     count : int
-        Intervals of at least the settling and averaging time.
+        Number of intervals of at least the settling and averaging time.
     longest_s : float
         Longest interval, s.
     hidden_s : float

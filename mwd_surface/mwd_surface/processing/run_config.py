@@ -20,7 +20,7 @@ from mwd_surface.surveys.recorded_settings import kept
 
 
 def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
-    """Return config.yaml: every setting in force, ready for --config; comments state what was read and how."""
+    """Return config.yaml: every setting in force, for --config; comments state the topics and options of the run."""
     head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
     head += [f"# {name}: {value}" for name, value in vars(topics).items() if value and value != Kind.WHOLE]
     for used, default in ((given, InputSettings()), (wanted, OutputSettings())):

@@ -51,7 +51,7 @@ def drafts(folder: Path) -> Iterator[Path]:
     """
     Yield a temporary folder next to `folder` for results.
 
-    They move to `folder` if the block ends normally, else vanish.
+    The results are moved to `folder` if the block ends normally, and deleted otherwise.
 
     Results of an earlier run in `folder` are deleted in every format, so that the folder never mixes two runs; other
     files stay.

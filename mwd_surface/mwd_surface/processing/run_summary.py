@@ -21,7 +21,9 @@ from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_surface.processing.bag_input import Topics
 from mwd_surface.surveys.survey_list import SurveyList
 
-_MANY_REFUSED = 0.1  # share of refused samples above which a warning is given
+# Shares of the rows above which a warning is given: refused samples, rows without azimuth because of a disturbed field,
+# and rows after a gap.
+_MANY_REFUSED = 0.1
 _MANY_DISTURBED = 0.05
 _MANY_GAPS = 0.5
 TOOL_ASSUMED = (
@@ -43,25 +45,25 @@ class Summary:
     start_ns, end_ns : int
         Stamps of the first and the last IMU message.
     rejected, gaps, without_gravity, without_azimuth : int
-        Number of rows with that flag or without that value.
+        Number of rows flagged as rejected, flagged as following a gap, without gravity, and without azimuth.
     disturbed : int
-        Rows without an azimuth because the magnetic field differed from its reference.
+        Number of rows without an azimuth because the magnetic field differed from its reference.
     total_off, dip_off : float
-        Largest deviation of total field and dip from the reference near those rows, T, rad.
+        Largest deviation of total field, T, and dip, rad, from the reference in blocks with such rows.
     lowest, highest : float
         Range of the inclination, rad; nan if there is none.
     north, reference : str
         North of the azimuth, and source of the reference field.
     surveys : list of (DecidedSurvey, measured depth in m or nan)
-        As first decided.
+        Surveys as first decided, with their depths.
     listed : SurveyList
-        The same surveys as the surface node keeps them, with their definitive values.
+        Survey list in the form of the surface node, with the definitive values of these surveys.
     depths : str
         Source of the depths of the surveys, as text.
     live : str
-        Comparison of this list with the live list of the recording; empty if there is none.
+        Comparison of `listed` with the live list of the recording, as text; empty if there is no live list.
     no_survey : str
-        Why there is no survey, in words; empty where there are some.
+        Reason why there is no survey, as text; empty if there are surveys.
     faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
@@ -156,7 +158,7 @@ def pipeline_warnings(
     """
     Return the warnings after the whole recording has passed the pipeline.
 
-    samples_are : meaning of a sample that a smoother has found (`State.samples_are`).
+    samples_are : meaning of a sample as determined by a smoother (`State.samples_are`).
     """
     warnings = []
     if estimator.tool.accelerometer.assumed:

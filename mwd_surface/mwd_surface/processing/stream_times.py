@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of one topic of a recording: rate, gaps, stamps that do not advance, and clock against the recorder's."""
+"""Times of one topic of a recording: rate, gaps, stamps that do not advance, and offset from the recorder's clock."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _INTERVALS, _SHORTEST_S = 5.0, 0.1
 # _BURSTS: a step above this multiple of the usual interval begins a burst; a step above this multiple of the interval
 # between bursts is a gap.
 _RATED, _BURSTS = 64, 3.0
-# Difference of a clock from the recorder's above which there is a remark, s; the same for drift, as a share of time.
+# Offset, s, and drift, s/s, of a clock from the recorder's clock above which there is a remark.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
 # A drift is reported for recordings longer than _LONG_S, s, or if it is above PACE, the share of time that only a run
 # at another speed than real time reaches.
 _LONG_S, PACE = 60.0, 0.05
-_FEW = 10
+_FEW = 10  # least number of blocks for a drift
 
 
 class StreamTimes:
@@ -80,7 +80,7 @@ class StreamTimes:
 
     @property
     def offset_s(self) -> float:
-        """Clock of the recorder minus that of the stamps, s; nan before any sample."""
+        """Clock of the recorder minus clock of the stamps, s; nan before any sample."""
         return min((offset for _, offset in self._offsets), default=math.nan)
 
     @property
@@ -103,7 +103,7 @@ class StreamTimes:
         """
         Return sentences on anything unusual.
 
-        `regular` means that the topic has one rate, so that gaps have a meaning.
+        `regular` means that the topic has a constant rate, so that gaps and bursts are unusual.
         """
         found = []
         if self.gaps and regular:

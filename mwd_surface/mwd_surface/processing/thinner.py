@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reduction of a fast stream to the first row in each equal interval since the epoch, however it is cut."""
+"""Reduction of a fast stream to the first row in each interval of equal length, independent of the block boundaries."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Thinner:
         self._last = -1
 
     def __call__(self, stamp_ns: NDArray[np.int64]) -> slice | NDArray[np.bool_]:
-        """Return which rows of a block to keep, by their stamps, ns."""
+        """Return the selection of the rows of a block to keep, by their stamps, shape (n,), ns."""
         if self._period_ns <= 0 or not len(stamp_ns):
             return slice(None)
         intervals = stamp_ns // self._period_ns

@@ -2,8 +2,9 @@
 """
 Composition of a survey's azimuth, as every interface, export and page states it.
 
-The estimator determines every azimuth by one posterior, so the name of the method says little. The contributions are
-read from the survey: the weight of the gyro among its azimuths, and whether an axial field of the string was estimated.
+The estimator determines every azimuth by one posterior, so the name of the method does not show which sensors
+contributed. They follow from the survey: the weight of the gyro among its azimuths, and whether an axial field of the
+string was estimated.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import math
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import Survey
 
-# A sensor with a smaller share in the azimuth is not named; the estimator ignores such a gyro as well.
+# A sensor whose share in the azimuth is smaller than this is not named; the estimator ignores a gyro with such a share.
 _NAMED = 0.01
 _UNCORRECTED = (AzimuthMethod.RAW, AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAGATED, AzimuthMethod.NONE)
 
@@ -27,14 +28,14 @@ class AzimuthSource:
     Attributes
     ----------
     known : bool
-        False without an azimuth, or where only the angle is known: an imported list or a telemetry link.
+        False if there is no azimuth, or if only its angle is known, as from an imported list or a telemetry link.
     gyro_share : float
         Share of the north seek in the information about the azimuth, 0 to 1.
     without_axial : bool
         Whether the estimated axial field of the string was subtracted from the magnetometer reading.
     multi_station : bool or None
-        Whether a multi-station analysis corrected the azimuth; None if the survey does not tell (the posterior of a run
-        may rest on one station or on many).
+        Whether a multi-station analysis corrected the azimuth; None if unknown (the posterior of a run may use one
+        station or many).
     """
 
     known: bool
@@ -80,7 +81,7 @@ class AzimuthSource:
 
 
 def azimuth_source(survey: Survey) -> AzimuthSource:
-    """Return the composition of a survey's azimuth; for older lists it follows from the name of the method."""
+    """Return the composition of a survey's azimuth; in older lists it is derived from the name of the method."""
     method = survey.azimuth_method
     if not survey.has_azimuth or method not in set(AzimuthMethod) - {AzimuthMethod.NONE}:
         return AzimuthSource(known=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Branches of a hole: the sidetracks of its list, where each leaves its parent and how far it reaches."""
+"""Branches of a hole: the sidetracks of its survey list, each with its kick-off point and its end."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Branch:
     """
     A branch of the hole: name, the leg that it leaves, and whether the next surveys belong to it.
 
-    measured_depth: of the point where it leaves its parent, m. inclination, azimuth: there, rad. position: there, shape
-    (3,), north, east, down from the opening, m. end: measured depth of its last station, m.
+    measured_depth, inclination, azimuth, position: depth, m, direction, rad, and position (north, east, down from the
+    opening, m) of the point where the branch leaves its parent. end: measured depth of its last station, m.
     """
 
     name: str
@@ -62,13 +62,14 @@ def legs_of(surveys: SurveyList, path: Definitive) -> tuple[str, ...]:
 
 def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ...]:
     """
-    Return the parts of the hole that a path of the list does not run through: name of the leg and its positions.
+    Return the parts of the hole that do not lie on a path of the list: name of the leg, and positions.
 
-    positions: shape (n, 3), north, east, down from the opening, m, from the point where the part leaves the path or its
-    own parent; parts without a station of their own are left out.
+    positions: shape (n, 3), north, east, down from the opening, m. The first is the point where the part leaves the
+    path or its own parent. Parts without a station of their own are left out.
     """
     lineage = _lineage(surveys, path.leg)
-    # A leg may leave its parent above the point where the parent itself begins: the path then never runs through it.
+    # A leg may leave its parent above the point where the parent itself begins: then the path contains no part of the
+    # parent.
     starts = np.minimum.accumulate([start for _, start in reversed(lineage)])[::-1]
     left = {name: float(start) for (name, _), start in zip(lineage[:-1], starts[1:], strict=True)}
     parts = []

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Comparison of several surveys at one depth: whether they agree within the tool code, and sensor biases they show.
+Comparison of several surveys at one depth: whether they agree within the tool code, and the sensor biases found.
 
 A *rotation shot* repeats a survey with another toolface, a *check shot* with another tool or on another run. The hole
 is the same, so the angles may differ only by errors that rotate with the tool, by errors that the tools do not share,
@@ -26,17 +26,18 @@ from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 
 # Largest distance between surveys at one depth, m.
 SAME_DEPTH = 0.5
-# Curvature of the hole, rad/m, 1 sigma in each direction: between shots half a metre apart it is 0.1 deg. Motors build
-# up to twice as much.
+# Curvature of the hole, rad/m, 1 sigma in each direction. It turns the hole by 0.1 deg between shots half a metre
+# apart. Motors build up to twice as much.
 _CURVATURE = math.radians(6.0) / 30.0
 # Repeatability of a reading at one attitude, m/s^2 and T: resolution of the telemetry and residual motion of the
 # string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
-# Azimuths are not compared at smaller inclinations.
+# Least inclination at which azimuths are compared, rad.
 _LEAST_INCLINATION = math.radians(3.0)
-# Probabilities by chance below which shots disagree: doubtful, and failed. They equal those of the survey's verdict.
+# Probability of a larger chi-square by chance below which shots are doubtful, and below which they fail; the verdict of
+# a survey uses the same values.
 _DOUBTFUL, _FAIL = 0.01, 0.001
-# Biases are estimated only if no gap between the toolfaces of the shots is wider than this.
+# Biases are estimated only if every gap between the toolfaces of the shots is smaller than this, rad.
 _WIDEST_GAP = math.pi
 # Number of sigma of the tool code above which a bias is out of specification.
 _BIAS_SIGMAS = 3.0
@@ -46,7 +47,7 @@ PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
 
 @dataclass(frozen=True)
 class Bias:
-    """Bias of one transverse axis: sensor, axis, value with 1 sigma, and 1 sigma of the tool code, SI."""
+    """Bias of one transverse axis: sensor, axis, value with 1 sigma, and 1 sigma of the tool code, m/s^2 or T."""
 
     sensor: str
     axis: str
@@ -66,8 +67,8 @@ class CheckShot:
 
     md: float  #: mean depth, m
     rows: tuple[int, ...]  #: indices of the surveys in the input
-    tools: tuple[str, ...]  #: tools with which they were taken
-    #: `inclination`, `azimuth`: mean, rad; azimuth magnetic and uncorrected, NaN where it is not compared.
+    tools: tuple[str, ...]  #: tools with which the surveys were taken
+    #: `inclination`, `azimuth`: mean of the shots, rad; azimuth magnetic and uncorrected, NaN if it is not compared.
     inclination: float
     azimuth: float
     #: `spread_inclination`, `spread_azimuth`: standard deviation of the shots about their mean, rad.
@@ -108,7 +109,7 @@ def check_shots(
     Raises
     ------
     ValueError
-        The lengths differ.
+        The arguments differ in length.
     """
     depth, force, field = (np.asarray(value, dtype=float) for value in (md, f_t, b_t))
     names = list(tools) or [""] * len(depth)
@@ -133,7 +134,7 @@ def check_shots(
 def _compared(
     md: Array, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
-    """Compare the shots at one depth; md, shape (n,), m: their measured depths, between which the hole may turn."""
+    """Compare the shots at one depth. md, shape (n,), m: their measured depths; the hole may turn between them."""
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])
     differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])
@@ -177,7 +178,7 @@ def _compared(
 
 
 def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[str]) -> Array:
-    """Return the covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n), by tool errors."""
+    """Return the covariance of (inclination, raw azimuth) of n shots due to tool errors, rad^2, shape (2, 2, n, n)."""
     slopes = magnetic_geometry.angle_jacobian(force, field)[:, :2]
     count = len(force)
     # Errors of a tool common to all its shots: bias and scale of each axis, axial interference, misalignment in the
@@ -203,7 +204,7 @@ def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[st
     repeat = np.array([REPEAT_FORCE**2] * 3 + [REPEAT_FIELD**2] * 3)
     own = np.einsum("nip,p,njp->ijn", slopes, repeat, slopes)
     covariance = shared + own[..., None] * np.eye(count)
-    # Near the vertical a cross-plane error also tilts the hole, by its square over twice the inclination.
+    # Near the vertical, an error e across the vertical plane also changes the inclination, by e^2 / (2 inclination).
     across = np.diagonal(covariance[0, 0])
     covariance[0, 0] += np.diag(0.5 * (across / np.maximum(inclination(force), 1e-3)) ** 2)
     return np.asarray(covariance)

@@ -3,8 +3,8 @@
 Closure of a hole on a surveyed point: how far the computed path misses a point of known coordinates.
 
 Such a point is, for example, the place where the hole breaks through into a roadway. The closure error is the position
-of the path minus that of the point, seen looking along the hole: right or left, up or down, and along. A chi-square of
-the error against the covariances of path and point says whether the survey explains it.
+of the path minus the position of the point, seen looking along the hole: right or left, up or down, and along. A
+chi-square test compares the closure error with the covariances of path and point.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from mwd_surface.trajectory.plan import azimuth_at
 from mwd_surface.trajectory.well_path import Definitive, path_of
 
 CONSISTENT, DOUBTFUL, INCONSISTENT, UNKNOWN = "consistent", "doubtful", "not consistent", "not known"
-# Probabilities by chance below which the closure is doubtful, and not consistent: those of a survey's verdict.
+# Probability of a larger closure error by chance below which the closure is doubtful, and below which it is not
+# consistent; the verdict of a survey uses the same values.
 _DOUBTFUL, _INCONSISTENT = 0.01, 0.001
-_SAME = 1e-3  # m; a station nearer to the depth of the point than this is the station at the point
+_SAME = 1e-3  # m; largest difference in measured depth between the surveyed point and a station that lies on it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,11 +37,12 @@ class Closure:
     """
     Closure error at a surveyed point; unknown numbers are NaN.
 
-    leg: leg of the hole that reaches the point. measured_depth: of the point along the hole, m. right, up, along: from
-    the point to the computed path, looking along the hole, m; negative to the left, below, and short of the point.
-    sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m. sigma_point: 1 sigma of the point in
-    each direction, m. distance: m. probability: of an error at least as large by chance. verdict: `CONSISTENT`,
-    `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: why something is not known, and the remedy; else empty.
+    leg: leg of the hole that reaches the point. measured_depth: measured depth of the point, m. right, up, along:
+    components of the closure error, looking along the hole, m; negative if the path is to the left of the point, below
+    it, or short of it. sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m. sigma_point: 1
+    sigma of the point in each direction, m. distance: length of the closure error, m. probability: probability of an
+    error at least as large by chance. verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: why a
+    number is not known, and the remedy; else empty.
     """
 
     leg: str
@@ -129,7 +131,7 @@ def _looking_along(inclination: float, azimuth: float) -> Array:
 def _with_station(
     path: Definitive, records: list[SurveyRecord | None], depth: float
 ) -> tuple[Definitive, list[SurveyRecord | None], int]:
-    """Return the path with a station at a measured depth, its records, and the number of that station."""
+    """Return the path with a station at a measured depth, m, its records, and the index of that station."""
     k = int(np.argmin(np.abs(path.md - depth)))
     if abs(float(path.md[k]) - depth) <= _SAME:
         return path, records, k

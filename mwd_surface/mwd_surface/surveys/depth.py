@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Measured depth of a survey: the bit depth reported by the rig at the survey's time, minus the distance sensor to bit.
+Measured depth of a survey: the rig's bit depth at the time of the survey, minus the distance from sensor to bit.
 
 Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
 than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey is paired
@@ -22,11 +22,11 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.list_rules import DEEPEST
 
 NS = 1e-9
-_REMEMBERED = 100  # number of rejected readings and jumps kept; those near a survey are examined
-_COMPARED = 60  # number of readings over which the clocks are compared; one that agrees is enough
-_FEWEST = 10
+_REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey
+_COMPARED = 60  # number of latest readings used to compare the clocks of rig and sonde; the smallest difference counts
+_FEWEST = 10  # least number of readings for a comparison of the clocks
 _BY_HAND = "or give the depth by hand"
-_NEW_START_NS = 60_000_000_000  # if a sonde's time goes back by more, the sonde has restarted
+_NEW_START_NS = 60_000_000_000  # ns; if a sonde's time goes back by more, the sonde has restarted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,8 +80,8 @@ class DepthReading:
     """
     Depth of the sensor at a survey.
 
-    measured_depth, bit_depth: m. depth_age: s from the reading used to the survey. reason: why the depth is unknown,
-    or empty. by_hand: whether the last reading used was entered by a person.
+    measured_depth, bit_depth: depth of the sensor and of the bit, m. depth_age: time between the survey and the depth
+    reading used, s. reason: why the depth is unknown, or empty. by_hand: whether a person entered the reading used.
     """
 
     measured_depth: float = math.nan
@@ -98,8 +98,8 @@ class DepthTrack:
     Attributes
     ----------
     refused_null, refused_jump, refused_order : int
-        Readings dropped because they are not a depth, are faster than a string moves, or are older than one already
-        used and not confirmed as the new time of a rig's clock that was set back.
+        Number of readings dropped because they are not a depth, because the depth changed faster than a string can
+        move, or because they are older than an accepted reading and no later ones confirm that the clock was set back.
     """
 
     def __init__(self, rules: DepthRules | None = None) -> None:
@@ -115,7 +115,7 @@ class DepthTrack:
         self._waiting: list[tuple[int, float]] = []
         # Readings that are much older than the latest one and not confirmed yet.
         self._earlier: list[tuple[int, float]] = []
-        # Readings dropped as jumps, and confirmed jumps: stamp and depth.
+        # Stamp, ns, and depth, m, of readings dropped as jumps; stamp of each confirmed jump, and the depth before it.
         self._left_out: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._jumps: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._sonde_ns: int | None = None
@@ -144,10 +144,11 @@ class DepthTrack:
         A placeholder (not marked valid, not finite, negative as -999.25, or too deep) is counted and not used. A jump
         waits until `rules.confirm` consecutive readings agree; then all of them are accepted. Readings that are older
         than the latest one by more than `rules.bridge` wait in the same way: if they agree, either the later stamps
-        were wrong or the clock of the rig was set back, and the later readings are removed. If the time of the sonde is
-        known, this needs stamps nearer to it than the latest one: a second source with a clock of its own, or a clock
-        that starts at 1970 for a moment, does not remove good readings. If it is not known, readings that do not
-        continue those before them must go on for `rules.bridge`, without one of the later clock among them.
+        were wrong or the clock of the rig was set back, and the later readings are removed. If the sonde's time is
+        known, the older readings must be nearer to the sonde's time than the latest reading is. A second source with
+        another clock, or a clock that starts at 1970 for a moment, then does not remove good readings. If the sonde's
+        time is unknown, older readings that do not follow an accepted reading must last for `rules.bridge`, without a
+        reading of the later clock in between.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
@@ -180,7 +181,7 @@ class DepthTrack:
         return True
 
     def _go_back(self, stamp_ns: int, bit_depth: float) -> bool:
-        """Process a reading that is older than the latest one; return whether it confirms an earlier time."""
+        """Process a reading that is older than the latest one; return whether it is accepted now."""
         if (self._stamps[-1] - stamp_ns) * NS <= self.rules.bridge:
             return False
         sonde_ns = self._sonde_ns
@@ -206,7 +207,7 @@ class DepthTrack:
         return True
 
     def _continues(self, stamp_ns: int, bit_depth: float) -> bool:
-        """Return whether a reading follows the last one before its time, within `rules.bridge`."""
+        """Return whether a reading can follow the last accepted one before its time, within `rules.bridge`."""
         at = bisect.bisect_left(self._stamps, stamp_ns) - 1
         return (
             at >= 0
@@ -229,7 +230,7 @@ class DepthTrack:
         Raises
         ------
         ValueError
-            The depth is not finite, negative or beyond `rules.deepest`.
+            The depth is not finite, negative or larger than `rules.deepest`.
         """
         if not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             raise ValueError(f"bit_depth: must be within 0 and {self.rules.deepest:g} m, got {bit_depth}")
@@ -238,11 +239,11 @@ class DepthTrack:
 
     def sensor_depth(self, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
         """
-        Return the depth of the sensor at a time.
+        Return the depth of the sensor at a time: bit depth minus `sensor_to_bit`, m.
 
-        Between two readings at most `rules.bridge` apart, the depth is interpolated linearly, with the age of the
-        nearer reading. Otherwise it is the depth of the last reading before, with its age. A time before all readings
-        takes the first reading if that is within the bridge.
+        Between two readings at most `rules.bridge` apart, the bit depth is interpolated linearly; its age is that of
+        the nearer reading. Otherwise the last reading before the time is used, with its age. A time before all readings
+        gets the first reading if that reading is within `rules.bridge`.
 
         Raises
         ------
@@ -281,7 +282,7 @@ class DepthTrack:
         return DepthReading(depth, age, bit, "", hand)
 
     def _doubt(self, stamp_ns: int, bit: float) -> str:
-        """Return why readings around a time cannot give a survey's depth; empty if they can."""
+        """Return why the depth of a survey cannot be taken from the readings around its time; empty if it can."""
         if clock := self._clock_doubt():
             return clock
         jumps = self._around(self._jumps, stamp_ns)
@@ -302,7 +303,7 @@ class DepthTrack:
         return f"the clock of the rig is {abs(apart):.0f} s {way} that of the sonde: set one of them, {_BY_HAND}"
 
     def _around(self, readings: Iterable[tuple[int, float]], stamp_ns: int) -> list[tuple[int, float]]:
-        """Return the readings within the bridge of a time, without 0 m, which is a placeholder of many rigs."""
+        """Return the readings within `rules.bridge` of a time, without 0 m, which is a placeholder of many rigs."""
         return [r for r in readings if abs(r[0] - stamp_ns) * NS <= self.rules.bridge and r[1] > 0.0]
 
     def _leave_out(self) -> None:

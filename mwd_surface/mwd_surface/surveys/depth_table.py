@@ -42,7 +42,7 @@ class DepthTable:
         """
         Return the depth of the sensor at a survey: by its number, or interpolated between two rows of the table.
 
-        sensor_to_bit: m. Outside the times of the table the depth is unknown.
+        sensor_to_bit: distance from sensor to bit, m. Outside the times of the table the depth is unknown.
         """
         if self.by_number:
             if sequence not in self.by_number:

@@ -4,7 +4,7 @@ Deviation of a hole from its design: left or right and up or down at every stati
 
 The offsets are those of `trajectory.plan.offset_from`, across the design. Their sigmas come from the position
 covariance of the error model, in the same two directions. Ahead of the bit the hole is continued straight; the stations
-there count as stations of the tool in the hole, so that their sigmas grow with the error of its direction.
+there count as stations of the tool in the hole, so that their sigmas grow with the error of the hole's direction.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from mwd_surface.surveys.well_position import AHEAD, continued, uncertain
 from mwd_surface.trajectory.plan import across, offset_from, plan_of
 from mwd_surface.trajectory.well_path import Definitive
 
-# Length continued ahead of the bit and step between its stations, m. The hole is nearly straight over this length, and
-# it is drilled in a part of a shift.
+# Length of the straight continuation ahead of the bit, and distance between its stations, m. The hole is nearly
+# straight over this length, which is drilled in less than a shift.
 _REACH, _STEP = 30.0, 10.0
 
 
@@ -32,10 +32,11 @@ class Deviation:
     """
     Deviation at one station; unknown numbers are NaN.
 
-    station: number of the survey, or kind of the station. leg: leg to which the station belongs. kind: as in a path, or
-    "planned" ahead of the bit. measured_depth: m. inclination, azimuth: rad. right, up: from the design to the hole,
-    across the design, m, negative to the left and below. sigma_right, sigma_up: 1 sigma, m. distance: from the design,
-    m. x, y, z: mine coordinates, m, north, east and up; NaN for an axis on which the opening is not given.
+    station: number of the survey; empty without a survey. leg: leg to which the station belongs. kind: kind of station
+    as in a path, or "planned" ahead of the bit. measured_depth: m. inclination, azimuth: rad. right, up: offset of the
+    hole from the design, across the design, m, negative to the left and below. sigma_right, sigma_up: 1 sigma, m.
+    distance: distance of the hole from the design, m. x, y, z: mine coordinates, m, north, east and up; NaN for an axis
+    on which the opening is not given.
     """
 
     station: str

@@ -100,7 +100,7 @@ def final_list(sources: Sequence[Source]) -> FinalList:
 
 
 def _joined(whole: FinalList, source: Source, name: str) -> FinalList:
-    """Return the list with the stations of another source; name: that of the source of the present stations."""
+    """Return the list with the stations of another source; name: name of the source of the present stations."""
     surveys = whole.surveys
     mine = [r for r in surveys.records if r.in_use and r.leg == surveys.leg]
     theirs = _renamed(source, surveys)
@@ -118,7 +118,7 @@ def _joined(whole: FinalList, source: Source, name: str) -> FinalList:
         comment = f"{record.comment}; {better} is used here".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
 
-    # The well with the one source in the interval, and with the other.
+    # Compute the well twice: with the present stations in the interval, and with the stations of the other source.
     kept = [left_out(r, name) for r in theirs]
     with_mine = _with(whole, [*surveys.records, *kept], kept, source)
     with_theirs = _with(whole, [*(left_out(r, source.name) for r in surveys.records), *theirs], theirs, source)
@@ -134,7 +134,7 @@ def _joined(whole: FinalList, source: Source, name: str) -> FinalList:
 
 
 def _renamed(source: Source, surveys: SurveyList) -> list[SurveyRecord]:
-    """Return the stations of a source as those of the current leg of a list, without the ones that it has already."""
+    """Return the stations of a source, numbered for the current leg of a list, without those already in the list."""
     known = {record.survey.uuid for record in surveys.records}
     above = surveys.find_leg().tie_on.measured_depth
     fresh = [r for r in source.surveys.records if r.survey.uuid not in known and math.isfinite(r.measured_depth)]
@@ -154,7 +154,7 @@ def _renamed(source: Source, surveys: SurveyList) -> list[SurveyRecord]:
 def _with(
     whole: FinalList, records: Sequence[SurveyRecord], theirs: Sequence[SurveyRecord], source: Source
 ) -> FinalList:
-    """Return the list with other records and with the intervals of the new source before those of the programme."""
+    """Return the list with these records; the intervals of the new source precede the others of the programme."""
     code = source.code or source.surveys.well.error_model
     surveys = whole.surveys.with_records(records)
     numbers = {r.survey.sequence for r in theirs if r.in_use}
@@ -189,7 +189,7 @@ def _horizontal_sigma(path: Definitive, covariance: Array, md: float) -> float:
 def _apart(
     ways: tuple[tuple[Definitive, Array], tuple[Definitive, Array]], upper: float, lower: float
 ) -> tuple[float, ...]:
-    """Return the depths of an interval, m, at which two surveys of one hole disagree beyond their errors."""
+    """Return the depths of an interval, m, at which two surveys of one hole disagree by more than their errors."""
     from welleng.combination import fuse_covariances
 
     depths = np.unique(np.concatenate([path.md for path, _ in ways]))

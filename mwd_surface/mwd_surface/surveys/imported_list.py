@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversion of an imported list of stations to a survey list, so that path, reports and exports work as for our own.
+Conversion of an imported list of stations to a survey list, for which path, reports and exports work as usual.
 
 `station_list.start_of` decides where the path starts, as for plans and offset wells. Stations whose own verdict is not
 "accept" are listed but not used.
@@ -57,7 +57,7 @@ def survey_list(
         Well; if omitted, the well stored in the list if this project exported it, else a default well. The north, and
         for a foreign list the tool code, that the list names replace those of the well.
     tie_on : TieOn, optional
-        Start of the path, in the north of the list; stations that are not below it are left out.
+        Start of the path, with azimuth from the north of the list; stations that are not below the start are left out.
     reference : Reference, optional
         Field and norths of the site; without it no magnetic error model can be evaluated.
     every : bool
@@ -110,12 +110,12 @@ def survey_list(
 
 def well_of(stations: StationList) -> Well | None:
     """
-    Return the well stored in an export of our own; None for any other list.
+    Return the well stored in a list that this project exported; None for any other list.
 
     Raises
     ------
     ValueError
-        Its settings are not valid for a well.
+        The stored settings are not valid for a well.
     """
     return settings.from_mapping(Well, stations.well, f"{stations.name}: well") if stations.well else None
 
@@ -180,7 +180,7 @@ def reference_in(surveys: SurveyList) -> Reference | None:
 
 
 def tool_codes_of(stations: StationList) -> set[str]:
-    """Return the tool codes that the stations of a list name, directly or in words."""
+    """Return the tool codes that the stations of a list name, as a code or in words of WITSML."""
     from mwd_surface.uncertainty.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
@@ -224,7 +224,7 @@ def _covariance(stations: StationList, k: int) -> Nine:
 
 
 def _figures(stations: StationList, k: int, reference: Reference | None) -> dict[str, Any]:
-    """Return the reference fields of a survey, from the given reference, else from the list, without unknown ones."""
+    """Return a survey's known reference values by attribute name, from the given reference, else from the list."""
     figures: dict[str, Any] = {
         name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])
     }

@@ -22,7 +22,11 @@ class Origin(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class TieOn:
-    """Start of a leg. m and rad, in the north of the well; source: where the tie-on comes from."""
+    """
+    Start of a leg: depth and position in m, angles in rad; azimuth and position refer to the north of the well.
+
+    source: where the tie-on comes from.
+    """
 
     measured_depth: float = 0.0
     inclination: float = 0.0
@@ -43,8 +47,9 @@ class TieOn:
         """
         Return a tie-on given by a person.
 
-        position: north, east and vertical depth, m, None where not given. A missing value is taken as straight below
-        the wellhead, which is an assumption except at the depth datum itself.
+        measured_depth: m. inclination, azimuth: rad. position: north, east and vertical depth, m, None if not given.
+        A missing value is that of a point straight below the wellhead; except at measured depth 0, the position is then
+        marked as assumed.
         """
         north, east, down = position
         known = measured_depth == 0.0 or None not in position

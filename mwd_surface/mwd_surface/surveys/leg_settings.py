@@ -49,13 +49,12 @@ class LegSettings:
 
 def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
     """
-    Return the list changed as the settings ask; a list that already fits is returned unchanged.
+    Return the list with the tie-on, leg and tool of the settings; a list that already has them is returned unchanged.
 
     Raises
     ------
     ValueError
-        A new leg has no kick-off depth, or one that is not on the parent's path, or stations lie above the tie-on. The
-        list is unchanged.
+        A new leg has no kick-off depth or one that is not on the parent's path, or stations lie above the tie-on.
     """
     if asked.tie_on_depth is not None:
         tie_on = TieOn.given(

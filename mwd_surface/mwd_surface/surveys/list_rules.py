@@ -7,8 +7,8 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
-DEEPEST = 15_000.0  # m; the deepest hole drilled has 12.3 km
-LAST_SEQUENCE = 999_999  # one survey per minute for two years; a higher number is not valid
+DEEPEST = 15_000.0  # m; largest valid measured depth
+LAST_SEQUENCE = 999_999  # largest valid survey number: one survey per minute for two years
 
 
 @dataclasses.dataclass(frozen=True)

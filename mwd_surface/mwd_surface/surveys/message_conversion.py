@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversion between ROS messages and the survey list and its path; records have their own conversion.
+Conversion between ROS messages and the survey list with its path; `SurveyRecord` converts itself.
 
-No ROS code is imported: a message is any object with the fields of its .msg file, and `make` makes one by its name.
-Both sides hold the same SI numbers (`mwd_sensors.core.message_record`).
+No ROS code is imported: a message is any object with the fields of its .msg file, and `make` creates a message from its
+type name and field values. Both sides hold the same SI numbers (`mwd_sensors.core.message_record`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TIE_ON = ("measured_depth", "inclination", "azimuth", "north", "east", "vertica
 
 
 def record_of(message: Any) -> SurveyRecord:
-    """Return the SurveyRecord of a mwd_msgs/msg/SurveyRecord, which has only the decision in force."""
+    """Return the SurveyRecord of a mwd_msgs/msg/SurveyRecord; the message holds only the last decision."""
     record = SurveyRecord.from_message(message)
     if record.judgement == Judgement.NOT_JUDGED:
         return record

@@ -11,8 +11,8 @@ squares:
     b = B-true + bias + scale b,   f = F-true + bias + scale f
     residual = (|f|, H, V)(f - ..., b - ...) - reference - error of the reference
 
-An error that the attitudes of the run do not show keeps its prior sigma; it is named, and the azimuth's sigma includes
-it.
+An error that cannot be observed at the attitudes of the run keeps its prior sigma. The result marks such errors, and
+the azimuth's sigma includes them.
 """
 
 from __future__ import annotations
@@ -38,10 +38,11 @@ __all__ = ["Multistation", "analyse"]
 
 # Least number of stations for an estimate of their scatter.
 _MANY = 8
-# Misfit, in sigma, above which a station is left out; if more than this share is left out, the analysis is refused.
+# Misfit, in sigma, above which a station is left out, and largest share of stations that may be left out. The analysis
+# is refused if there are more outliers.
 _OUTLIER_SIGMA = 4.5
 _MAX_OUTLIERS = 0.25
-# Ratio of sigma to its prior above which an error counts as not observable.
+# Ratio of an error's sigma to its prior sigma above which the error counts as not observable.
 _OBSERVABLE = 0.7
 # Limits for a refusal: least probability of chi-square, and largest median sigma of the azimuth, deg.
 _MIN_PROBABILITY = 0.001
@@ -52,25 +53,26 @@ _MAX_SIGMA_DEG = 1.5
 class Multistation:
     """Result of the multi-station analysis of a run."""
 
-    #: `estimate`, `sigma`, `prior`: shape (15,); errors, and their 1 sigma after and before. For x, y, z each: bias, T
-    #: (for x with axial interference), and scale of the magnetometers; bias, m/s^2, and scale of the accelerometers;
-    #: then the errors of the reference: horizontal and downward field, T, and gravity, m/s^2.
+    #: `estimate`, `sigma`, `prior`: shape (15,); errors, their 1 sigma after the analysis, and before it. For x, y, z
+    #: each: bias, T (for x with axial interference), and scale of the magnetometers; bias, m/s^2, and scale of the
+    #: accelerometers; then the errors of the reference: horizontal and downward field, T, and gravity, m/s^2.
     estimate: Array
     sigma: Array
     prior: Array
-    #: `azimuth`, `sigma_azimuth`, `inclination`, `sigma_inclination`: shape (n,); corrected, magnetic, rad.
-    #: Sigmas contain noise and remaining errors; declination and alignment are to be added.
+    #: `azimuth`, `sigma_azimuth`, `inclination`, `sigma_inclination`: shape (n,); corrected, magnetic, rad. The sigmas
+    #: include noise and remaining errors, but not the errors of declination and alignment.
     azimuth: Array
     sigma_azimuth: Array
     inclination: Array
     sigma_inclination: Array
-    azimuth_raw: Array  #: shape (n,); uncorrected
-    used: np.ndarray  #: bool, shape (n,); false for outliers, which are not used but are corrected too
-    #: `chi_square`, `degrees`, `probability`: for the residuals of the used stations together with the priors.
+    azimuth_raw: Array  #: shape (n,); uncorrected magnetic azimuth, rad
+    used: np.ndarray  #: bool, shape (n,); false for outliers, which do not contribute but are corrected too
+    #: `chi_square`, `degrees`, `probability`: chi-square of the residuals of the used stations and of the priors, its
+    #: degrees of freedom, and the probability of a larger value by chance.
     chi_square: float
     degrees: int
     probability: float
-    observable: np.ndarray  #: bool, shape (15,); whether the attitudes of the run show the error
+    observable: np.ndarray  #: bool, shape (15,); whether the error can be observed at the attitudes of the run
     refused: Reason | None  #: why the corrected azimuths must not be used; None if they may be used
 
 
@@ -88,7 +90,7 @@ def analyse(
     f_t, b_t : array_like, shape (n, 3)
         Mean specific force, m/s^2, and field, T, in tool axes, for n >= 2 stations with the same tool and assembly.
     reference : Reference
-        Reference with a field; its sigmas are the prior of its own error, which is common to all stations.
+        Reference with a field; its sigmas are the prior of the reference's error, which is common to all stations.
     errors : SensorErrors, optional
         Priors of bias, scale and axial interference, for example `tool_code.sensor_errors(code)`.
 

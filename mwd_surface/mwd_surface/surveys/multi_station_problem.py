@@ -70,7 +70,7 @@ class Problem:
 
     def quieten(self, x: Array, used: np.ndarray) -> None:
         """
-        Scale the noise down to that of the residuals, separately for accelerometers and field; never up.
+        Scale the noise down to the scatter of the residuals, separately for accelerometers and field; never up.
 
         More scatter than expected is a reason for refusal; less scatter means that the sensors are better than
         specified.

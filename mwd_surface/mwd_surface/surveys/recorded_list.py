@@ -23,12 +23,12 @@ from mwd_surface.surveys.well import Well
 
 EVENTS, EVENT_TYPE = "operator_events", "mwd_msgs/msg/OperatorEvent"
 _LIST_TYPE, _SURVEY_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Survey"
-_SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # of OperatorEvent.msg
+_SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # kinds of OperatorEvent.msg
 
 
 @dataclasses.dataclass(frozen=True)
 class DepthByHand:
-    """Bit depth, m, set by a person at a time, ns; log_ns: time of recording."""
+    """Bit depth, m, set by a person at `stamp_ns`; log_ns: time at which the message was recorded, ns."""
 
     log_ns: int
     stamp_ns: int
@@ -38,9 +38,10 @@ class DepthByHand:
 @dataclasses.dataclass(frozen=True)
 class Decided:
     """
-    Decision of a person about a survey; measured_depth: depth given with it, m, NaN for none.
+    Decision of a person about a survey at `stamp_ns`; log_ns: time at which the message was recorded, ns.
 
-    as_listed: whether it is known only from the list, which has a depth even if the decision gave none.
+    measured_depth: depth given with the decision, m; NaN if none was given. as_listed: whether the decision was taken
+    from a survey list because it is not in the events; its depth is then the survey's depth, not necessarily given.
     """
 
     log_ns: int
@@ -56,7 +57,7 @@ class Decided:
 
     def applied(self, surveys: SurveyList, *, depths: bool) -> SurveyList:
         """
-        Return the list with this decision applied; unchanged if it does not have the survey.
+        Return the list with this decision applied; unchanged if the survey is not in the list.
 
         depths: whether to apply a depth given with the decision. Raises ValueError like `SurveyList.accept`.
         """
@@ -90,7 +91,7 @@ class RecordedList:
     Attributes
     ----------
     first, records : dict of SurveyRecord
-        By uuid: the record when it was first listed, and when it was last listed.
+        Record of each survey by uuid: as it was first listed, and as it was last listed.
     changes : tuple of Change
         Changes of the list, in the order of recording.
     arrived_ns : dict of int
@@ -115,7 +116,7 @@ class RecordedList:
 
 def recorded_list(bag: Bag, namespace: str, well: Well) -> RecordedList:
     """
-    Return the information in the survey lists of a well in a recording; empty if it has no list.
+    Return the information in the survey lists of a well in a recording; empty if the recording has no list.
 
     namespace: namespace of the well, ending with a slash. well: well as described by the recording.
     """
@@ -170,7 +171,7 @@ def _has(bag: Bag, name: str, type_name: str) -> bool:
 
 
 def _change_of(log_ns: int, event: Any) -> list[Change]:
-    """Return the change of the list by an operator event; empty if it was refused or concerns the estimator."""
+    """Return the change of the list by an operator event; empty if the event failed or does not change the list."""
     stamp_ns = stamp_of(event.header.stamp)
     if not event.success:
         return []

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Settings of a recording, from which every command that reads a recording starts unless told otherwise.
+Settings found in a recording, which are the defaults of every command that reads the recording.
 
 The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
 /parameter_events. Changes of surface parameters apply to the whole list; changes of estimator parameters are only
-named. A recording without parameters may contain fixes of a satellite receiver, which give its place.
+reported. If a recording has no parameters, its place is taken from fixes of a satellite receiver, if it has any.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ S = TypeVar("S")
 ESTIMATOR, SURFACE = "parameters/estimator", "parameters/surface"
 _FIX = "sensor_msgs/msg/NavSatFix"
 _EVENTS, _EVENT_TYPE = "/parameter_events", "rcl_interfaces/msg/ParameterEvent"
-# Field of ParameterValue for each type number.
+# Field of rcl_interfaces/msg/ParameterValue that holds the value, by type number.
 _FIELDS = (
     "",
     "bool_value",
@@ -56,7 +56,7 @@ class SurfacePart:
 @dataclasses.dataclass(frozen=True)
 class Recorded:
     """
-    Settings found in a recording; None where there are none.
+    Settings found in a recording; `estimator` and `surface` are None if the recording has none.
 
     source: where the estimator's settings come from, in words. remarks: sentences on settings that this version cannot
     use.
@@ -68,7 +68,7 @@ class Recorded:
     remarks: tuple[str, ...] = ()
 
     def well(self, usual: Well) -> Well:
-        """Return the surface's well, else `usual`; if it has no place, with the estimator's place."""
+        """Return the recorded well, else `usual`; a well without a place gets the place of the estimator."""
         well = self.surface.well if self.surface is not None else usual
         place = self.estimator.place if self.estimator is not None else None
         if place is None or place.lat_deg is None or well.latitude_deg is not None:
@@ -118,7 +118,7 @@ def recorded_sections(bag: Bag, usual: S) -> S | None:
 
 
 def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
-    """Return settings from a table of all surface parameters, which has more sections than `usual`."""
+    """Return the sections in `usual` with the values from a table of all surface parameters."""
     parts = settings.values(usual)
     known = {name: text for name, text in table.items() if name in parts}
     return kept(usual, _values(known, parts), remarks, "recording")
@@ -126,9 +126,9 @@ def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
     """
-    Return settings whose field model covers the day, and a remark if the IGRF replaces a model that starts later.
+    Return settings whose field model covers the day, and a remark if the IGRF replaces the given model.
 
-    stamp_ns: ns; gives the day if no date is set. Raises ValueError for a day outside all models.
+    stamp_ns: time, ns, whose day is used if no date is set. Raises ValueError for a day outside all models.
     """
     try:
         reference_of(estimator.place, stamp_ns)
@@ -147,7 +147,7 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
 
 
 def _by_receiver(bag: Bag) -> tuple[EstimatorSettings | None, str]:
-    """Return settings with the position of a satellite receiver in the recording, and its topic; None without one."""
+    """Return settings with the first fix of a satellite receiver, and a note with its topic; None without a fix."""
     fixes = [topic.name for topic in bag.topics.values() if topic.type_name == _FIX]
     for _, name, _, data in bag.messages(fixes) if fixes else ():
         fix = bag.decode(name, data)
@@ -193,7 +193,7 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
 
 
 def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
-    """Parse a table of texts, except parameters that every ROS node has; usual: name -> default."""
+    """Parse the texts of parameters with dotted names (every ROS node has the others); usual: name -> default."""
     return {name: _value(text, usual.get(name)) for name, text in table.items() if "." in name}
 
 

@@ -21,8 +21,8 @@ def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckSho
     """
     Compare surveys repeated at one depth; return each comparison with the numbers of its surveys.
 
-    code: tool code of the well; a code that is not of a magnetic survey means the usual errors. Surveys without
-    readings or depth, and rejected ones, are left out.
+    code: tool code of the well; for a code without magnetic sensors the default `SensorErrors` are used. Surveys
+    without readings or depth, and rejected ones, are left out.
     """
     used = [
         record
@@ -49,7 +49,7 @@ def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckSho
 
 
 def tools_text(shot: CheckShot) -> str:
-    """Return the names of the tools of a check shot; empty for a rotation shot, which one tool takes alone."""
+    """Return the names of the tools of a check shot; empty for a rotation shot, which has one tool only."""
     return " and ".join(tool or "an unnamed tool" for tool in shot.tools) if len(shot.tools) > 1 else ""
 
 

@@ -5,7 +5,7 @@ Bit depth by counting rods: the rods in the hole with their lengths, and the log
 The depth is the length in front of the first rod plus the lengths of the rods in the hole. The operator enters each rod
 that is added or removed. If the operator counts another number of rods than the tally has, the operator corrects the
 tally and gives a reason. Each change is appended to the log, a table with one line for each change; reading the log
-again restores the tally. A line that a crash has torn changes no other line.
+again restores the tally. A line that is incomplete after a crash does not affect the other lines.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from mwd_surface.signals.cells import plain, utc
 COLUMNS = ("stamp_ns", "time_utc", "action", "length_m", "rods", "bit_depth_m", "operator", "reason")
 _HEAD = ",".join(COLUMNS)
 ADD, REMOVE, CORRECT = "add", "remove", "correct"
-_MOST = 5000  # rods; a larger count is a slip of the keyboard
-_MOST_BYTES = 2 * 1024 * 1024  # of the log; about 20 000 changes
+_MOST = 5000  # largest number of rods; a larger count is a typing error
+_MOST_BYTES = 2 * 1024 * 1024  # largest part of a log that is read; about 20 000 changes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +70,7 @@ class RodTally:
     """
     Rods in the hole.
 
-    first: bit depth without a rod, m. lengths: of the rods, the one at the bit first, m. changes: the log.
+    first: bit depth without a rod, m. lengths: length of each rod, m, starting at the bit. changes: the log.
     """
 
     first: float
@@ -128,7 +128,7 @@ class RodTally:
     def _with(
         self, lengths: tuple[float, ...], action: str, length: float, stamp_ns: int, operator: str, reason: str
     ) -> RodTally:
-        operator, reason = plain(operator), plain(reason)  # one line of the log for each change
+        operator, reason = plain(operator), plain(reason)  # without line breaks: a change is one line of the log
         if not operator:
             raise ValueError("operator_name: must not be empty: it goes into the log")
         if len(lengths) > _MOST:
@@ -144,7 +144,11 @@ def _check_length(length: float) -> None:
 
 
 def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float = 0.5) -> str:
-    """Return how the tally differs from the rig's bit depth, m, by a number of rods or more; empty if it does not."""
+    """
+    Return a sentence if tally and rig differ by at least a number of rods; otherwise an empty text.
+
+    bit_depth: bit depth of the rig, m. length: length of a rod, m. rods: number of rods.
+    """
     apart = tally.bit_depth - bit_depth
     if not math.isfinite(apart) or abs(apart) < rods * length:
         return ""
@@ -157,12 +161,13 @@ def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float =
 
 def read_log(data: bytes, first: float) -> tuple[RodTally, int]:
     """
-    Return the tally that a log gives, and how many lines before its end cannot be read, such as one cut by a crash.
+    Return the tally of a log, and the number of lines that cannot be read, such as a line that is incomplete.
 
-    Unreadable lines in front of a correction are not counted: the correction holds the number of rods from then on.
+    first: bit depth without a rod, m. Unreadable lines before a correction are not counted, because the correction sets
+    the number of rods.
     """
     tally, bad = RodTally(first), 0
-    # Each line is parsed by itself, so that a torn quoted cell does not hold the lines after it.
+    # Each line is parsed by itself, so that a quoted cell without its end does not include the next lines.
     for line in data.decode("utf-8-sig", errors="replace").split("\n"):
         if _HEAD.startswith(line.rstrip("\r")):
             continue
@@ -195,14 +200,14 @@ class RodLog:
     Parameters
     ----------
     path : Path
-        Of the table; it need not exist.
+        File of the log; it need not exist.
     most_bytes : int
-        Of a longer file only the end is read, and the part in front counts as one line that cannot be read.
+        Largest number of bytes to read. Of a longer file only the end is read; the rest counts as one unreadable line.
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
         self.path, self._most = path, most_bytes
-        self._kept = 0  # changes of the tally that the file holds
+        self._kept = 0  # number of the tally's changes that are in the file
 
     def read(self, first: float) -> tuple[RodTally, int]:
         """
@@ -234,10 +239,10 @@ class RodLog:
         Raises
         ------
         OSError
-            The disk refuses. The next call appends the changes that the file does not hold.
+            The file cannot be written. The next call appends the missing changes.
         """
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        # Without a buffer: what the disk refuses is not written when the file is closed.
+        # Unbuffered: after a failed write, closing the file does not write the data again.
         with self.path.open("ab+", buffering=0) as file:
             size = file.seek(0, os.SEEK_END)
             if size:

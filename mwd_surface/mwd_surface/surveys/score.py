@@ -2,7 +2,7 @@
 """
 Comparison of surveys with the truth published by a simulated sonde, printed at the end of `mwd run`.
 
-It is for people only; no estimator reads the truth.
+The comparison is for people only; no estimator reads the truth.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scor
     Raises
     ------
     BagError
-        The recording has no truth, or several wells of which none was named.
+        The recording has no truth, or it has several wells and no namespace is given.
     OSError
         The file of the truth cannot be read.
     """
@@ -115,7 +115,7 @@ def _surveys(bag: Bag, topic: str) -> list[Survey]:
 
 
 def _truth(bag: Bag, topic: str) -> NDArray[np.float64]:
-    """Return rows of stamp (ns), inclination, azimuth and measured depth."""
+    """Return rows of stamp, ns, inclination and azimuth, rad, and measured depth, m; shape (n, 4)."""
     rows = []
     for block in bag.blocks([topic]):
         samples = block[topic][1]

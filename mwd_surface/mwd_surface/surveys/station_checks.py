@@ -97,7 +97,7 @@ def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int
     if place is None or not record.in_use:
         nowhere: dict[str, Any] = dict.fromkeys(PLACE, math.nan)
         bare = dataclasses.replace(record, in_use=False, flags=(), **nowhere)
-        # A rejected station gets no flags of obstacles, because it is out in any case.
+        # A rejected station gets no flags of obstacles, because it is not in the path in any case.
         flags = [] if record.judgement == Judgement.REJECTED else obstacles(whole, bare)
         return dataclasses.replace(bare, flags=(*flags, *revision_flags(record, whole.north)))
     path, k = place
@@ -135,7 +135,7 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
 
 
 def revision_flags(record: SurveyRecord, north: North) -> list[str]:
-    """Return the flags of a value that later surveys have changed, and of a change that waits for a person."""
+    """Return flags if later surveys have changed the value of a record, or if a change waits for a person."""
     flags = []
     if record.replaced is not None:
         flags.append(f"revised by later surveys; first value: {_value(record.replaced, north)}")
@@ -147,10 +147,10 @@ def revision_flags(record: SurveyRecord, north: North) -> list[str]:
 
 def revision_doubt(record: SurveyRecord, north: North) -> str:
     """
-    Return a sentence if later surveys contradict the value in use; empty if they do not, or if a person knew it.
+    Return a sentence if later surveys contradict the value in use; otherwise an empty text.
 
-    They contradict if the new verdict is neither the one in use nor accept, or if the azimuth moved by more than 1
-    sigma.
+    The revised value contradicts if its verdict is neither "accept" nor the verdict in use, or if the azimuth moved by
+    more than 1 sigma. A revision that was present when a person decided is not reported.
     """
     used, now = record.survey, record.proposal
     if now is None or not record.in_use or now.revision <= record.decided_revision:
@@ -163,7 +163,7 @@ def revision_doubt(record: SurveyRecord, north: North) -> str:
 
 
 def moved(before: Survey, now: Survey, north: North) -> bool:
-    """Whether the azimuth of a survey moved by more than the 1 sigma that it had, or appeared, or vanished."""
+    """Return whether the azimuth of a survey moved by more than its former 1 sigma, or appeared, or disappeared."""
     one, other = before.azimuth_from(north), now.azimuth_from(north)
     if one is None or other is None:
         return one is not other
@@ -171,7 +171,7 @@ def moved(before: Survey, now: Survey, north: North) -> bool:
 
 
 def revision_sentence(before: SurveyRecord, now: SurveyRecord, north: North) -> str:
-    """Return what a revision did to a station: value before and now, its use, and the reason."""
+    """Describe the revision of a station: value before and now, reason, and whether it leaves or joins the path."""
     place = f" at {now.measured_depth:.1f} m" if math.isfinite(now.measured_depth) else ""
     use = {(True, False): "; the survey leaves the path", (False, True): "; the survey joins the path"}.get(
         (before.in_use, now.in_use), ""
@@ -210,7 +210,7 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
     first = (md[1], inc[1]) if own else (bit_depth, 0.0)
     assumptions = tie_on_assumptions(whole.rules, t, *first)
     if assumptions:
-        # The reader of the list has already described this assumption in its own words.
+        # If the reader of the list has already described this assumption, use the reader's remarks.
         said = tuple(one for one in whole.remarks if one.kind == assumptions[0].kind)
         assumptions = said or assumptions
     made_up = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in assumptions)

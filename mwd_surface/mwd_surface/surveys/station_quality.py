@@ -2,8 +2,8 @@
 """
 Totals of a survey against their references and limits, as all tables, lights and plots show them.
 
-Where the azimuth is corrected for the string's field, total field and dip are judged without that field; the measured
-values are shown too, so that a corrected limit is not compared with an uncorrected value.
+If the azimuth is corrected for the string's field, total field and dip are judged without that field. The measured
+values are shown separately, because the limits do not apply to them.
 """
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ class Total:
     """
     One total of a survey: gravity, m/s^2, field, T, or dip, rad.
 
-    read: measured value, None without that sensor. value: value that is judged. reference: None if there is none.
-    deviation: deviation used by the verdict, None if value or reference is unknown. limit: limit of the deviation.
-    light: GOOD, DOUBTFUL, REJECT, or why there is none: NO_REFERENCE, NOT_MEASURED. corrected: whether value excludes
-    the string's field.
+    read: measured value, None without that sensor. value: value that is judged. reference: reference value, None if
+    there is none. deviation: value minus reference as used by the verdict, None if either is unknown. limit: largest
+    absolute deviation that is good. light: GOOD, DOUBTFUL or REJECT, or why none of them applies: NO_REFERENCE,
+    NOT_MEASURED. corrected: whether `value` excludes the string's field.
     """
 
     name: str

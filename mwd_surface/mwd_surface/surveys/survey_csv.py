@@ -64,7 +64,7 @@ class Line:
         self.north = north if self.survey.azimuth_from(north) is not None else self._own
 
     def __getattr__(self, name: str) -> Any:
-        """Return the azimuth by a method (`by_gyro`), or an axis of a mean reading (`specific_force_x`)."""
+        """Return the azimuth by a method (`by_gyro`), or a component of a mean reading (`specific_force_x`)."""
         if name.startswith("by_"):
             return self._by(name.removeprefix("by_"))
         vector, _, axis = name.rpartition("_")
@@ -158,7 +158,7 @@ class Line:
 
     @property
     def limits(self) -> Any:
-        """Deviations of gravity, field and dip beyond which the verdict is doubtful."""
+        """Largest good deviations of gravity, m/s^2, field, T, and dip, rad; the verdict is doubtful above them."""
         return _Limits(*(total.limit for total in totals(self.survey)))
 
     @property
@@ -221,15 +221,15 @@ class _Limits:
 
 
 def columns(display: Display = AS_STORED) -> tuple[str, ...]:
-    """Return the names of the columns as people of a well read them."""
+    """Return the names of the columns for the units and the angle convention of `display`."""
     return tuple(listed.key for _, listed in _table(display))
 
 
 def cells(record: SurveyRecord, north: North = North.UNKNOWN, display: Display = AS_STORED) -> dict[str, str]:
     """
-    Return the column texts of a survey by name; columns of the position's sigma and of the plan are empty.
+    Return the texts of a survey by column name; the columns for sigmas of the position and for the plan are empty.
 
-    north : of the azimuths, if they can be converted to it.
+    north : north of the azimuths if they can be converted to it; otherwise they are from the survey's own north.
     """
     line = Line(record, north)
     return {
@@ -239,7 +239,7 @@ def cells(record: SurveyRecord, north: North = North.UNKNOWN, display: Display =
 
 
 def list_cells(surveys: SurveyList, display: Display = AS_STORED) -> list[dict[str, str]]:
-    """Return the texts of every survey of a list, in order of their numbers, each from its own north."""
+    """Return the texts of every survey of a list, in order of their numbers; azimuths are from each survey's north."""
     beside: dict[int, dict[str, str]] = {}
     for leg in surveys.legs:
         path = surveys.definitive(leg.name)
@@ -259,7 +259,11 @@ def list_cells(surveys: SurveyList, display: Display = AS_STORED) -> list[dict[s
 
 
 def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -> dict[str, list[Mapping[str, Any]]]:
-    """Return the sigmas of each station's position, and its place relative to the plan, by source and field."""
+    """
+    Return the sigmas of each station's position, and its offset from the plan, in SI units.
+
+    The keys are `POSITION` and, if there is a plan, `PLAN`; each has one mapping, field to value, for each station.
+    """
     found: dict[str, list[Mapping[str, Any]]] = {
         POSITION: [{} for _ in path.md] if covariance is None else [_sigmas(one) for one in covariance]
     }
@@ -274,7 +278,7 @@ def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = (), display: 
     Return a table with its header; missing cells are empty.
 
     more : names of additional columns at the end.
-    display : that with which the lines were made.
+    display : display with which the lines were made.
     """
     names = (*columns(display), *more)
     quote = TEXTS | set(more)

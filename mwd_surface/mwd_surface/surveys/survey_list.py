@@ -64,7 +64,7 @@ class SurveyList:
 
     @property
     def next_sequence(self) -> int:
-        """Number after the highest one in the list."""
+        """Highest survey number in the list plus 1."""
         return 1 + max((r.survey.sequence for r in self.records), default=0)
 
     def find(self, sequence: int) -> SurveyRecord:
@@ -88,7 +88,7 @@ class SurveyList:
         """
         Return the path of a leg (by default the current one), through its parents up to the wellhead.
 
-        bit_depth: m; if it is deeper than the last station, the path is projected to it and marked so.
+        bit_depth: m; if the bit is deeper than the last station, a station marked as projected is added at the bit.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class SurveyList:
         value: Value = Value.DEFINITIVE,
     ) -> SurveyList:
         """
-        Put a survey into the path by a person's decision, whatever its automatic verdict; both are kept.
+        Put a survey into the path by a person's decision, whatever its automatic verdict; the list keeps both.
 
         Parameters
         ----------
@@ -175,16 +175,16 @@ class SurveyList:
         measured_depth : float
             New depth of the survey, m; NaN keeps the present one.
         replace : bool
-            Whether to accept it even if another station has this depth (that station is then rejected in favour of this
-            one) or if a deeper one exists (this one is put between).
+            Whether to accept the survey even if another station is at this depth (that station is then rejected) or if
+            an earlier station is deeper (this survey is then inserted above it).
         value : Value
-            Which value of the survey to accept. It stays the definitive one until a person accepts another.
+            Value of the survey to accept; it stays definitive until a person accepts another value.
 
         Raises
         ------
         ValueError
-            There is no operator, survey, depth or usable azimuth, the survey has no such value, the depth is taken or
-            passed and `replace` is false, or no path can join the stations. The list is unchanged.
+            There is no operator, survey, depth or usable azimuth, the survey has no such value, `replace` is false and
+            the depth is occupied or above an earlier station, or no path can join the stations.
         """
         old = self.find(sequence)
         _checked_operator(operator_name)
@@ -259,7 +259,7 @@ class SurveyList:
         return self._with([record if r is old else r for r in self.records])
 
     def as_first_decided(self) -> SurveyList:
-        """Return the list with the values that the surveys had when they were taken, as the rules use them."""
+        """Return the list with each survey as first decided; the rules decide on surveys that no person has judged."""
         bare = self._with(())
         for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
             first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
@@ -341,7 +341,7 @@ class SurveyList:
         return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the list without its rules as a plain table for a file."""
+        """Return the list, without its rules, as a plain table for a file."""
         table = settings.to_mapping(dataclasses.replace(self, plan=None))
         table.pop("rules")
         return {**table, "plan": None if self.plan is None else self.plan.to_mapping()}
@@ -349,7 +349,7 @@ class SurveyList:
     @classmethod
     def from_mapping(cls, table: Mapping[str, Any], rules: ListRules | None = None) -> SurveyList:
         """
-        Return the list from such a table.
+        Return the list of a table made by `to_mapping`, with the given rules (by default the default rules).
 
         Raises
         ------

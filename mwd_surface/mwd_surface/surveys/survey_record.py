@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A line of the survey list: a survey of the estimator with what the surface knows about it.
+A line of the survey list: a survey of the estimator with its depth, decisions of people, and place on the path.
 
 The fields are those of mwd_msgs/msg/SurveyRecord. Numbers are in SI and rad; an unknown number is NaN.
 `settings.to_mapping` and `settings.from_mapping` convert a record to plain tables and back, NaN to null.
@@ -30,7 +30,7 @@ class Judgement(enum.IntEnum):
 
 
 class Value(enum.IntEnum):
-    """Which value of a survey a person accepts, with the numbers of the JudgeSurvey request."""
+    """Value of a survey that a person accepts, with the numbers of the JudgeSurvey request."""
 
     DEFINITIVE = 0
     REVISED = 1
@@ -39,7 +39,7 @@ class Value(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Decision(MessageRecord):
-    """A person's decision about a survey: `Judgement`, name, reason, time, ns, and depth at that time, m."""
+    """A person's decision about a survey: `Judgement`, name, reason, time in ns, and depth at that time in m."""
 
     judgement: int
     operator_name: str
@@ -65,8 +65,8 @@ class SurveyRecord(MessageRecord):
     comment: remarks of the program, joined by "; ": why there is no depth, what a decision changed. What people write
     is in `reason`.
 
-    decisions: all decisions, oldest first; the last one is in force. They are kept in the file of the list only.
-    decided_revision: revision that was present at the last decision; kept in the file only.
+    decisions: all decisions, oldest first; the last one is in force. decided_revision: newest revision number at the
+    time of the last decision. Both are kept in the file of the list, but not in messages.
 
     The fields from `north` on are derived from the list and recomputed with it (m, rad/m; NaN unless `in_use`).
     """
@@ -120,7 +120,7 @@ class SurveyRecord(MessageRecord):
 
     @property
     def revised_because(self) -> str:
-        """Why the definitive value differs from the first one, in words; empty if it does not."""
+        """Reason why the definitive value differs from the first value, in words; empty if it does not differ."""
         return "" if self.replaced is None else self.survey.action or "magnetic field at the later surveys"
 
     @property
@@ -130,7 +130,7 @@ class SurveyRecord(MessageRecord):
 
     @property
     def azimuth_doubt(self) -> str:
-        """Sentence on an azimuth that is not to be relied on, with the reason; empty if it is reliable or absent."""
+        """Sentence on a doubtful or rejected azimuth, with the reason; empty if the azimuth is accepted or absent."""
         verdict = Verdict(self.survey.verdict_azimuth)
         if verdict in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
             return ""
@@ -139,7 +139,7 @@ class SurveyRecord(MessageRecord):
 
 
 def differ(one: Survey, other: Survey) -> bool:
-    """Whether two results of a survey have another verdict, or azimuths further apart than `MOVED`."""
+    """Return whether two results of a survey have different verdicts, or azimuths further apart than `MOVED`, rad."""
     if (one.verdict, one.verdict_azimuth) != (other.verdict, other.verdict_azimuth):
         return True
     if not (math.isfinite(one.azimuth) and math.isfinite(other.azimuth)):

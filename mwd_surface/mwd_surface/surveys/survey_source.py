@@ -47,8 +47,8 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
         A surveys.json, an imported list of stations (CSV, LAS, WITSML), a folder with a surveys.json in it or below
         (the folder of a run), or a recording.
     given : Given, optional
-        How a list of stations is read. Left out, the caller has no such options: a question of the reader then names
-        `mwd path`.
+        Options for reading a list of stations. None: the caller has no such options, and an error that asks for one
+        refers to `mwd path`.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
 
 
 def _read(path: Path, given: Given | None) -> StationList:
-    """Return the stations of a list of other origin."""
+    """Return the stations of an imported list; without `given`, an error that asks for options names `mwd path`."""
     try:
         return read_list(path, given)
     except ListFileError as error:

@@ -37,7 +37,11 @@ class StoreError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Loaded:
-    """Result of loading: the list, messages for the operator (empty if all was well), and whether data was lost."""
+    """
+    Result of loading: the list, and messages for the operator.
+
+    fell_back: whether the newest file was missing or damaged, so that changes may be lost.
+    """
 
     surveys: SurveyList
     messages: tuple[str, ...] = ()
@@ -87,7 +91,7 @@ class SurveyStore:
         Raises
         ------
         StoreError
-            The disk is full or refuses. The existing files are unchanged.
+            The disk is full or cannot be written. The existing lists are unchanged.
         ValueError
             The list has a text or number that a file cannot hold. Nothing is written.
         """
@@ -135,7 +139,7 @@ class SurveyStore:
         return Loaded(SurveyList(well=well, rules=rules), tuple(messages), damaged)
 
     def _keep_current_as_previous(self) -> None:
-        # Make a second name for the file and rename that, so that `current` exists at every moment.
+        # Make a hard link to the file and rename the link, so that `current` exists at every moment.
         second = self.folder / "surveys.linking.json"
         second.unlink(missing_ok=True)
         try:

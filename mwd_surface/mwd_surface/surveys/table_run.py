@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Stations of one run together: the result of each with the stations before it, and with the whole run.
+Results of a table of readings by run: each station with the stations before it, and with its whole run.
 
-The first result of a station uses the stations above it in the table, as the live one does; its revision uses all other
-stations of the run (`revision`). A station whose field disagrees with the others is not used for them.
+The first result of a station uses the stations above it in the table, as a live survey does; its revision uses all
+other stations of the run (`revision`). A station whose field disagrees with the other stations does not affect them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.survey_record import SurveyRecord
 
-# Assumed time between two rows without a time, h: one stand. It scales the drift of an external field.
+# Assumed time between two rows if times are missing, h: the time to drill one stand. It scales the drift of an external
+# field.
 _STAND = 0.5
 # Least number of stations for a multi-station analysis.
 _TOGETHER = 3
@@ -133,7 +134,7 @@ def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[in
 def _multi_station(
     own: list[Measured], at: list[int], settings: StationSettings
 ) -> dict[int, tuple[MethodAzimuth, ...]]:
-    """Return azimuths of stations `at` by multi-station analysis, for comparison; empty unless all have one field."""
+    """Return azimuths of stations `at` by multi-station analysis; empty unless all have the same reference field."""
     read = [(k, own[k].readings, own[k].station) for k in at]
     usable = [(k, readings, station) for k, readings, station in read if readings is not None and readings.has_field]
     references = {station.reference for _, _, station in usable}
@@ -151,7 +152,7 @@ def _multi_station(
 
 
 def _hours(times: list[str]) -> list[float]:
-    """Return the times of the rows, h; if a row has none, assume equal times between stands."""
+    """Return the times of the rows, h; if one row has no valid time, all rows are taken as `_STAND` apart."""
     try:
         return [utc.moment(time).timestamp() / 3600.0 for time in times]
     except ValueError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surveys that a link did not bring completely and that are therefore in no list: their time and the reason."""
+"""Surveys that are in no list because a link did not receive them completely: their time and the reason."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mwd_sensors.telemetry import meanings
 from mwd_surface.bags.bag_reader import Bag
 
 _WORD, _QUALITY, _SURVEY = "mwd_msgs/msg/LinkWord", "mwd_msgs/msg/LinkQuality", "mwd_msgs/msg/Survey"
-# Constants of these messages.
+# Constants of LinkWord (kind, status, revision) and of LinkQuality (state).
 _OF_SURVEY, _ERASED, _FINAL = 2, 1, 1
 _NO_INPUT, _NO_FLOW = 0, 1
 
@@ -25,7 +25,7 @@ class Unlisted(NamedTuple):
 
 @dataclasses.dataclass
 class _Flow:
-    """Interval with flow as seen by one link: end of the flow before, begin, end, ns; reasons why no word came."""
+    """Interval with flow at one link: end of the previous flow, begin, end, ns; the link's reasons for missing data."""
 
     before_ns: int
     start_ns: int
@@ -70,7 +70,7 @@ def _ns(stamp: object) -> int:
 
 
 def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
-    """Return the times, ns, of survey inclinations that were received too uncertain, and a text about each."""
+    """Return the times, ns, of survey inclinations that were erased as too uncertain, and a text about each."""
     out = []
     for _, name, _, data in bag.messages([topic]):
         word = bag.decode(name, data)

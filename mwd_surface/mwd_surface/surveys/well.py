@@ -62,7 +62,7 @@ class Mine:
 
     @property
     def closure_point(self) -> tuple[float, float, float]:
-        """Mine coordinates of the surveyed point, m, as `opening`; NaN for an axis that is not given."""
+        """Mine coordinates of the surveyed point, m: x north, y east, z up; NaN for an axis that is not given."""
         x, y, z = (math.nan if one is None else one for one in (self.closure_x, self.closure_y, self.closure_z))
         return x, y, z
 

@@ -81,7 +81,7 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
         dip=survey.dip_reference,
         declination=declination,
         convergence=convergence,
-        # An imported survey may have neither value.
+        # An imported survey may have neither a reference gravity nor a measured one.
         g_total=next(filter(math.isfinite, (survey.g_reference, survey.g_total, STANDARD_GRAVITY))),
     )
 
@@ -120,7 +120,7 @@ def uncertain_well(
     """
     Return a path of the list with the survey tools of its stations.
 
-    records: as in `uncertain`. radius: radius of the hole, m. programme: if not that of the well.
+    records: as in `uncertain`. radius: radius of the hole, m. programme: survey programme, by default of the well.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def uncertain_well(
 
 
 def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:
-    """Return each station's data for the programme; one without a survey gets leg and tool of the station above."""
+    """Return the stations for the programme; a station without a survey gets leg and tool of the station above."""
     sigmas = np.full((path.md.size, 2), np.nan)
     legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
     leg, tool = path.leg, ""
@@ -171,7 +171,7 @@ def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None])
 
 def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 30.0) -> Definitive:
     """
-    Return the path continued from its end in the directions of the plan, for at most `reach` metres.
+    Return the path continued from its end in the directions of the plan, for at most `reach` m, in steps of `step` m.
 
     The planned stations keep the present offset from the plan: no steering back is assumed. Without a plan, or at its
     end, the path is returned unchanged.

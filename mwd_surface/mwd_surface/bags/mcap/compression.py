@@ -12,7 +12,7 @@ from mwd_surface.bags.mcap.records import COMPRESSIONS, ChunkHead, FormatError
 
 
 class Compressor:
-    """Compressor of chunks; it keeps a context, so that each thread needs its own."""
+    """Compressor of chunks; each thread needs its own, because a compressor keeps a context."""
 
     def __init__(self, compression: str = "zstd", level: int = 1) -> None:
         if compression not in COMPRESSIONS:

@@ -21,13 +21,13 @@ class Span:
     Attributes
     ----------
     start_ns, end_ns : int
-        First and last log time.
+        First and last log time, ns.
     offset, length : int
         Position and length in the file, including the headers of its records.
     size : int
         Decompressed size in bytes.
     channels : frozenset of int, optional
-        Channels with a message in the span; None if the file does not say.
+        Channels with a message in the span; None if unknown.
     in_chunk : bool
     """
 
@@ -47,6 +47,10 @@ class Contents:
 
     Attributes
     ----------
+    schemas, channels, counts : dict
+        By id: schemas, channels, and number of messages of each channel.
+    attachments, metadata : list of (int, int)
+        Position and length in the file of each record of this kind.
     complete : bool
         The file has its footer and a valid summary, or at least its data section ends properly.
     scanned : bool

@@ -153,7 +153,7 @@ def parse_metadata(body: bytes | memoryview) -> tuple[str, dict[str, str]]:
 
 
 def parse_statistics(body: bytes | memoryview) -> Statistics:
-    """Return the totals in a record's body."""
+    """Return the statistics in a record's body."""
     cursor = Cursor(body)
     numbers = struct.unpack("<QHIIIIQQ", cursor.take(42))
     inner = Cursor(cursor.blob())

@@ -2,8 +2,8 @@
 """
 Reading the contents of an MCAP file from its summary if that is valid, else by scanning the file from the beginning.
 
-In a truncated or damaged file, reading continues after each damage: every chunk with a valid checksum counts,
-everything else is reported. Nothing is allocated because of a length in the file alone.
+In a truncated or damaged file, reading continues after each damage: every chunk with a valid checksum is used, and
+damage is reported. Before memory is allocated for a length in the file, the length is compared with the file's size.
 """
 
 from __future__ import annotations
@@ -44,9 +44,10 @@ from mwd_surface.bags.mcap.records import (
 )
 from mwd_surface.bags.mcap.walk import Walk, records_at, walk_plain, walk_records
 
-_LATEST_NS = 2**63 - 1
-_WINDOW = 256 * 1024
-_CHUNK_HEAD_BYTES = 128
+_LATEST_NS = 2**63 - 1  # latest time that int64 can hold, ns
+_WINDOW = 256 * 1024  # number of bytes read at once
+_CHUNK_HEAD_BYTES = 128  # largest size of a chunk's header
+# Records other than messages and chunks whose bodies are read while scanning.
 _BODIES = (
     Opcode.HEADER,
     Opcode.SCHEMA,
@@ -55,7 +56,7 @@ _BODIES = (
     Opcode.METADATA,
 )
 _PRIVATE = 0x80  # opcodes from here on are reserved for private records
-# Exact or least body size of these records, bytes.
+# Exact body sizes of some records, and least body sizes of all records, bytes.
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
 _SHORTEST = {
     int(Opcode.HEADER): 8,
@@ -72,7 +73,7 @@ _SHORTEST = {
     int(Opcode.METADATA_INDEX): 20,
     int(Opcode.SUMMARY_OFFSET): 17,
 }
-_FOLLOWING = 4  # number of consecutive valid records that prove that a record begins here
+_FOLLOWING = 4  # number of consecutive valid records after which a position counts as the beginning of a record
 
 
 class McapFile:
@@ -83,7 +84,7 @@ class McapFile:
     ----------
     path : Path
     damaged : bool
-        Whether to accept a file with other first bytes, because these may be the damaged ones.
+        Whether to accept a file that does not begin like an MCAP file, because its first bytes may be damaged.
 
     Raises
     ------
@@ -121,7 +122,7 @@ class McapFile:
         Raises
         ------
         FormatError
-            The bytes reach beyond the end of the file, or are more than the largest chunk.
+            The bytes reach beyond the end of the file, or are more than the largest chunk that is allowed.
         """
         if size > MAX_CHUNK_BYTES + _CHUNK_HEAD_BYTES:
             raise FormatError(f"a record of {size} bytes is above the limit of {MAX_CHUNK_BYTES}")
@@ -136,7 +137,7 @@ class McapFile:
         return data
 
     def body(self, offset: int, opcode: int) -> bytes:
-        """Return the body of the record that begins at `offset`; FormatError if its opcode is another."""
+        """Return the body of the record that begins at `offset`. Raises FormatError if it has another opcode."""
         prefix = self.read(offset, PREFIX)
         if prefix[0] != opcode:
             raise FormatError(f"byte {offset}: expected a record {opcode}, found {prefix[0]}")
@@ -170,14 +171,14 @@ class McapFile:
         return found
 
     def sound(self) -> bool:
-        """Whether the file has its end and a summary with a valid checksum; the chunks are not read."""
+        """Return whether the file has its end and a summary with a valid checksum; the chunks are not read."""
         try:
             return self._summary() is not None
         except FormatError:
             return False
 
     def data_checksum_matches(self, data_end: int) -> bool:
-        """Whether the CRC in the DataEnd record at this position matches all bytes before it; true if it has no CRC."""
+        """Return whether the CRC in the DataEnd record at `data_end` matches all bytes before; true without a CRC."""
         try:
             expected = int.from_bytes(self.body(data_end, Opcode.DATA_END)[:4], "little")
             crc, at = 0, 0
@@ -189,7 +190,7 @@ class McapFile:
         return crc == expected
 
     def scan(self) -> Iterator[Piece]:
-        """Yield every piece of the data section from the beginning of the file, also damage; damage raises no error."""
+        """Yield every piece of the data section in the order of the file; damage is a piece too and raises no error."""
         decompress, at, unpacked = Decompressor(), len(MAGIC), 0
         while at < self.size:
             try:
@@ -253,7 +254,7 @@ class McapFile:
         return Bare(at, end, plain[:end], walk_records(np.frombuffer(plain[:end], dtype=np.uint8)))
 
     def _has_wrong_length(self, at: int, length: int) -> bool:
-        """Whether no record follows at this length, but one would if a single bit of the length were changed."""
+        """Return whether no record follows a record of this length, but one does if one bit of the length changes."""
         after = at + PREFIX
         if self.read(at, 1)[0] == Opcode.FOOTER or self._begins_records(after + length, first=False, cut_off=False):
             return False
@@ -261,7 +262,7 @@ class McapFile:
         return not self._follows_with_wrong_bit(after + length) and self._follows_with_wrong_bit(at)
 
     def _follows_with_wrong_bit(self, at: int) -> bool:
-        """Whether other records follow the record at `at` after one bit of its length is changed."""
+        """Return whether other records follow the record at `at` after one bit of its length is changed."""
         if not 0 <= at <= self.size - PREFIX:
             return False
         prefix, after = self.read(at, PREFIX), at + PREFIX
@@ -273,7 +274,7 @@ class McapFile:
         return any(self._begins_records(after + other) for other in likely)
 
     def _resume(self, at: int) -> int:
-        """Return where reading continues after damage at `at`: at the next record, else at the first one found."""
+        """Return where reading continues after damage at `at`: after the damaged record, else at a record found."""
         try:
             after = at + PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
             if after <= self.size and self._begins_records(after, first=False, cut_off=False):
@@ -304,11 +305,11 @@ class McapFile:
 
     def _begins_records(self, at: int, *, first: bool = True, cut_off: bool = True) -> bool:
         """
-        Whether valid records follow one another from here on, or up to the end of the file if that is near.
+        Return whether `_FOLLOWING` valid records follow one another from `at` on, or fewer up to the end of the file.
 
-        first : whether there is no other evidence of a record here. The record must then be complete, and be a message,
-        a chunk with its header, or followed by another record. cut_off : whether the last record may reach beyond the
-        end of a file without end.
+        first : whether there is no other evidence that a record begins at `at`. The record must then be complete, and
+        be a message, a chunk with its header, or followed by another record. cut_off : whether the last record may
+        reach beyond the end of a truncated file.
         """
         cut_off, behind = cut_off and self._cut_off, 0
         end = self.size if self._cut_off else self.size - len(MAGIC)
@@ -434,7 +435,7 @@ class McapFile:
             found.notes.append(f"{self.path.name}: a record at byte {piece.offset} skipped: {error}")
 
     def _note_repeated(self, at: int, found: Contents) -> None:
-        """Take declarations that the damaged part lost from the summary, which repeats them."""
+        """Restore declarations that were lost in damaged parts from the summary, which repeats all declarations."""
         lost = Contents()
         with contextlib.suppress(FormatError):
             while at < self.size - len(MAGIC):

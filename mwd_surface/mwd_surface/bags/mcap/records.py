@@ -62,7 +62,7 @@ MESSAGE_RECORD_HEAD = struct.Struct("<BQHIQQ")
 
 
 class FormatError(ValueError):
-    """Bytes do not follow the MCAP format; the message says what is wrong and where."""
+    """Raised if bytes do not follow the MCAP format; the message describes the fault and its position."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,8 +2,8 @@
 """
 Recovery of an interrupted or damaged recording into a complete file; the original is kept next to it.
 
-A chunk with a matching checksum is copied unchanged. Damage never raises an error here: the report counts it. Only a
-disk that refuses to write the new file does (OSError).
+A chunk with a matching checksum is copied unchanged. Damage raises no error; the report counts the damages. If the new
+file cannot be written, OSError is raised.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ROSBAG2_RECORD = "rosbag2"
 RECOVERY_RECORD = "mwd_recovery"
 KEPT = ".damaged"
 _DRAFT = ".recovering"
-_UNSIGNED = 2**64 - 1  # publication times are copied unchanged
+_UNSIGNED = 2**64 - 1  # mask that turns an int64 back into the uint64 of a publication time
 
 
 def _always() -> bool:
@@ -50,7 +50,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
     Raises
     ------
     OSError
-        `path` cannot be read or the disk refuses the new file.
+        `path` cannot be read or the new file cannot be written.
     ValueError
         `output` was given for a folder, or exists already; or the recording is still running.
     """
@@ -135,7 +135,7 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
         try:
             os.link(path, kept)
         except OSError:
-            # The disk has no hard links.
+            # The file system does not support hard links.
             path.rename(kept)
         fresh.replace(path)
         sync_folder(folder)

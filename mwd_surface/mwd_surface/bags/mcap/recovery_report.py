@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check of an MCAP file, and the report on what was found or recovered."""
+"""Check of an MCAP file, and the report of a check or a recovery."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ class RecoveryReport:
     sound : bool
         The source was valid, so that nothing was done.
     messages, chunks : int
-        Number saved, or number found by a check.
+        Numbers of messages and chunks that were saved, or that a check found.
     topics : mapping of str to int
         Number of messages of each topic.
     damages : int
         Number of places with bytes that could not be read.
     lost_bytes : int
-        Bytes in those places.
+        Number of bytes in those places.
     orphans : int
-        Messages left out because the declaration of their topic is lost.
+        Number of messages left out because the declaration of their topic is lost.
     start_ns, end_ns : int
         Log times of the first and the last message; 0 if there is no message.
     notes : tuple of str
-        One sentence for each thing found.
+        One sentence for each fault or anything unusual that was found.
     """
 
     source: Path

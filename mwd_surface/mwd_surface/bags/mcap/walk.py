@@ -29,9 +29,9 @@ class Walk:
     others : shape (m,), int64
         Position of each record that is not a message.
     end : int
-        Position of the first byte that was not understood; the length of the data if all was understood.
+        Position after the last complete record; the length of the data if it consists of complete records.
     impossible : int
-        Messages left out because their log time is after the year 2262, which int64 cannot hold.
+        Number of messages left out because their log time is after the year 2262, which int64 cannot hold.
     """
 
     offset: NDArray[np.int64]
@@ -133,7 +133,7 @@ def _possible(walk: Walk) -> Walk:
 
 
 def walk_plain(data: Bytes) -> Walk:
-    """Do the same as `walk_records` without a compiled loop, for few bytes."""
+    """Find the records like `walk_records`, but without a compiled loop; for short arrays."""
     view, end, at = data.tobytes(), len(data), 0
     rows: list[tuple[int, int, int, int, int]] = []
     others: list[int] = []

@@ -51,7 +51,7 @@ class McapWriter:
     Parameters
     ----------
     path : Path
-        Must not exist yet.
+        File to create; it must not exist.
     compression : {"zstd", "lz4", ""}
     level : int
         Compression level of zstd.
@@ -86,7 +86,7 @@ class McapWriter:
         self._declarations = b""
         self._index: dict[int, list[NDArray[np.void] | tuple[int, int]]] = {}
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-        # The lock tells `is_being_written`; it is omitted on a disk without locks.
+        # `is_being_written` tests this lock. On a file system without locks, the file stays unlocked.
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
@@ -166,9 +166,9 @@ class McapWriter:
         log_ns: NDArray[np.int64],
     ) -> None:
         """
-        Add complete message records to chunks in their order.
+        Add complete message records, shape (n bytes,), to chunks in their order.
 
-        They follow one another, beginning at offset[0] = 0.
+        offset, channel and log_ns, shape (m,), belong to the m records, which follow one another; offset[0] is 0.
         """
         ends = np.append(offset[1:], len(records))
         done = 0
@@ -197,7 +197,7 @@ class McapWriter:
         if not self._pending:
             return
         plain = b"".join(self._parts)
-        # Keep the joined bytes: if the disk refuses them, the next attempt need not join again.
+        # Keep the joined bytes: if writing fails, the next attempt need not join them again.
         self._parts = [plain]
         indexes = {channel: _entries(items) for channel, items in self._index.items()}
         start = min(int(entries["log_ns"].min()) for entries in indexes.values())
@@ -244,7 +244,7 @@ class McapWriter:
         self._metadata_index.append(metadata_index_record(name, offset, len(data)))
 
     def sync(self) -> None:
-        """Force everything written so far to the disk, without the current chunk."""
+        """Force everything written so far to the disk, except the current chunk."""
         os.fdatasync(self._file)
 
     def finish(self, sync: bool = False) -> None:
@@ -266,7 +266,7 @@ class McapWriter:
         return before - self.messages
 
     def close(self) -> None:
-        """Close the file without an end; unless `finish` was called, it stays an unfinished recording."""
+        """Close the file; unless `finish` was called, the file stays an unfinished recording without an end."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

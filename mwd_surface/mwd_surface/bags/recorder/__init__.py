@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder, which survives crashes."""
+"""The recorder, whose recordings survive crashes."""

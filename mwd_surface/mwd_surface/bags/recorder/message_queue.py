@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 OVERHEAD = 128  # memory that a waiting message needs in addition to its payload, bytes
-_BATCH = 1000
+_BATCH = 1000  # largest number of entries in a batch
 
 
 class Item(NamedTuple):
@@ -27,7 +27,7 @@ class Item(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Memory used while it waits, bytes."""
+        """Memory that the message uses while it waits, bytes."""
         return len(self.data) + OVERHEAD
 
 

@@ -2,9 +2,10 @@
 """
 The recorder, which writes all messages that it receives into a bag, in a thread of its own.
 
-The caller never waits: messages go into a queue bounded in bytes, and a message that does not fit becomes an event in
-the recording. Chunks are written to the disk at fixed times, so that a killed process or a power failure loses at most
-`chunk_seconds` + `sync_seconds` of data. A file without its end is recovered at the next start.
+The caller never waits: messages go into a queue bounded in bytes. Messages that do not fit are counted, and an event in
+the recording reports their number. Chunks are written to the disk at fixed intervals, so that a killed process or a
+power failure loses at most `chunk_seconds` + `sync_seconds` of data. A file without its end is recovered at the next
+start.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mwd_surface.bags.recorder.session import Session, SessionHooks, free_bytes,
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderEvent, RecorderState, RecorderStatus
 
-_BATCHES = 20
+_BATCHES = 20  # number of batches written between two checks of time and disk
 
 
 class Recorder:
@@ -50,7 +51,7 @@ class Recorder:
     on_event : callable, optional
         Called with each RecorderEvent from the writer thread; must return quickly and not wait for the recorder.
     space : callable
-        Bytes free for a folder; replaced in tests.
+        Returns the free bytes on the disk of a folder; replaced in tests.
     recover : bool
         Recover unfinished recordings in the folder, in the background.
 
@@ -124,7 +125,7 @@ class Recorder:
         data : bytes
             Message as received from the middleware; must not be changed afterwards.
         log_ns, publish_ns : int
-            Times at which it was received and published, ns since the epoch.
+            Times at which the message was received and published, ns since the epoch.
         qos, type_hash : str
             Offered profiles as YAML and RIHS01 hash; used when the topic is first seen.
 
@@ -146,7 +147,7 @@ class Recorder:
         Raises
         ------
         RecorderError
-            A recording is running already, the name is not a plain name, or the disk refuses.
+            A recording is running already, the name is not a plain name, or the disk cannot be written.
         """
         path: Path = self._command(lambda: self._start(name, dict(custom or {})), timeout_s)
         return path
@@ -174,7 +175,7 @@ class Recorder:
         Raises
         ------
         RecorderError
-            `snapshot_seconds` is 0, nothing has been received, or the disk refuses.
+            `snapshot_seconds` is 0, nothing has been received, or the disk cannot be written.
         """
         return Path(self._command(lambda: self._snapshot(name), timeout_s))
 
@@ -374,7 +375,7 @@ class Recorder:
         )
 
     def _refused(self) -> int:
-        """Return how many messages of this recording the queue refused."""
+        """Return the number of messages of this recording that the queue refused."""
         return self._queue.refused - self._refused_before
 
     def _running(self) -> Session:
@@ -417,7 +418,7 @@ class SnapshotRing:
         return len(self._items)
 
     def keep(self, item: Item) -> None:
-        """Add a message and remove the oldest ones beyond the limits."""
+        """Add a message, and remove the oldest messages until the limits are met."""
         now = time.monotonic()
         self._items.append((now, item))
         self._bytes += item.size

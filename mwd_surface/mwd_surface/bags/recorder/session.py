@@ -2,8 +2,8 @@
 """
 One running recording: files, chunks, splits by time and size, and pauses while the disk is full.
 
-Only one thread uses a session. If the disk refuses a write, the recording pauses, its file is completed as far as the
-disk allows, and writing is tried again later.
+Only one thread uses a session. If a write to the disk fails, the recording pauses, its file is completed as far as
+possible, and writing is tried again later.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
 
 EVENT_TYPE = "rcl_interfaces/msg/Log"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_LOOK = 0.5  # s between checks of the free disk space
-_LOOK_BYTES = 8 * 1024 * 1024  # or a check after this many bytes
+_LOOK = 0.5  # time between checks of the free disk space, s
+_LOOK_BYTES = 8 * 1024 * 1024  # number of written bytes after which the free disk space is checked earlier
 
 Tables = Callable[[], Mapping[str, Mapping[str, str]]]
 
@@ -44,7 +44,7 @@ class SessionHooks:
     space : callable
         Returns the free bytes on the disk of a folder.
     refused : callable
-        Returns how many messages of this recording the queue refused.
+        Returns the number of messages of this recording that the queue refused.
     report : callable
         Called with the level and text of an event; the recorder passes the event to `Session.record`.
     """
@@ -79,7 +79,7 @@ class Session:
     writing : bool
         False while the disk is full or failing.
     dropped : int
-        Messages removed from the queue but not written.
+        Number of messages removed from the queue but not written.
     free : float
         Free bytes on the disk at the last check; NaN if unknown.
     began : float
@@ -128,7 +128,7 @@ class Session:
         try:
             self._write(item)
         except OSError as error:
-            # A message that is in the current chunk is not lost yet; its fate is that of the chunk.
+            # A message that was added to the current chunk is not lost yet: it is counted if the chunk is discarded.
             self.dropped += self.writer.messages == before
             self.disk_failed(error)
         except Exception as error:  # noqa: BLE001  (one invalid message must not stop the recording of others)
@@ -138,7 +138,7 @@ class Session:
                 self._hooks.report(Level.WARNING, f"messages of {item.topic} cannot be recorded: {error}")
 
     def periodic(self) -> None:
-        """Do what is due at this time: write chunks, sync, split, check the disk, report lost messages."""
+        """Carry out the tasks that are due: write chunks, sync, split, check the disk, report lost messages."""
         now = time.monotonic()
         if now - self._checked_at >= _LOOK or not self.writing:
             self._watch_disk()
@@ -254,7 +254,7 @@ class Session:
             except OSError:
                 self.dropped += self.writer.give_up_file()
                 self._hooks.report(Level.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it")
-        # Publish the pause only now: whoever sees it may rely on the file.
+        # Publish the pause only now, because a reader of the state may rely on a complete file.
         self.state, self.reason = state, reason
 
     def disk_failed(self, error: OSError) -> None:
@@ -287,7 +287,7 @@ class Session:
         return done
 
     def finish(self) -> None:
-        """End the recording; if the disk refuses, complete the file as far as possible."""
+        """End the recording; if a write fails, complete the file as far as possible."""
         try:
             if self.writing:
                 self._record_early()
@@ -302,7 +302,7 @@ class Session:
         if not self._last_ns:
             self._early.append(event)
             return
-        # Ignore the disk's error here: the next message will meet and handle it.
+        # Ignore an error of the disk here: it occurs again with the next message, where it is handled.
         with contextlib.suppress(OSError):
             self._record_event(event)
 

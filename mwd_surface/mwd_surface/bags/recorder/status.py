@@ -13,7 +13,7 @@ from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
 class RecorderError(Exception):
-    """A request that the recorder cannot carry out; one sentence gives path and reason, and `remedy` what to do."""
+    """Raised if the recorder cannot carry out a request; the text gives path and reason, and `remedy` the advice."""
 
     def __init__(self, text: str, remedy: str = "free the disk, or make its folder writable") -> None:
         super().__init__(text)
@@ -59,19 +59,19 @@ class RecorderStatus(MessageRecord):
     path : str
         Folder of the current recording; empty if there is none.
     messages, bytes : int
-        Messages written in this recording, and their bytes on disk.
+        Number of messages written in this recording, and number of their bytes on disk.
     dropped : int
-        Messages received since the recording began but not written because the queue or the disk was full.
+        Number of messages received since the recording began but not written because queue or disk was full.
     free_bytes : float
         Free bytes on the disk; NaN if unknown.
     duration : float
         Time since the recording began, s.
     queued_messages, queued_bytes, queue_limit : int
-        Messages and bytes waiting to be written, and the limit in bytes.
+        Numbers of messages and of bytes waiting to be written, and the limit in bytes.
     files : int
         Number of files of this recording.
     unsaved_s : float
-        Age of the oldest data not yet forced to the disk, which a power failure would lose.
+        Age of the oldest data not yet forced to the disk, which a power failure would lose, s.
     recovered : tuple of RecoveryReport
         Files of earlier recordings recovered at this start.
     """
