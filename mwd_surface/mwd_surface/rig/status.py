@@ -87,7 +87,7 @@ def _status(table: Mapping[str, Any]) -> RigStatus:
 
 
 def status_files(folders: Sequence[Path]) -> list[Path]:
-    """Return the status files in these folders, in the folders of their wells, and in the folders of the wells' runs."""
+    """Return the status files in these folders, in the folders of their wells, and in the folders of wells' runs."""
     found = {path for folder in folders for depth in ("", "*/", "*/*/") for path in folder.glob(depth + FILE_NAME)}
     return sorted(found)
 

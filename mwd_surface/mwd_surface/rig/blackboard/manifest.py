@@ -3,8 +3,8 @@
 D-WIS manifest of the signals that this program sends, made from the signal table.
 
 A blackboard receives a manifest in JSON and creates the variables that the manifest names (variable provision). A
-consumer finds a variable by sentences (subject, verb, object) in the manifest, not by a node id. The fields are those of
-ManifestFile in DWIS-Blackboard-Base (D-WIS on GitHub); nouns and verbs come from the DDHub vocabulary
+consumer finds a variable by sentences (subject, verb, object) in the manifest, not by a node id. The fields are those
+of ManifestFile in DWIS-Blackboard-Base (D-WIS on GitHub); nouns and verbs come from the DDHub vocabulary
 (DrillingDataSemantics, MeasurableQuantityTypes, Uncertainty, PhysicalLocation, DataProviders).
 """
 
