@@ -44,9 +44,8 @@ from mwd_surface.control.status import (
 _SWITCHED_OFF = "control is switched off at this rig; set control.enabled to allow it"
 _TORQUE_TIME = 1.0  # s for which the torque must exceed its limit; stick-slip peaks are shorter
 _LONGEST_NAME = 100
-_CLOCK_BACK = (
-    1.0  # s; a larger step back is a clock that was set back, a smaller one is calls of threads out of order
-)
+# A larger step back, s, is a clock that was set back; a smaller step is due to calls of several threads out of order.
+_CLOCK_BACK = 1.0
 _WORDS = {
     Reaction.KEEP: "the last set-point stays in force until a person or a new lease ends it",
     Reaction.HOLD: "the string is held until a person or a new lease ends it",
