@@ -4,12 +4,12 @@ Clearance between two wells by the separation rule of the ISCWSA.
 
 Separation factor (S. J. Sawaryn and others, "Well-Collision-Avoidance Separation Rule", SPE Drilling & Completion 34,
 2019, SPE 187073): the distance between the centres minus both radii and a surface margin, divided by k times the
-pedal-curve radius of both wells' covariances, including the uncertainty of the projection ahead. The geometry is that
-of `welleng`, which reproduces the ISCWSA's standard set of well paths. The errors of the two wells are taken as
-independent.
+pedal-curve radius of both wells' covariances, including the uncertainty of the projection ahead. The geometry is
+computed by `welleng`, which reproduces the ISCWSA's standard set of well paths. The errors of the two wells are assumed
+to be independent.
 
-For points of one well the library finds the nearest point of the other well. Both wells are used as the first one in
-turn, so that the least factor does not depend on which of them is called the offset well.
+For points of one well the library finds the nearest point of the other well. Each well is used as the first well in
+turn, so that the smallest factor does not depend on which well is called the offset well.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Spacing of the points at which two wells are compared, m; between them the library searches for the least factor.
+# Spacing of the points at which two wells are compared, m; between points the library searches for the least factor.
 _STEP = 30.0
 # Distance of an extra point from each end of a well, m, because the library finds minima only between points.
 _AT_END = 0.02
 # Shortest length over which a dogleg is checked, m: angles of closer stations differ by noise.
 _DOGLEG_LENGTH = 10.0
-# Variance added to every position, (10 um)^2 in m^2: across its first station a hole is exact, and rounding could make
-# its variance negative.
+# Variance added to every position, (10 um)^2 in m^2: the position of a first station may be exact, and rounding could
+# make its variance negative.
 _ROUNDING = 1e-10
-# Distance below which two wells at the same measured depth count as one hole, m.
+# Two wells that are closer than this at the same measured depth are the same hole, m.
 _SAME_HOLE = 0.05
 
 
@@ -52,7 +52,7 @@ class Level(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class ClearanceRule:
-    """The separation rule and its levels; the defaults are the paper's for wells where a collision endangers people."""
+    """Separation rule and its levels; the defaults are those of the paper for collisions that endanger people."""
 
     k: float = setting(
         3.5, "Factor on the combined 1 sigma of both wells. Raising it keeps wells farther apart.", low=1.0, high=10.0
@@ -94,7 +94,7 @@ class ClearanceRule:
     )
 
     def level(self, factor: float) -> Level:
-        """Return the level of a separation factor; NaN is never clear."""
+        """Return the level of a separation factor; the level of NaN is STOP."""
         if not factor >= self.stop_factor:
             return Level.STOP
         return Level.WARNING if factor < self.warning_factor else Level.CLEAR
@@ -103,10 +103,10 @@ class ClearanceRule:
 @dataclasses.dataclass(frozen=True)
 class NotCompared:
     """
-    Part of a well that is not covered by a clearance.
+    Part of a well that was not compared with the other well.
 
-    well: name of the well. from_md, to_md: measured depths, m. reason: why it is not covered. shared: whether the user
-    stated that both wells are the same hole there, so that nothing is missing.
+    well: name of the well. from_md, to_md: measured depths, m. reason: why the part was not compared. shared: whether
+    the user stated that both wells are the same hole there, so that no comparison is missing.
     """
 
     well: str
@@ -124,28 +124,29 @@ class NotCompared:
 @dataclasses.dataclass(frozen=True)
 class Clearance:
     """
-    Distance from one well to another, along the first.
+    Distance and separation factor from one well to another, along the first well.
 
     Attributes
     ----------
     name : str
         Name of the other well.
     md : ndarray, shape (n,)
-        Measured depth along the first well, m: its stations, points between them, and the minimum of the factor. It
-        does not decrease; a depth may occur twice with two points of the other well.
+        Measured depth along the first well, m, in order: its stations, points between them, and the minima of the
+        factor. A depth may occur twice, with two points of the other well.
     offset_md : ndarray, shape (n,)
         Measured depth of the nearest point of the other well, m.
     distance, allowed : ndarray, shape (n,)
-        Distance between the centres, and the least distance that the rule allows at factor 1, m.
+        Distance between the centres, and the distance at which the factor is 1, m.
     factor : ndarray, shape (n,)
         Separation factor; negative if the holes overlap.
     toolface : ndarray, shape (n,)
-        Direction to the other well, across the first, from its high side clockwise looking down, rad.
+        Direction to the other well, perpendicular to the first, from the high side of the first well clockwise looking
+        downhole, rad.
     bearing : ndarray, shape (n,)
-        The same direction from the north of the wells, toolface + azimuth, rad, as used in travelling-cylinder plots.
+        Toolface + azimuth: the same direction measured from north, rad, as used in travelling-cylinder plots.
     rule : ClearanceRule
     not_compared : tuple of NotCompared
-        Parts of both wells above the compared paths.
+        Parts of both wells that lie above the compared paths.
     other : UncertainWell or None
         The other well, for drawings.
     """
@@ -173,7 +174,7 @@ class Clearance:
         return self.rule.level(float(self.factor[self.least]))
 
     def between(self, start: float, end: float) -> Clearance | None:
-        """Return the part of the first well between two measured depths, m; None if it is empty."""
+        """Return the clearance on the part of the first well between two measured depths, m; None without points."""
         part = (self.md >= start) & (self.md <= end)
         if not np.any(part):
             return None
@@ -185,7 +186,7 @@ class Clearance:
         return dataclasses.replace(self, **arrays)
 
     def sentence(self) -> str:
-        """Describe in a sentence where the other well is nearest by the rule."""
+        """Return a sentence that says where the separation factor of the other well is smallest."""
         k = self.least
         limit = {
             Level.STOP: f", below {self.rule.stop_factor:g}",
@@ -206,19 +207,19 @@ def clearance(
     Parameters
     ----------
     reference : UncertainWell
-        Well being drilled; the result is along it.
+        Well being drilled; the result is given along this well.
     offset : UncertainWell
         Other well, in the same axes and from the same origin.
     rule : ClearanceRule
     shared_to : float, optional
-        Measured depth down to which both are the same hole, m, for a sidetrack and its parent. They are then compared
-        below it, with the position at that depth taken as exact.
+        Measured depth down to which both wells are the same hole, m, for a sidetrack and its parent. They are compared
+        below this depth, and the position at this depth is assumed to be exact.
 
     Raises
     ------
     ValueError
-        The axes refer to different norths, the wells are in the same place without shared_to, they are farther apart
-        than the rule allows, or `check_plausible` or `UncertainWell.covariance` refuses them.
+        The axes refer to different norths, the wells are the same hole but shared_to is not given, they are farther
+        apart than `farthest_km` of the rule, or `check_plausible` or `UncertainWell.covariance` refuses a well.
     """
     if reference.north != offset.north:
         raise ValueError(
@@ -244,7 +245,7 @@ def clearance(
             f"{offset.name} lies {nearest / 1000.0:.0f} km from {reference.name}: the position of its wellhead or the "
             f"coordinates of its list are wrong. Correct them, leave the well out, or confirm it by rule.farthest_km"
         )
-    # Add the decisive points found from the other well: they may lie between the points of this one.
+    # Add the minima found from the other well: they may lie between the points of the first well.
     kept = sorted({int(np.argmin(back.sf)), int(np.argmin(back.distance_cc)), *_minima(back.sf)})
     rows = [_rows(ahead, ahead.ref, ahead.off), _rows(back, back.off, back.ref)[kept]]
     table = np.concatenate(rows)
@@ -254,13 +255,13 @@ def clearance(
 
 def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     """
-    Refuse a well whose list was probably read wrongly.
+    Raise an error if the list of a well was probably read wrongly.
 
     Raises
     ------
     ValueError
         The first station lies farther from the map origin than `farthest_km`, or the well turns more sharply above its
-        last survey than `largest_dogleg_deg_30m`; the message says where, and how to confirm it.
+        last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
     """
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:
@@ -270,7 +271,7 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
         )
     angle = mc.dogleg(well.inclination[:-1], well.azimuth[:-1], well.inclination[1:], well.azimuth[1:])
     severity = np.degrees(angle) / np.maximum(np.diff(well.md), _DOGLEG_LENGTH) * 30.0
-    # The path between bit and plan ahead is not drilled and may have a corner.
+    # The path from the bit to the plan ahead is not drilled and may have a corner.
     severity = severity[well.md[1:] <= well.surveyed]
     k = int(np.argmax(severity)) if severity.size else 0
     if severity.size and severity[k] > rule.largest_dogleg_deg_30m:
@@ -282,7 +283,7 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
 
 
 def _above(well: UncertainWell, shared_to: float | None) -> tuple[NotCompared, ...]:
-    """Return the part of a well above the compared path."""
+    """Return the part of a well above the compared path as a tuple; empty if there is no such part."""
     if shared_to is not None:
         return (NotCompared(well.name, 0.0, shared_to, "both wells are the same hole there", shared=True),)
     first = float(well.md[0])
@@ -311,7 +312,11 @@ def _minima(factor: Array) -> list[int]:
 
 
 def _rows(found: Any, here: Any, there: Any) -> Array:
-    """Return the columns of `Clearance` from md to bearing, shape (n, 7); here, there: points of both wells."""
+    """
+    Return the columns of `Clearance` from md to bearing, shape (n, 7).
+
+    found: comparison by the library. here, there: points of the first well, and nearest points of the other well.
+    """
     inc, azi = np.asarray(here.inc_rad, dtype=float), np.asarray(here.azi_grid_rad, dtype=float)
     to_other = np.column_stack([there.n, there.e, there.tvd]) - np.column_stack([here.n, here.e, here.tvd])
     high = np.column_stack([np.cos(inc) * np.cos(azi), np.cos(inc) * np.sin(azi), -np.sin(inc)])
@@ -357,7 +362,7 @@ def _library_survey(well: UncertainWell, near: float | None = None) -> Any:
         dense = near + np.linspace(-_STEP, _STEP, 21)
         md = np.append(md, dense[(dense > well.md[0]) & (dense < well.md[-1])])
     md = np.unique(md)
-    # Skip points within a centimetre of a station, which would only repeat it.
+    # Omit points within a centimetre of a station, because they would only repeat the station.
     md = md[np.concatenate([[True], np.diff(md) > 0.01])]
     inc, azi, positions = mc.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)
     k = np.clip(np.searchsorted(well.md, md, side="right") - 1, 0, well.md.size - 2)

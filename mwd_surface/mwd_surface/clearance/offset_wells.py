@@ -3,7 +3,7 @@
 Offset wells near the well being drilled: a YAML file names their lists, wellheads, hole sizes and error models.
 
 Any list or plan that the importer can read may be used. Positions are relative to the wellhead of the well being
-drilled; azimuths from another north are converted to that of the well.
+drilled; azimuths from another north are converted to the north of that well.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Usual distance between surveys, m; and distance beyond which the hole between surveys is hardly known.
+# Usual distance between surveys, m; and distance between surveys, m, above which the hole between them is hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
-# Distance between wellheads beyond which one of the positions must be wrong, m.
+# If two wellheads are farther apart than this, one of the positions is wrong, m.
 _FAR = 20_000.0
-# Difference above which two positions given for one wellhead contradict each other, m.
+# Two positions of one wellhead that differ by more than this contradict each other, m.
 _ASTRAY = 5.0
 
 
 class OffsetWellError(ValueError):
-    """Raised for an offset well that cannot be used; the message names it and says why."""
+    """Raised for an offset well that cannot be used; the message names the well and the reason."""
 
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWell(ListSettings):
     """
-    One offset well, and how its list is read.
+    One offset well, with the settings for reading its list.
 
-    name: name for display. file: its list or plan, relative to the file that names it.
+    name: name for display. file: path of its list or plan, relative to the file that names the offset wells.
     """
 
     name: str
@@ -109,7 +109,7 @@ class OffsetWell(ListSettings):
 @dataclasses.dataclass(frozen=True)
 class OffsetWells:
     """
-    Content of the file: all offset wells of a well, and the rule by which they are judged.
+    Content of the file of offset wells: all offset wells of a well, and the separation rule.
 
     name, folder: name and folder of the file.
     """
@@ -171,10 +171,10 @@ def offset_well(
     wellhead: tuple[float, float] | None = None,
 ) -> UncertainWell:
     """
-    Return an offset well in the axes of the well being drilled; its remarks are those about its list.
+    Return an offset well in the axes of the well being drilled, with the remarks about its list.
 
-    north: north of those axes. reference: local field, the same as the well's. wellhead: northing and easting of the
-    well being drilled, m, if its list has them.
+    folder: folder of the file that names the offset wells. north: north of the axes. reference: local field of the well
+    being drilled. wellhead: northing and easting of the well being drilled, m, if its list has them.
 
     Raises
     ------
@@ -225,11 +225,11 @@ def clearances(
     well: UncertainWell, offsets: OffsetWells, quoting: bool = True
 ) -> tuple[list[Clearance], tuple[Remark, ...]]:
     """
-    Return the clearance to each offset well, nearest by the rule first, and all remarks about them.
+    Return the clearance to each offset well, smallest separation factor first, and the remarks about all offset wells.
 
-    Remarks name the wells or parts that are not compared and why, assumptions made when reading their lists, and wells
-    with stations so far apart that the hole between is hardly known. quoting: whether a remark may quote a file that
-    cannot be read.
+    Remarks name the wells or parts that are not compared, with the reason, the assumptions made when reading their
+    lists, and wells with stations so far apart that the hole between is hardly known. quoting: whether a remark may
+    quote contents of a file that cannot be read.
 
     Raises
     ------
@@ -257,7 +257,7 @@ def clearances(
 
 
 def _turned(position: Array, turn: float) -> Array:
-    """Return a position, shape (3,), m, in axes whose north lies `turn` rad anticlockwise of its own north."""
+    """Return a position, shape (3,), m, in axes whose north lies `turn` rad anticlockwise of its present north."""
     level = complex(position[0], position[1]) * np.exp(1j * turn)
     return np.array([level.real, level.imag, position[2]])
 
@@ -266,19 +266,19 @@ def _wellhead(
     offset: OffsetWell, plan: Plan, wellhead: tuple[float, float] | None, north: North, reference: ErrorReference
 ) -> tuple[tuple[float, float], tuple[Remark, ...]]:
     """
-    Return north and east of an offset well's wellhead relative to the well's, m, in the well's axes, and remarks.
+    Return north and east from the wellhead of the well being drilled to that of an offset well, m, and remarks.
 
     Raises
     ------
     OffsetWellError
-        The wellheads are tens of kilometres apart, or their map coordinates contradict the file.
+        The wellheads are more than 20 km apart, or their map coordinates contradict north_m and east_m of the file.
     """
     named = f"offset well {offset.name}"
     own = wellhead_of(plan.remarks)
     mapped: tuple[float, float] | None = None
     said: tuple[Remark, ...] = ()
     if own is not None and wellhead is not None:
-        # Map coordinates refer to the axes of the grid.
+        # Map coordinates refer to grid north: turn them to the north of the well.
         turn = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}[north.name.lower()]
         step = complex(own[0] - wellhead[0], own[1] - wellhead[1]) * np.exp(1j * (reference.convergence - turn))
         mapped = float(step.real), float(step.imag)
@@ -310,7 +310,7 @@ def _wellhead(
 
 
 def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
-    """Return the remarks about an offset well's list: those of its reader, and parts that cannot be compared."""
+    """Return the remarks about an offset well's list: assumptions made on reading, and parts that are not compared."""
     named = f"offset well {offset.name}"
     remarks = [dataclasses.replace(one, text=f"{named}: {one.text}") for one in plan.remarks]
     above = float(plan.md[0])
@@ -318,7 +318,7 @@ def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
         text = f"{named}: its list begins at {above:.2f} m; the hole above is not known and was not compared"
         remarks.append(Remark(RemarkKind.NOT_COMPARED, text, {"from": 0.0, "to": above}))
     apart = np.diff(plan.md)
-    # An assumed hole above has its own remark.
+    # An assumed hole above the list has its own remark, so exclude it from the widest gap.
     assumed = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in plan.remarks)
     gap = float(np.max(apart[1:] if assumed and apart.size > 1 else apart))
     if gap > _WIDE and not offset.planned:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clearance of the well of a survey list: along its path, at the bit, and ahead along the plan."""
+"""Clearance from the well of a survey list to its offset wells: along its path, at the bit, and ahead on the plan."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class WellClearance:
     well : UncertainWell
         Path that was compared, including projection and plan ahead.
     surveyed, bit : float
-        Measured depths of the last survey and of the bit, m; beyond the bit the path is planned.
+        Measured depths of the last survey and of the bit, m; below the bit the path is planned.
     found : tuple of Clearance
-        Clearances, nearest by the rule first.
+        Clearances, smallest separation factor first.
     remarks : tuple of Remark
-        Parts that were not compared, and all assumptions behind the lists of the well, the plan and the offset wells.
+        Parts that were not compared, and all assumptions made for the lists of the well, the plan and the offset wells.
     rule : ClearanceRule
     refused : tuple of str
         Names of the offset wells that could not be compared, so that their separation is unknown.
@@ -46,18 +46,18 @@ class WellClearance:
     refused: tuple[str, ...] = ()
 
     def ahead(self) -> tuple[Clearance, ...]:
-        """Return the clearances from the last survey on, nearest by the rule first."""
+        """Return the clearances below the last survey, smallest separation factor first."""
         parts = (one.between(self.surveyed, float(self.well.md[-1])) for one in self.found)
         return tuple(nearest_first([part for part in parts if part is not None]))
 
     @property
     def not_compared(self) -> tuple[Remark, ...]:
-        """Remarks on wells or parts that were not compared, including those of refused wells."""
+        """Remarks on wells or parts that were not compared, including wells that could not be used."""
         return tuple(one for one in self.remarks if one.kind == RemarkKind.NOT_COMPARED)
 
     @property
     def level(self) -> Level:
-        """Level from the last survey on."""
+        """Level of the smallest separation factor below the last survey."""
         ahead = self.ahead()
         return ahead[0].level if ahead else Level.CLEAR
 
@@ -79,13 +79,14 @@ def well_clearance(
     surveys : SurveyList
     offsets : OffsetWells
     plan : Plan, optional
-        Plan along which the path is continued, as far as the offset wells' file asks.
+        Plan along which the path is continued below the bit, for `ahead_m` of the file of offset wells.
     bit_depth : float, optional
         Bit depth, m; by default `sensor_to_bit` below the last survey.
     leg : str, optional
-        Leg, if not the current one.
+        Name of the leg; by default the current leg.
     quoting : bool
-        Whether a remark may quote a list that cannot be read; the node passes False, because the page needs no login.
+        Whether a remark may quote contents of a list that cannot be read; the node passes False, because anyone can
+        read the page without a login.
 
     Raises
     ------
@@ -119,7 +120,7 @@ def well_clearance(
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
     """
-    Return the offset wells named by the well of a list; None if it names none.
+    Return the offset wells in the file that the well of a list names; None if the well names no file.
 
     Raises
     ------
@@ -131,5 +132,5 @@ def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
 
 
 def planned_rows(clearance: WellClearance) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the indices of the path from the last survey on: the survey, the bit, and planned points."""
+    """Return the indices of the path points from the last survey down: the survey, the bit, and planned points."""
     return np.flatnonzero(clearance.well.md >= clearance.surveyed - 1e-6)

@@ -2,11 +2,12 @@
 """
 Control authority: a state machine that gives one controller at a time a lease over top drive and pumps.
 
-It follows the D-WIS interface to a drilling control system (ADCS): a request is granted, pending or denied; the owner
-of the lease sends set-points and a heartbeat; a dead controller or a dead MWD causes a declared reaction. A lease is a
-contract: its owner can prolong it and do what was granted, nothing else, and nobody else can use it. The machine reads
-no clock: every call takes `now`, s, of one steady clock, and first ends what has expired by then. Calls from several
-threads are safe, because page and rig interfaces have their own threads.
+The state machine follows the D-WIS interface to a drilling control system (ADCS): a request is granted, pending or
+denied; the owner of the lease sends set-points and a heartbeat; the loss of the controller or of the MWD causes a
+reaction set in advance. The owner can prolong a lease and command within the granted limits, and nobody else can use
+the lease. The machine reads no clock: every call takes `now`, s, of one steady clock, and first ends the leases,
+requests and set-points that have expired by then. Calls from several threads are safe, because page and rig interfaces
+have their own threads.
 
 A part of the surface node that needs the rig, for example a downlink, is a controller like any other::
 
@@ -43,9 +44,8 @@ from mwd_surface.control.status import (
 _SWITCHED_OFF = "control is switched off at this rig; set control.enabled to allow it"
 _TORQUE_TIME = 1.0  # s for which the torque must exceed its limit; stick-slip peaks are shorter
 _LONGEST_NAME = 100
-_CLOCK_BACK = (
-    1.0  # s; the order of calls from several threads may differ from the order of their times by less than this
-)
+# A larger step back, s, is a clock that was set back; a smaller step is due to calls of several threads out of order.
+_CLOCK_BACK = 1.0
 _WORDS = {
     Reaction.KEEP: "the last set-point stays in force until a person or a new lease ends it",
     Reaction.HOLD: "the string is held until a person or a new lease ends it",
@@ -55,7 +55,7 @@ _WORDS = {
 
 @dataclasses.dataclass
 class _Lease:
-    """A lease or a waiting request: number, request, limits; begin, end and last sign of life of its controller, s."""
+    """Lease or waiting request: number, request, limits; begin, end and the controller's last sign of life, all s."""
 
     number: int
     request: Request
@@ -82,10 +82,10 @@ class ControlAuthority:
     ----------
     settings : ControlSettings
     first : int
-        Number of the first lease; `upcoming` is the number of the next one. A rig obeys no lease older than the newest
-        it has seen, so numbers must continue after a restart (`lease_numbers`).
+        Number of the first lease; `upcoming` is the number of the next lease. A rig obeys no lease with a lower number
+        than the highest that it has received, so numbers must continue after a restart (`lease_numbers`).
     closed : str
-        Why control is not available, with the remedy; empty: the settings decide.
+        Reason why control is not available, with the remedy; empty: the settings decide.
     """
 
     def __init__(self, settings: ControlSettings, first: int = 1, closed: str = "") -> None:
@@ -113,7 +113,7 @@ class ControlAuthority:
     # Requests and decisions.
 
     def request(self, request: Request, now: float) -> Decision:
-        """Ask for control; if the owner asks again, its lease is prolonged within what was granted."""
+        """Decide on a request for control; a new request of the owner prolongs its lease within the granted limits."""
         with self._lock:
             now = self._pass(now)
             try:
@@ -174,8 +174,8 @@ class ControlAuthority:
         """
         Carry out a person's decision; return whether it was done, and a message.
 
-        number: number of the request as the person saw it. 0 stands for the waiting request, but is not enough to grant
-        it.
+        number: number of the request that the page showed to the person. 0 stands for the waiting request, but is not
+        accepted for granting.
         """
         with self._lock:
             now = self._pass(now)
@@ -202,7 +202,7 @@ class ControlAuthority:
             return True, f"{pending.name} is denied"
 
     def _abort(self, operator: str, because: str) -> None:
-        """Give top drive and pumps to the driller in any state, and drop a waiting request so it is not granted."""
+        """Give top drive and pumps to the driller in any state; drop a waiting request, which would be granted next."""
         if self._pending is not None:
             self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None
@@ -263,7 +263,7 @@ class ControlAuthority:
             reaction = Reaction.RELEASE
         self._react(reaction)
         if reaction != Reaction.RELEASE:
-            # Without an owner nobody watches the pumps, whatever the string does.
+            # Without an owner nobody watches the pumps, so stop them even if the string holds or rotates on.
             self._rig.stop_pump()
         self._fault = "" if reaction == Reaction.RELEASE else "ownerless"
         self._refusal, self._torque_since = "", math.inf
@@ -278,14 +278,14 @@ class ControlAuthority:
         else:
             self._rig.keep()
 
-    # Set-points, and what is observed.
+    # Set-points and observations.
 
     def command(self, point: SetPoint, now: float, sender: Sender) -> tuple[bool, str]:
         """
-        Process a set-point or, with number 0, a heartbeat of the owner; return whether it was accepted, and why not.
+        Process a set-point or, with sequence number 0, a heartbeat of the owner.
 
-        A refused set-point changes nothing and does not count as a heartbeat, because its controller does not work
-        properly.
+        Return whether it was accepted, and the reason if it was refused. A refused set-point changes nothing and does
+        not count as a heartbeat, because its controller does not work properly.
         """
         with self._lock:
             now = self._pass(now)
@@ -328,7 +328,7 @@ class ControlAuthority:
             raise ValueError("the MWD is silent: hold or release until its attitude is back")
 
     def on_acknowledge(self, lease: int, number: int, obeyed: bool, message: str) -> None:
-        """Process the rig's answer to a command; lease and number are those of the command that the rig received."""
+        """Process the rig's answer to a command; lease, number: lease and sequence number of the answered command."""
         with self._lock:
             asked = self._rig.answered(number)
             if self._lease is None or lease != self._lease.number or asked != self._sequence:
@@ -347,7 +347,7 @@ class ControlAuthority:
             self._torque_since = min(self._torque_since, now) if above else math.inf
 
     def on_mwd(self, alive: bool) -> None:
-        """Store whether attitude and toolface arrive; react if they stop."""
+        """Store whether attitude and toolface arrive; start the configured reaction if they stop."""
         with self._lock:
             lost, self._mwd_alive = self._mwd_alive and not alive, alive
             if alive and self._fault == "mwd":
@@ -374,9 +374,13 @@ class ControlAuthority:
             return self._rig.due(self._newest, self._sequence, now)
 
     def _pass(self, now: float) -> float:
-        """End what has expired by `now`; return the time in force, which never goes back."""
+        """
+        End leases, requests and set-points that have expired by `now`.
+
+        Return the time in force, s, which goes back only if `now` goes back by more than a second.
+        """
         if now < self._now - _CLOCK_BACK:
-            # Durations are unknown after the clock has gone back.
+            # After the clock has gone back, the remaining durations are unknown: end lease and request.
             self._now, self._pending = now, None
             if self._lease is not None:
                 reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]
@@ -402,7 +406,7 @@ class ControlAuthority:
         elif now >= owner.ends:
             self._end_lease(f"the lease of {owner.name} is over", Reaction.RELEASE)
 
-    # What people see.
+    # Status and events for people.
 
     def status(self, now: float) -> ControlStatus:
         """Return the state of control at `now`."""
@@ -443,7 +447,7 @@ class ControlAuthority:
             )
 
     def take_events(self) -> list[str]:
-        """Return the events since the last call, for the log."""
+        """Return and clear the events since the last call, as sentences for the log."""
         with self._lock:
             events, self._events = self._events, []
             return events
@@ -453,7 +457,7 @@ class ControlAuthority:
 
 
 def _not_the_same(lease: _Lease, request: Request) -> str:
-    """Return why a request is denied if only its sender, or only its name, matches a lease or a waiting request."""
+    """Return why a request is denied whose sender or name, but not both, is that of a lease or a waiting request."""
     if lease.sender == request.sender:
         return f"controller: you already are {lease.name}; give lease {lease.number} back to ask under another name"
     return f"controller: {lease.name} is the name of another controller on {lease.sender.interface}; use another name"

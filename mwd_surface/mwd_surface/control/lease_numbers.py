@@ -2,9 +2,9 @@
 """
 Lease numbers that only increase, even over restarts and after the clock was set back.
 
-A rig obeys no lease older than the newest it has seen. A number given twice would be ignored, or be obeyed for the
-wrong controller. Numbers are reserved in blocks before the first number of a block is given: after a power cut the rest
-of a block is skipped, and no number is repeated.
+A rig obeys no lease with a lower number than the highest that it has received. If a number were used twice, the rig
+would ignore the second lease, or obey the wrong controller. Numbers are reserved in blocks before the first number of a
+block is used: after a power cut the rest of a block is skipped, and no number is repeated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 
-_BLOCK = 1000
+_BLOCK = 1000  # numbers reserved at a time
 _LARGEST = 2**32 - 1  # uint32 on the wire
 
 
@@ -41,10 +41,12 @@ class LeaseNumbers:
 
     def first(self, at_least: int) -> int:
         """
-        Return the first number that no earlier lease of this well has had.
+        Return the lowest number that no earlier lease of this well has had.
 
+        Parameters
+        ----------
         at_least : int
-            Lower bound, from the clock, in case the file was lost.
+            Lower bound, computed from the clock, in case the file was lost.
 
         Raises
         ------

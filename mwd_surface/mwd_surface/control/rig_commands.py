@@ -2,8 +2,8 @@
 """
 Commands to the rig: set-points of top drive and pumps, their ramp and validity, and the commands that are due.
 
-Each command is repeated every half second. The rig ignores a repeated number, so a turn is made only once; a changed
-set-point gets a new number.
+Each command is repeated every half second with the same sequence number. The rig ignores a repeated number, so a turn
+is made only once. A changed set-point gets a new number.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check, ra
 
 RIG_TIMEOUT = 2.0  # s without a command after which the rig reacts by itself
 _REFRESH = 0.5  # s between repetitions of a command
-_MOST_UNANSWERED = 100
-# Longest time step of a ramp, s. The surface calls ten times per second; after a pause of the process, the speed must
-# not jump to the value that the ramp would have reached meanwhile.
+_MOST_UNANSWERED = 100  # commands whose answer is still expected; older commands are forgotten
+# Longest time step of a ramp, s. The surface calls `due` ten times per second. After a pause of the process the speed
+# must not jump to the value that the ramp would have reached during the pause.
 _LONGEST_STEP = 0.2
 
 
@@ -26,8 +26,8 @@ class _DriveChannel:
     """
     State of the top drive or of the pumps.
 
-    point: set-point in force, None if the driller controls it. lapses: when its validity ends. set: counter of
-    set-points. key, number, sent_at: last command sent to the rig, its number, and when it was sent.
+    point: set-point in force; None: the driller has control. lapses: end of its validity, steady time, s. set: counter
+    of set-points. key, number, sent_at: content of the last command sent to the rig, its number, and its time, s.
     """
 
     point: SetPoint | None = None
@@ -45,8 +45,8 @@ class RigCommands:
     Parameters
     ----------
     returns : bool
-        Whether a rotating rig without further commands returns to the driller's settings; otherwise it holds the
-        string.
+        Whether a rotating top drive returns to the driller's settings when no further commands arrive; otherwise the
+        rig holds the string.
     """
 
     def __init__(self, *, returns: bool) -> None:
@@ -60,12 +60,12 @@ class RigCommands:
 
     @property
     def drive(self) -> SetPoint | None:
-        """Set-point of the top drive; None if the driller controls it."""
+        """Set-point of the top drive; None if the driller controls the top drive."""
         return self._drive.point
 
     @property
     def pump(self) -> SetPoint | None:
-        """Set-point of the pumps; None if the driller controls them."""
+        """Set-point of the pumps; None if the driller controls the pumps."""
         return self._pump.point
 
     @property
@@ -132,7 +132,7 @@ class RigCommands:
         """Give the pumps back to the driller."""
         if self.drive is None:
             self.let_go()
-        # The rig ends a flow by itself when the command is no longer repeated.
+        # The rig ends the commanded flow by itself when the command is no longer repeated.
         self._pump.point = None
 
     def lapse(self, now: float) -> None:
@@ -171,7 +171,11 @@ class RigCommands:
         return found
 
     def answered(self, number: int) -> int:
-        """Return the controller's number for a command that the rig answers; 0 if nobody waits for the answer."""
+        """
+        Return the number of the controller's set-point that led to an answered command; 0 if no answer is expected.
+
+        number: number of the command to the rig.
+        """
         return self._unanswered.pop(number, 0)
 
     def _set(self, channel: _DriveChannel, point: SetPoint, lapses: float) -> None:

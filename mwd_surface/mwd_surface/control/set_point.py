@@ -11,7 +11,7 @@ from mwd_surface.control.settings import ControlSettings
 
 _RPM = math.pi / 30.0
 _LITRE_PER_MINUTE = 1e-3 / 60.0
-_ROUNDING = 1.0 + 1e-6  # tolerance for float32 registers
+_ROUNDING = 1.0 + 1e-6  # factor on a limit that allows for the rounding of float32 registers
 LARGEST_NUMBER = 2**32 - 1  # largest number of a lease or set-point, uint32 on the wire
 
 
@@ -28,7 +28,9 @@ class Mode(enum.IntEnum):
 @dataclasses.dataclass(frozen=True)
 class LeaseLimits:
     """
-    Limits of a lease, not below 0. In a request 0 means the limit set at the rig; for left-hand limits it means none.
+    Limits of a lease, not below 0.
+
+    In a request, 0 means the limit set at the rig; a left-hand limit of 0 means that left-hand motion is not requested.
 
     Attributes
     ----------
@@ -37,7 +39,7 @@ class LeaseLimits:
     torque : float
         Limit of the torque measured at the top drive, N m.
     turn : float
-        Limit of one ORIENT clockwise, rad.
+        Limit of one clockwise turn (mode ORIENT), rad.
     flow : float
         Limit of the flow, m^3/s.
     left_speed, left_turn : float
@@ -68,7 +70,7 @@ class LeaseLimits:
 
     def within(self, site: LeaseLimits) -> LeaseLimits:
         """
-        Return the narrower of each limit of the request and the rig.
+        Return, for each limit, the narrower of the requested limit and the limit set at the rig.
 
         Raises
         ------
@@ -85,7 +87,7 @@ class LeaseLimits:
         return LeaseLimits(**narrowed)
 
     def beyond(self, granted: LeaseLimits) -> list[str]:
-        """Return the names of the limits that are wider than the granted ones."""
+        """Return the names of the limits that are wider than the granted limits."""
         names = [field.name for field in dataclasses.fields(self)]
         return [f"{name}_limit" for name in names if getattr(self, name) > getattr(granted, name)]
 
@@ -100,15 +102,16 @@ class SetPoint:
     mode : int
         Value of `Mode`.
     lease, sequence : int
-        Number of the lease, and number of the set-point, which increases within the lease; 0 is a heartbeat.
+        Number of the lease, and number of the set-point, which increases within the lease; sequence 0 is a heartbeat.
     rotary_speed, turn, flow_rate : float
         Speed for ROTATE, rad/s; turn for ORIENT, rad; flow for PUMP, m^3/s.
     valid_for : float
         Validity, s, above 0; without a newer command the string is held after this time.
     returns : bool
-        For ROTATE: return to the driller's settings after this time instead of holding. PUMP always returns.
+        With mode ROTATE: whether the rig returns to the driller's settings after `valid_for` instead of holding the
+        string. With mode PUMP it always returns.
     stamp_ns : int
-        Stamp of the toolface that led to the set-point, or 0.
+        Stamp of the toolface that led to the set-point, ns since the epoch, or 0.
     """
 
     mode: int
@@ -141,7 +144,7 @@ def check(point: SetPoint, limits: LeaseLimits) -> None:
         ("flow_rate", 0.0, limits.flow, "m^3/s"),
     ):
         value = getattr(point, name)
-        # Allow for rounding by a protocol's units; a limit of zero stays zero.
+        # Allow for rounding in a protocol's units; a limit of zero has no tolerance.
         if not (math.isfinite(value) and low * _ROUNDING <= value <= high * _ROUNDING):
             raise ValueError(f"{name}: the lease allows {low:.4g} to {high:.4g} {unit}, got {value:g}")
     if not (math.isfinite(point.valid_for) and point.valid_for > 0.0):
@@ -149,6 +152,6 @@ def check(point: SetPoint, limits: LeaseLimits) -> None:
 
 
 def ramped(speed: float, wanted: float, rate: float, elapsed: float) -> float:
-    """Return the speed, rad/s, after `elapsed` s on the way to `wanted` at a rate of at most `rate`, rad/s^2."""
+    """Return the speed, rad/s, after it has changed towards `wanted` for `elapsed` s at `rate`, rad/s^2."""
     step = rate * max(elapsed, 0.0)
     return wanted if abs(wanted - speed) <= step else speed + math.copysign(step, wanted - speed)

@@ -50,12 +50,12 @@ class Judgement(enum.IntEnum):
 @dataclasses.dataclass(frozen=True)
 class Sender:
     """
-    The sender of a message, as far as an interface can identify it.
+    Sender of a message, as far as an interface can identify senders.
 
-    Only the sender of a request renews its lease, commands under it and gives it back.
+    Only the sender of a request can renew the lease, send commands under the lease and give the lease back.
 
-    interface: its name. identity: something that no other sender on this interface can have, such as a connection or a
-    key; it is not a secret.
+    interface: name of the interface. identity: text that no other sender on this interface can have, for example from a
+    connection or a key; the text is not a secret.
     """
 
     interface: str
@@ -70,9 +70,10 @@ class Request:
     """
     Request for control; as mwd_msgs/RequestControl.
 
-    sender: owner of the lease if granted. controller: its name. role: purpose in a word or two. priority: 0 to 255; a
-    higher one than the owner's takes over. wait: whether to wait for the owner to leave. duration: s, 0: the longest
-    allowed. limits: 0 each: as set at the rig, except for the left-hand ones.
+    sender: sender, who becomes the owner of the lease. controller: name of the controller. role: purpose in a word or
+    two. priority: 0 to 255; a priority higher than the owner's takes control from the owner. wait: whether the request
+    waits until the owner gives control back. duration: length of the lease, s; 0: the longest allowed. limits:
+    requested limits; 0 means the limit set at the rig, for left-hand limits no left-hand motion.
     """
 
     sender: Sender
@@ -86,7 +87,7 @@ class Request:
 
 @dataclasses.dataclass(frozen=True)
 class Decision:
-    """Answer to a request: permission, number of the lease or pending request (0: denied), and the reason."""
+    """Answer to a request: permission, number of the lease or of the pending request (0: denied), and the reason."""
 
     permission: Permission
     lease: int
@@ -119,7 +120,7 @@ class ControlStatus(MessageRecord):
     mode : Mode
         Mode of the top drive; RELEASE: the driller controls it.
     flow_rate : float
-        Flow commanded to the pumps; NaN: the driller controls them.
+        Flow commanded to the pumps, m^3/s; NaN: the driller controls the pumps.
     reactions : mapping of str to Reaction
         Reactions by the name of their setting.
     """
@@ -153,7 +154,7 @@ class ControlStatus(MessageRecord):
 
     @classmethod
     def from_message(cls, message: Any) -> ControlStatus:
-        """Return the status of a message, in which limits, achieved values and reactions are fields of their own."""
+        """Return the status in a message, which has a separate field for each limit, achieved value and reaction."""
         limits = {name: float(getattr(message, f"{name}_limit")) for name in _LIMITS}
         achieved = {name: or_none(getattr(message, f"achieved_{name}")) for name in _ACHIEVED}
         return dataclasses.replace(

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Downlink at the surface: who may send a command to the tool, when it may be sent, and how it ends."""
+"""Downlink at the surface: permission to send a command to the tool, interlocks, sending, and the tool's answer."""

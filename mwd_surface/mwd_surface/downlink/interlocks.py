@@ -14,8 +14,8 @@ from mwd_surface.downlink.settings import DownlinkSettings
 _BAR = 1e5
 _RIG_SILENT_S = 2.0
 _LINK_SILENT_S = 10.0
-_USUAL_S = 60.0
-# Exponent of pressure loss against flow (turbulent pipe flow, Blasius); pressure / flow^1.75 changes little with the
+_USUAL_S = 60.0  # time over which the median gives the usual pressure, s
+# Exponent of the flow in the pressure loss of turbulent pipe flow (Blasius); pressure / flow^1.75 depends little on the
 # flow.
 _POWER = 1.75
 
@@ -27,17 +27,17 @@ class Readings(NamedTuple):
     Attributes
     ----------
     rig_age_s : float
-        Age of the rig's data.
+        Age of the rig's data, s.
     flow, rotary_speed, pressure : float or None
-        m^3/s; rad/s of the top drive; Pa.
+        Flow, m^3/s; speed of the top drive, rad/s; standpipe pressure, Pa.
     in_slips : bool or None
     link_locked : bool
         Whether words arrive over the link.
     link_age_s : float
-        Age of the link's state.
+        Age of the state of the link, s.
     survey_running : bool
     no_control : str
-        Why the rig does not accept set-points; empty if it does.
+        Reason why the rig does not accept set-points; empty if it accepts them.
     """
 
     rig_age_s: float = math.inf
@@ -51,7 +51,7 @@ class Readings(NamedTuple):
     no_control: str = ""
 
 
-# Values that no rig reaches: m^3/s, rad/s and Pa.
+# Values that are larger than on any rig, in m^3/s, rad/s and Pa.
 _MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
 
 
@@ -65,7 +65,7 @@ def possible(readings: Readings) -> Readings:
 
 
 class StallWatch:
-    """Detector of a motor stall: a rise of the pressure over its usual value at the same flow."""
+    """Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow."""
 
     def __init__(self, share: float) -> None:
         self._share = share
@@ -73,7 +73,11 @@ class StallWatch:
         self.stalled = False
 
     def take(self, now: float, flow: float | None, pressure: float | None, least_flow: float) -> None:
-        """Add a reading; now: steady time, s. Below least_flow, m^3/s, the usual pressure is forgotten."""
+        """
+        Add a reading of flow, m^3/s, and pressure, Pa; now: steady time, s.
+
+        If the flow is below least_flow, m^3/s, the earlier readings that give the usual pressure are cleared.
+        """
         if flow is None or pressure is None or flow < least_flow:
             self._ratios.clear()
             self.stalled = False
@@ -103,7 +107,8 @@ def blocked(
     """
     Return the messages of the interlocks that fail.
 
-    running: whether symbols are being sent. The level then changes and the uplink may suffer, so neither is checked.
+    running: whether symbols are being sent. If so, the lock of the uplink is not checked, because the symbols may
+    disturb the uplink, and only the present flow or speed is compared with its limits, not the lowest set-point.
     """
     rules = (
         (bool(readings.no_control), readings.no_control),
@@ -125,7 +130,7 @@ def blocked(
 
 
 def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, running: bool) -> list[str]:
-    """Return messages for limits of flow or speed that are, or would be, exceeded."""
+    """Return messages for limits of flow or speed that are exceeded, or would be exceeded during the downlink."""
     value = medium_value(readings, downlink)
     medium = "rotary speed" if downlink.medium == ROTATION else "flow"
     if value is None:
@@ -135,7 +140,7 @@ def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings,
         False: (settings.flow_low_lpm * LPM, settings.flow_high_lpm * LPM),
     }
     low, high = limits[downlink.medium == ROTATION]
-    # While running, allow the gauge to read a little below the lowest set-point.
+    # While symbols are sent, allow a reading slightly below the lowest set-point.
     lowest = value * (1.0 + settings.tolerance) if running else value * amplitude(0, downlink)
     found = []
     if value > high:

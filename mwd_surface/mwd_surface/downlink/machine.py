@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-State machine of one downlink from its draft to the tool's answer; nothing is sent without a named person's grant.
+State machine of one downlink from its draft to the tool's answer; no command is sent unless a named person grants it.
 
-The machine reads no clock and moves no rig: every call takes `now`, s, of one steady clock, and the caller that
-commands the rig reads `set_point`. Each change of state is a `Transition` for journal and recording.
+The machine reads no clock and does not command the rig: every call takes `now`, s, of one steady clock, and the caller
+commands the rig with `set_point`. Each change of state is a `Transition` for journal and recording.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, mediu
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.tool_echo import ToolEcho
 
-PERMISSION_S = 120.0
-# Additional delay of an answer beyond two surveys on air, from receiver and depth, s.
+PERMISSION_S = 120.0  # time after which an unused permission lapses, s
+# Delay of an answer due to receiver and depth, in addition to the time to send two surveys, s.
 _LATE_S = 120.0
 _STEADY = 0.04  # largest change of the drilling value before the first symbol, as a share of the value
-# Least value of the quantity that the command does not change for judging its deviation (m^3/s, rad/s).
+# The quantity that the command does not change (flow, m^3/s, or speed, rad/s) is checked for deviations only if its
+# initial value is at least this.
 _LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0
-_LOST_S = 2.0  # longest time between two updates; beyond it the rig was not being watched
+_LOST_S = 2.0  # longest time between two updates, s; after a longer time the rig was not monitored
 
 
 class DownlinkState(enum.IntEnum):
@@ -68,15 +69,15 @@ NEXT: dict[DownlinkState, frozenset[DownlinkState]] = {
     ),
     DownlinkState.RUNNING: frozenset({DownlinkState.SENT, DownlinkState.ABORTED}),
     DownlinkState.SENT: frozenset({DownlinkState.CONFIRMED, DownlinkState.UNCONFIRMED, DownlinkState.ABORTED}),
-    # A late answer still counts as an answer.
+    # An answer after the waiting time still confirms the command.
     DownlinkState.UNCONFIRMED: frozenset({DownlinkState.DRAFT, DownlinkState.CONFIRMED}),
     **dict.fromkeys(ENDED - {DownlinkState.UNCONFIRMED}, frozenset({DownlinkState.DRAFT})),
 }
-"""States that may follow each state."""
+"""Set of the states that may follow each state."""
 
 
 class Transition(NamedTuple):
-    """A change of state: number of the request, states, reason, person (empty: the machine), steady time, s."""
+    """Change of state: number of the request, both states, reason, person (empty: the machine), steady time, s."""
 
     number: int
     before: DownlinkState
@@ -105,14 +106,14 @@ class Machine:
         Tool configuration as delivered.
     settings : DownlinkSettings
     in_force : ToolSettings
-        Settings by which the tool runs now.
+        Settings with which the tool runs now.
     counter : int
-        Counter of the last command that was sent; 0: none.
+        Counter of the last command that was sent; 0: no command was sent.
     number : int
-        Number of the last request; 0: none. It continues after a restart, so that a number never stands for two
-        requests.
+        Number of the last request; 0: no request was made. Numbers continue after a restart, so that no number is used
+        for two requests.
     echo : ToolEcho, optional
-        Echoes that the tool may send; by default any.
+        Echoes that the tool may send; by default all codes are possible.
 
     Raises
     ------
@@ -150,11 +151,11 @@ class Machine:
         self._stall = StallWatch(settings.stall_share)
         self._deviation: DeviationWatch | None = None
 
-    # People.
+    # Actions of people.
 
     def draft(self, name: str, value: float, by: str, now: float) -> str:
         """
-        Compose a command; return a description of its programme.
+        Compose a command; return a description of its programme (the sequence of symbols).
 
         Raises
         ------
@@ -167,7 +168,7 @@ class Machine:
             raise ValueError("operator_name: must not be empty: the journal records who asked")
         number, argument = tool_commands.command(self.tool, name, value)
         frame, _ = self.echo.numbered(Frame(1, number, argument), self.counter)
-        # Check that the command fits together with the earlier commands.
+        # Raise here if the command is not valid in combination with the earlier commands.
         tool_commands.applied(self.tool, self.in_force.after(frame))
         self.request, self.programme = DownlinkRequest(frame, name, value, by.strip()), programme(frame, self.downlink)
         self.number += 1
@@ -181,12 +182,12 @@ class Machine:
 
     def submit(self, by: str, now: float, number: int = 0) -> str:
         """
-        Ask for permission; number: number of the draft, 0: the present one.
+        Ask for permission to send the draft; number: number of the draft, 0: the present draft.
 
         Raises
         ------
         ValueError
-            There is no draft, or it has another number.
+            There is no draft, or the draft has another number.
         """
         self._require(DownlinkState.DRAFT, "there is no draft to ask for")
         self._require_number(number or self.number)
@@ -196,12 +197,13 @@ class Machine:
         """
         Grant or deny the request.
 
-        number: number of the request as the person saw it. 0 stands for the present one, but is not enough to grant.
+        number: number of the request that the page showed to the person. 0 stands for the present request, but is not
+        accepted for granting.
 
         Raises
         ------
         ValueError
-            No request waits for permission, it has another number, or no person is named.
+            No request waits for permission, the request has another number, or no person is named.
         """
         self._require(DownlinkState.PENDING, "no downlink waits for permission")
         self._require_number(number if granted else number or self.number)
@@ -227,13 +229,14 @@ class Machine:
         sent = ": the command had been sent, the tool may obey it" if self.state == DownlinkState.SENT else ""
         return self._go(DownlinkState.ABORTED, reason + sent, self.decided_by, now)
 
-    # Time, rig and tool.
+    # Updates from time, rig and tool.
 
     def update(self, now: float, readings: Readings, people_s: float | None = None) -> None:
         """
         Process the readings of the rig; call at least once per second.
 
-        people_s: clock by which permission lapses, s, if `now` is the clock of a rig simulated faster than real time.
+        people_s: time on the clock by which the permission lapses, s; by default `now`. Give it if `now` is the time of
+        a rig that is simulated faster than real time.
         """
         readings = possible(readings)
         people_s = now if people_s is None else people_s
@@ -253,9 +256,9 @@ class Machine:
 
     def on_echo(self, code: int, now: float) -> None:
         """
-        Process a believed word in which the tool repeats the last command it received.
+        Process an accepted telemetry word in which the tool repeats the last command that it received (the echo).
 
-        The word confirms the command under way only if the tool could not have sent it before that command.
+        The echo confirms the present command only if the tool could not have sent this echo before that command.
         """
         request = self.request
         self.echo.hear(code, now, self.answer_s)
@@ -265,7 +268,7 @@ class Machine:
             or code != request.frame.echo
         ):
             return
-        # Whenever the tool received this command, it is the last one that it obeyed.
+        # The echo shows the last command that the tool obeyed, whenever the tool received it: update the settings.
         self.in_force = self.in_force.after(request.frame)
         if self._proves:
             text = f"{self.about}: the tool confirms counter {request.frame.counter}"
@@ -279,19 +282,24 @@ class Machine:
 
     @property
     def about(self) -> str:
-        """Description of the command; empty if there is none."""
+        """Description of the command; empty if there is no command."""
         return "" if self.request is None else tool_commands.about(self.tool, self.request.frame)
 
     @property
     def expected(self) -> ToolConfiguration | None:
-        """Tool configuration after the command, while its answer is waited for; else None."""
+        """Tool configuration that will hold after the command, while its answer is awaited; else None."""
         if self.request is None or self.state != DownlinkState.SENT:
             return None
         return tool_commands.applied(self.tool, self.in_force.after(self.request.frame))
 
     @property
     def answer_s(self) -> float:
-        """Longest time from the last symbol to the answer, s: two surveys with the slower of both configurations."""
+        """
+        Longest time from the last symbol to the answer, s.
+
+        The time is that of two surveys, with the slower of the present and the commanded configuration, one symbol and
+        the delay of receiver and depth.
+        """
         slowest = 0.0
         for tool in (tool_commands.applied(self.tool, self.in_force), self.expected or self.tool):
             words_s = [tool.seconds(items) for items in (*tool.surveys, *tool.toolfaces)]
@@ -299,13 +307,13 @@ class Machine:
         return 2.0 * slowest + self.downlink.symbol_s + _LATE_S
 
     def elapsed(self, now: float) -> float:
-        """Return the time since the programme began, s; 0 before it, its duration after it."""
+        """Return the time since the first symbol, s; 0 before it, the duration of the programme after the last one."""
         if self.programme is None or self.state not in (DownlinkState.RUNNING, DownlinkState.SENT):
             return 0.0
         return min(max(now - self._started, 0.0), self.programme.duration_s)
 
     def _before(self, now: float, readings: Readings) -> None:
-        """Wait for the interlocks, then for a steady drilling value, which the tool uses as the reference level."""
+        """Wait for the interlocks, then for a steady flow or speed, which the tool uses as the reference level."""
         if self._waited > PERMISSION_S:
             self._go(DownlinkState.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
             return
@@ -332,10 +340,10 @@ class Machine:
 
     def _number_request(self, now: float) -> None:
         """
-        Give the command its counter, now that it starts, because an echo may have been received since the draft.
+        Give the command its final counter when it starts, because an echo may have been received since the draft.
 
-        The counter is stored with the transition that follows: after a crash of the surface, another command must not
-        get the counter by which the tool may answer this one.
+        The counter is stored with the transition that follows: after a crash of the surface, no other command may get
+        the counter with which the tool may answer this command.
         """
         if self.request is None:
             return
@@ -404,7 +412,7 @@ class Machine:
 # Detector of operator input: flow or rotation that differs from the downlink's set-point.
 
 
-_HELD_S = 2.0
+_HELD_S = 2.0  # time for which a deviation must last, s
 
 
 class DeviationWatch:
@@ -416,7 +424,7 @@ class DeviationWatch:
     base : float
         Drilling value of the quantity that the downlink changes.
     other : float or None
-        Initial value of the quantity that it does not change; None: unknown.
+        Initial value of the quantity that the downlink does not change; None: unknown.
     margins : (float, float)
         Allowed deviation of the changed and of the unchanged quantity.
     lag_s : float
@@ -433,11 +441,11 @@ class DeviationWatch:
         """
         Add set-point and readings at a steady time, s; return whether they have differed for 2 s.
 
-        asked, value: set-point and reading of the quantity that the downlink changes. other: reading of the unchanged
-        one.
+        asked, value: set-point and reading of the quantity that the downlink changes. other: reading of the quantity
+        that the downlink does not change.
         """
         self._asked.append((now, asked))
-        # Keep the last set-point before the delay: the rig may still be following it.
+        # Keep the last set-point that is older than the delay: the rig may still follow that set-point.
         while len(self._asked) > 1 and self._asked[1][0] < now - self._lag:
             self._asked.popleft()
         recent = [one for _, one in self._asked]

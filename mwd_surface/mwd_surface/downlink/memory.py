@@ -25,13 +25,13 @@ class Kept(NamedTuple):
     Attributes
     ----------
     in_force : ToolSettings
-        Settings by which the tool runs now.
+        Settings with which the tool runs now.
     counter, number : int
-        Counter of the last command that was sent, and number of the last request; 0: none.
+        Counter of the last command that was sent, and number of the last request; 0: none yet.
     heard : int, optional
-        Last echo received from the tool; None: none.
+        Code of the last echo received from the tool; None: no echo was received.
     sent : tuple of int
-        Echoes of the commands sent since then.
+        Echo codes of the commands sent since that echo.
     """
 
     in_force: ToolSettings = ToolSettings()
@@ -42,7 +42,7 @@ class Kept(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine) -> Kept:
-        """Return the data of a machine that must be stored."""
+        """Return those data of a machine that must be stored."""
         return cls(machine.in_force, machine.counter, machine.number, machine.echo.heard, machine.echo.sent)
 
     def machine(self, tool: ToolConfiguration, settings: DownlinkSettings) -> Machine:
@@ -74,7 +74,7 @@ class Memory:
         """
         Read the stored data; return defaults if there is no file.
 
-        If the file belongs to another tool, its settings are replaced by those of the tool as delivered.
+        If the file belongs to another tool, the stored settings are replaced by the settings of `tool` as delivered.
 
         Raises
         ------

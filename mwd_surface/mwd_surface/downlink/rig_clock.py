@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clock of a downlink: the time of the rig's data, continued by the steady clock when they are late."""
+"""Clock of a downlink: the time of the rig's data, continued by the steady clock when the data are late."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _SILENT_S = 2.0
 
 
 class RigClock:
-    """Time of the rig, s; it steps back only if the rig's own time does so by more than five seconds."""
+    """Time of the rig's data, s; it goes back only if a new time is more than five seconds earlier."""
 
     def __init__(self) -> None:
         self._rig = self._steady = -math.inf
@@ -24,15 +24,15 @@ class RigClock:
         return self._given
 
     def now(self, steady: float, otherwise: float) -> float:
-        """Return the time at a steady time, s; otherwise: the value to return before any data of the rig."""
+        """Return the time of the rig at a steady time, s; otherwise: value to return before the first data."""
         if math.isinf(self._rig):
             return otherwise
         late = steady - self._steady
-        # A rig simulated faster than real time runs ahead of the steady clock, so continue the time only if data are
-        # late.
+        # Continue the time by the steady clock only if data are late, because the time of a rig that is simulated
+        # faster than real time runs ahead of the steady clock.
         self._given = max(self._given, self._rig + (late if late > _SILENT_S else 0.0))
         return self._given
 
     def silent(self, steady: float) -> bool:
-        """Return whether no data of the rig came for two seconds, or none at all yet."""
+        """Return whether no data of the rig have arrived for two seconds, or ever; steady: steady time, s."""
         return steady - self._steady > _SILENT_S

@@ -9,7 +9,7 @@ from mwd_surface.control.status import Judgement, Permission, Request, Sender
 
 _NAME, _ROLE = "downlink", "command to the tool"
 _SENDER = Sender("surface", _NAME)
-_PRIORITY = 100
+_PRIORITY = 100  # of the request for control, 0 to 255; takes control from owners with a lower priority
 _VALID_S = 5.0  # if the surface stops, the rig returns to the driller after this time
 
 
@@ -28,11 +28,11 @@ class RigControl:
 
     @property
     def has(self) -> bool:
-        """Whether the downlink has a lease, as far as it knows."""
+        """Whether the downlink got a lease and has not released it, even if the authority has ended the lease."""
         return self._lease > 0
 
     def why_not(self, now: float) -> str:
-        """Return why the rig does not, or would not, accept set-points; empty if it does. now: steady time, s."""
+        """Return why the rig does not, or would not, accept set-points, or an empty string. now: steady time, s."""
         status = self._authority.status(now)
         if not status.enabled:
             return "the rig does not take set-points: set control.enabled once it does"
@@ -44,9 +44,9 @@ class RigControl:
 
     def take(self, granted_by: str, now: float) -> str:
         """
-        Take control with the permission of the person who granted the downlink; return why not, or an empty string.
+        Take control of the rig; return why this failed, or an empty string.
 
-        granted_by: name of the person; the permission for the command includes the control that it needs.
+        granted_by: name of the person who granted the downlink; this grant includes control of the rig.
         """
         decision = self._authority.request(Request(_SENDER, _NAME, _ROLE, _PRIORITY), now)
         if decision.permission == Permission.PENDING:

@@ -2,9 +2,10 @@
 """
 Echoes that a tool may send without having received a new command.
 
-The tool repeats the last command it received: counter, command and argument. The counter has seven values, so codes
-repeat. An echo proves that a command arrived only if the tool could not have sent that code before. The possible codes
-are the last echo received, and the commands sent since then that the tool may have received without a received echo.
+The tool repeats the last command that it received: counter, command and argument, encoded in one code. The counter has
+seven values, so codes repeat. An echo proves that a command arrived only if the tool could not have sent that code
+before. The possible codes are the last echo received, and the codes of commands sent since then that the tool may have
+received although no echo of them was received.
 """
 
 from __future__ import annotations
@@ -17,35 +18,36 @@ from mwd_sensors.telemetry.downlink import COUNTERS, Frame, frame_of, next_count
 
 class ToolEcho:
     """
-    Set of the codes that the tool may repeat now.
+    Set of the echo codes that the tool may send now without a new command.
 
     Parameters
     ----------
     heard : int, optional
-        Last code received; None: none was received yet, so any code is possible.
+        Code of the last echo received; None: no echo was received yet, so any code is possible.
     sent : sequence of int
-        Codes sent since then, oldest first, without a received echo.
+        Codes of the commands sent since that echo, oldest first.
     """
 
     def __init__(self, heard: int | None = None, sent: Sequence[int] = ()) -> None:
         self.heard = heard
-        # For each code, the steady time, s, after which another echo shows that the command was not received.
+        # For each code, the steady time, s, after which an echo with another code shows that the tool did not receive
+        # the command.
         self._sent = dict.fromkeys(sent, math.nan)
 
     @property
     def sent(self) -> tuple[int, ...]:
-        """Codes sent since the last echo, oldest first."""
+        """Codes of the commands sent since the last echo, oldest first."""
         return tuple(self._sent)
 
     def send(self, code: int, answered_by: float) -> None:
-        """Record that a command begins; answered_by: steady time, s, by which its echo arrives if it is received."""
+        """Record the start of a command; answered_by: steady time, s, by which its echo must arrive."""
         self._sent.pop(code, None)
         self._sent[code] = answered_by
 
     def hear(self, code: int, now: float, answer_s: float) -> None:
         """Process an echo; answer_s: longest time from a command to its echo, s."""
         if code in self._sent:
-            # Commands arrive in order, so the tool no longer repeats an earlier one.
+            # Commands arrive in order, so the tool no longer repeats an earlier command.
             codes = list(self._sent)
             for old in codes[: codes.index(code) + 1]:
                 del self._sent[old]
@@ -64,8 +66,8 @@ class ToolEcho:
         """
         Return the frame with the counter to send, and whether its echo will prove that the command arrived.
 
-        last: counter sent last, 0 if unknown. In that case the counters farthest after that of the last echo are tried
-        first, because a surface that lost its memory may just have sent the next ones.
+        last: counter sent last, 0 if unknown. If it is unknown, the counters that come last after the counter of the
+        last echo are tried first, because the surface may have sent the next counters before its memory was lost.
         """
         known = frame_of(self.heard) if self.heard is not None else None
         if last == 0 and known is not None:

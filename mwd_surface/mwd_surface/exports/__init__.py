@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surveys and recordings as files for others: tables, LAS, WITSML, reports."""
+"""Surveys and recordings as files for other programs and for people: tables, LAS, WITSML, reports."""

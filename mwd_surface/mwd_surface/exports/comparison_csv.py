@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""comparison.csv: comparison of two surveys of one hole, at the measured depths of the first one's stations."""
+"""comparison.csv: comparison of two surveys of one hole, at the measured depths of the stations of the first survey."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COLUMNS = (
 
 
 def comparison_csv(found: PathDifference) -> str:
-    """Return the table as text; differences are the first list minus the other one, unknown sigmas are empty."""
+    """Return the table as text; differences are the first list minus the second list, unknown sigmas are empty."""
     lines = []
     for k in range(found.md.size):
         angles = [

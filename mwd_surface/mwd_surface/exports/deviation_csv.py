@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The deviation from the designed hole as CSV: every station, the bit, and the hole ahead of it."""
+"""Deviation from the designed hole as CSV: at every station, at the bit, and along the projected hole ahead."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def deviation_csv(table: SurveyTable) -> str:
     Return the deviations as text: left and below are negative; x north, y east and z up are mine coordinates.
 
     A mine coordinate is empty on an axis on which the opening of the hole is not given. The vertical angle has the
-    convention of the well. Rows ahead of the bit are projected, too. Without a design there are no rows, and a comment
-    says so.
+    convention of the well. Rows at the bit and ahead of it are projected. Without a design there are no rows, but a
+    comment.
     """
     rows = table.deviations
     angles = table.surveys.well.angles

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a survey list in any format; the formats have the same names in messages and in the CLI."""
+"""Writing of a survey list in any format; the formats have the same names in messages and in the CLI."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 class ExportError(RuntimeError):
-    """The file could not be written; the message gives the path and the reason."""
+    """Raised if the file could not be written; the message gives the path and the reason."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """Format of a file: ending, word for the file name, description, and function that makes its bytes."""
+    """Format of a file: its ending, word for the file name, description, and function that returns the bytes."""
 
     ending: str
     word: str
@@ -37,7 +37,7 @@ class Format:
 
 
 def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
-    """Return a table with its columns and head block as people of its well read them."""
+    """Return a table with its columns and head block in the display units and angle convention of its well."""
     from mwd_surface.exports.report_edge import Edge
     from mwd_surface.language.language import ENGLISH, language
     from mwd_surface.signals.units import FIELD
@@ -48,7 +48,7 @@ def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
     return dataclasses.replace(table.shown(display), header=header)
 
 
-# Each is imported only when it is written: listing the formats (command help, page) needs none of them.
+# Import the module of a format only when a file is written: listing the formats (command help, page) must be fast.
 
 
 def _csv(table: SurveyTable) -> bytes:
@@ -61,7 +61,7 @@ def _raw_csv(table: SurveyTable) -> bytes:
     from mwd_surface.exports.export_csv import raw_csv
     from mwd_surface.surveys.imported_list import provenance_of
 
-    # The log has no row for the tie-on; its surveys form a path if all in use belong to one leg.
+    # The raw list has no row for the tie-on. Its surveys form one path only if all surveys in use belong to one leg.
     legs = {r.leg for r in table.surveys.records if r.in_use}
     provenance = provenance_of(table.surveys, legs.pop() if len(legs) == 1 else None, whole=False)
     header = _in_units_of_the_well(table).header
@@ -133,21 +133,21 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     kind : str
         One of `FORMATS`.
     folder : path
-        Created if missing.
+        Folder of the file; created if missing.
     name : str
-        File name, without folder; made safe. Empty: well, word of the format and time of the table. Without its ending,
-        the raw format also gets its word, so that two formats of one name are two files. A file of that name is
-        replaced.
+        File name without folder; invalid characters are replaced. Empty: well, word of the format and time of the
+        table. If the name has no ending, the ending is added, for the raw format also its word, so that two formats of
+        one name are two files. An existing file is replaced.
 
     Returns
     -------
     Path
-        The file.
+        Path of the file.
 
     Raises
     ------
     ValueError
-        Unknown format; the message names similar ones. Or the name is a path.
+        The format is unknown (the message names similar formats), or the name is a path.
     ExportError
         The folder or file cannot be written.
     """
@@ -165,7 +165,7 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         from mwd_surface.signals.cells import utc
 
         moment = utc(table.made_ns)[:19].replace(":", "").replace("-", "") + "Z"
-        # The time and the word must survive a long name.
+        # Shorten a long name of the well, so that the word and the time remain in the file name.
         stem = safe_name(safe_name(table.surveys.well.wellbore_name, longest=48), made.word, moment)
     path = Path(folder) / (stem + made.ending)
     data = made.make(table)

@@ -2,8 +2,8 @@
 """
 Surveys as CSV: the definitive survey of a leg, and every survey of the list, each with a head block.
 
-Lines starting with # are the head block; then follow one line of column names with units and the rows, with a decimal
-point in every locale (`surveys.survey_csv`).
+Lines starting with # are the head block. One line of column names with units and the rows follow; numbers have a
+decimal point in every locale (`surveys.survey_csv`).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ def definitive_csv(table: SurveyTable) -> str:
     """
     Return the definitive survey: head block, column names, one line per station; the projection to the bit is last.
 
-    The column `station` gives the kind of station: tie-on, assumed (a first station that nobody gave), survey,
-    projected. The column `coordinates` is "assumed" if depths and positions rest on an assumption, which the head block
-    names.
+    The column `station` gives the kind of station: tie-on, assumed (assumed tie-on, because none was given), survey,
+    projected. The column `coordinates` is "assumed" if depths and positions are based on an assumption; the head block
+    names the assumption.
 
     Text is UTF-8 when encoded; lines end with a newline.
     """
@@ -43,7 +43,7 @@ def definitive_csv(table: SurveyTable) -> str:
 
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
     """
-    Return all surveys of the list in order of number, used or not; azimuths are from each survey's own north.
+    Return all surveys of the list in order of number, in use or not; azimuths are from each survey's own north.
 
     header, notes: labels and values of the head block, and comment lines below it.
     """

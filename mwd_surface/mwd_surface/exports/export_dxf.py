@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Plan and section of a hole as a DXF drawing, one drawing unit a metre, both at the same scale.
+Plan view and vertical section of a hole as a DXF drawing; one drawing unit is a metre in both views.
 
-The plan has mine coordinates: east to the right, north up. The section lies below it, along the azimuth of the vertical
-section: distance from the opening to the right, height up. A view whose mine coordinates of the opening are not given
-is drawn relative to the opening, and its title says so. Design, hole, stations and texts have layers of their own. The
-other legs of a hole with branches are drawn from where they separate from this one, and the surveyed point as a cross.
+The plan view has mine coordinates: east to the right, north up. The section lies below the plan view, along the azimuth
+of the vertical section: distance from the opening to the right, height up. If the mine coordinates of the opening that
+a view needs are not given, the view is drawn relative to the opening, and its title says so. Design, hole, stations and
+texts have separate layers. Other legs of a hole with branches are drawn from the depth where they separate from the
+exported leg, and the surveyed point as a cross.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ DESIGN, HOLE, BRANCHES, STATIONS, TEXT = "DESIGN", "HOLE", "BRANCHES", "STATIONS
 POINT = "SURVEYED_POINT"
 # AutoCAD colour index: green, blue, cyan, red, black or white, magenta.
 _COLOURS = {DESIGN: 3, HOLE: 5, BRANCHES: 4, STATIONS: 1, TEXT: 7, POINT: 6}
-_METRES = 6  # $INSUNITS
+_METRES = 6  # value of the DXF variable $INSUNITS for metres
 _STEP = 10.0  # m between two points of a drawn line
 
 
 def dxf(table: SurveyTable) -> bytes:
-    """Return the drawing as DXF R2010; a list without a plan has no design in it."""
+    """Return the drawing as the bytes of a DXF R2010 file; without a plan the drawing has no design."""
     from ezdxf.filemanagement import new
 
     drawing = new("R2010", setup=True)
@@ -52,7 +53,7 @@ def dxf(table: SurveyTable) -> bytes:
     everything = np.vstack([plan for plan, _ in drawn]), np.vstack([side for _, side in drawn])
     size = max(float(np.ptp(everything[0], axis=0).max()), float(np.ptp(everything[1], axis=0).max()), 1.0)
     height = size / 60.0
-    # The section begins at the left edge of the plan, below it.
+    # The section is placed below the plan view, flush with its left edge.
     corner = everything[0].min(axis=0) - [0.0, 6.0 * height] - [everything[1][:, 0].min(), everything[1][:, 1].max()]
     for layer, (plan, side) in views.items():
         for points in (plan, side + corner):
@@ -100,7 +101,7 @@ def dxf(table: SurveyTable) -> bytes:
 
 
 def _surveyed_point(table: SurveyTable) -> Array | None:
-    """Return the surveyed point of the well north, east and down from the opening, shape (1, 3), m; None if unknown."""
+    """Return the surveyed point of the well: north, east, down from the opening, shape (1, 3), m; None if unknown."""
     mine = table.surveys.well.mine
     x, y, z = (value - start for value, start in zip(mine.closure_point, mine.opening, strict=True))
     point = np.array([[x, y, -z]])
@@ -108,7 +109,7 @@ def _surveyed_point(table: SurveyTable) -> Array | None:
 
 
 def _plan(table: SurveyTable, points: Array) -> Array:
-    """Return east and north of positions, shape (n, 2), m, in mine coordinates or from the opening."""
+    """Return east and north of positions, shape (n, 2), m, in mine coordinates or relative to the opening."""
     opening = np.array(table.surveys.well.mine.opening[:2])
     return points[:, 1::-1] + (0.0 if np.isnan(opening).any() else opening[::-1])
 

@@ -22,7 +22,7 @@ from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
 NULL = -999.25
-# Numbers of the Survey message.
+# Number of each verdict in the Survey message, by its word.
 _VERDICTS = {verdict.word: int(verdict) for verdict in Verdict}
 _VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.items())
 
@@ -32,8 +32,8 @@ def las(table: SurveyTable) -> str:
     Return the file as text (UTF-8 when encoded).
 
     VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO give the
-    composition of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed (a
-    first station that nobody gave); the last curve, ASMD, is 1 if depths and positions rest on an assumption.
+    composition of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed
+    tie-on, because none was given. The last curve, ASMD, is 1 if depths and positions are based on an assumption.
     """
     import lasio
 
@@ -56,7 +56,7 @@ def las(table: SurveyTable) -> str:
         file.params.append(item(f"X{k:02d}", value=as_value(why), descr="LEFT OUT"))
     assumptions = sentences(table.path.assumptions)
     for k, remark in enumerate(table.remarks, start=1):
-        # Only remarks that set the flag ASMD are called assumed.
+        # Only a remark that sets the curve ASMD to 1 has the description ASSUMED.
         descr = "ASSUMED" if remark in assumptions else "REMARK"
         file.params.append(item(f"A{k:02d}", value=as_value(remark), descr=descr))
     file.other = "\n".join(provenance_of(table.surveys, table.path.leg).lines())
@@ -86,7 +86,7 @@ def las(table: SurveyTable) -> str:
     file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 assumed")
     text = io.StringIO()
     depth = table.column("md_m")
-    # Stations are unevenly spaced: a step of 0 means that in LAS.
+    # A step of 0 means in LAS that the depths are unevenly spaced.
     file.write(
         text,
         version=2.0,
@@ -100,7 +100,7 @@ def las(table: SurveyTable) -> str:
 
 
 def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
-    """Return mnemonic, decimals, description and values, shape (n,), of the composition of azimuths; nan: unknown."""
+    """Return the curves of the azimuths' composition: mnemonic, decimals, description, values (n,), NaN if unknown."""
     sources = [AzimuthSource(known=False) if r is None else azimuth_source(r.survey) for r in table.records]
     known = np.array([one.known for one in sources], dtype=bool)
     shares = np.array([one.gyro_share for one in sources])
@@ -113,5 +113,5 @@ def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
 
 def as_value(text: str) -> str:
     """Return text as a value for a LAS header line."""
-    # A colon before a space separates value and description in LAS; inside a time it is harmless.
+    # A colon before a space separates value and description in LAS, so replace it; a colon in a time remains.
     return re.sub(r"\s*:\s+", ", ", text)

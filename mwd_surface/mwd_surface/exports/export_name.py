@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Make file names that every system accepts from names of wells."""
+"""File names, made from names of wells, that every operating system accepts."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 
-LONGEST = 80  # bytes
-# Names that Windows reserves, with any ending.
+LONGEST = 80  # largest number of bytes of a file name
+# Names that Windows reserves, whatever the ending.
 RESERVED = {"con", "prn", "aux", "nul", *(f"com{k}" for k in range(1, 10)), *(f"lpt{k}" for k in range(1, 10))}
 
 
@@ -15,9 +15,9 @@ def safe_name(*parts: str, longest: int = LONGEST) -> str:
     """
     Return one file name without folder or ending.
 
-    Latin letters lose their marks (Å -> A); letters and digits of other scripts stay; every other character except dot,
-    minus and underscore becomes an underscore. Never empty, hidden, reserved or longer than `longest` bytes of UTF-8,
-    because file systems limit the bytes of a name.
+    Latin letters lose their diacritical marks (Å -> A). Letters and digits of other scripts are kept. Every other
+    character except dot, minus and underscore becomes an underscore. The name is never empty, hidden, reserved or
+    longer than `longest` bytes of UTF-8, because file systems limit the bytes of a name.
     """
     words = []
     for part in parts:
@@ -30,6 +30,6 @@ def safe_name(*parts: str, longest: int = LONGEST) -> str:
 
 
 def _plain(letter: str) -> str:
-    """Return a Latin letter without its marks; any other character as it is."""
+    """Return a Latin letter without its diacritical marks; any other character unchanged."""
     bare = unicodedata.normalize("NFKD", letter)[0]
     return bare if bare.isascii() else letter

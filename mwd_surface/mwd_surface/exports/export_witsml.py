@@ -2,10 +2,10 @@
 """
 The definitive survey as a WITSML 1.4.1.1 trajectory.
 
-Valid against the schema, and in addition: every number is finite, every station's uid is unique, measured depth
-increases. Raw data follows WITSML: gravity as it points (down), not specific force; axial is downhole, transverse 1 and
-2 are the tool's y and z. The projection to the bit is a station of type "hold to MD" (or "DLS and toolface to MD") with
-a comment.
+The document is valid against the schema. In addition, every number is finite, every station's uid is unique, and
+measured depth increases. Raw data follow WITSML: gravity, which points down, instead of specific force; axial is
+downhole, transverse 1 and 2 are the tool's y and z. The projection to the bit is a station of type "hold to MD" (or
+"DLS and toolface to MD") with a comment.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NAMESPACE = "http://www.witsml.org/schemas/1series"
 _OWN = "urn:mwd:provenance"
 _DEG = 180.0 / math.pi
 _NAME, _COMMENT, _UID = 64, 4000, 64
-# Elements of a station in the order of the schema; those between the two groups are optional.
+# Elements of a station in the order of the schema; the elements between these two groups are optional.
 STATION = ("md", "tvd", "incl", "azi")
 PLACE = ("dispNs", "dispEw", "vertSect", "dls", "rateTurn", "rateBuild")
 
@@ -40,12 +40,14 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     """
     Return the document as text (UTF-8 when encoded).
 
+    Parameters
+    ----------
     table : SurveyTable
-        Stations that are not deeper than the one before are omitted, with the reason in the comments.
+        Survey to write. Stations that are not deeper than the station before are omitted, and a comment says why.
     uid : str
-        Uid of the trajectory; made from the names if empty.
+        Uid of the trajectory; if empty, it is made from the names of the well.
     """
-    # The standard defines incl from the vertical.
+    # WITSML defines `incl` as the angle from the vertical.
     table = table.shown(table.display._replace(angles=AngleConvention.INCLINATION))
     well = table.surveys.well
     rows, left_out = _increasing(table)
@@ -97,7 +99,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
 
 
 def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
-    """Return the stations whose printed depth is below the one before, and remarks on the others."""
+    """Return the indices of stations with a larger printed depth than the station before, and remarks on the others."""
     md = table.column("md_m")
     rows: list[int] = []
     why = []
@@ -121,7 +123,7 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
         tag, uom = column.listed.witsml, UNITS[column.signal.unit].witsml_in(table.display.units)
         numbers[tag] = _measure(tag, column.cell(k), uom)
     parts += [numbers[tag] for tag in STATION]
-    # Only the angles of an imported station are known.
+    # An imported station has angles only, no sensor readings.
     measured = record if record is not None and record.survey.has_readings else None
     if measured is not None:
         gravity, magnetic = measured.survey.toolfaces
@@ -201,7 +203,7 @@ def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
 
 
 def _norths(s: Survey, tags: tuple[str, str]) -> list[str]:
-    """Return declination and convergence of a survey as elements with these tags; unknown angles are left out."""
+    """Return declination and convergence of a survey as elements with these tags; unknown angles are omitted."""
     pairs = zip(tags, (s.declination, s.convergence), strict=True)
     return [_measure(tag, degrees(angle, 4), "dega") for tag, angle in pairs if math.isfinite(angle)]
 
@@ -255,7 +257,7 @@ def _flag(value: bool) -> str:
 
 
 def _measure(tag: str, number: str, uom: str) -> str:
-    """Return an element with a number; nothing where the number is not known (empty)."""
+    """Return an element with a number and its unit; an empty text if the number is unknown (empty)."""
     return f'<{tag} uom="{uom}">{number}</{tag}>' if number else ""
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey report as a workbook: its head on the first sheet, then a sheet for each table, numbers as numbers.
+Survey report as a workbook: its head on the first sheet, then a sheet for each table, with numbers as numeric cells.
 
-The sentences of a section stand above its first table, the reason why a row is highlighted in a last column of its own.
-Drawings, and the sentences of a section that has only drawings, are in the HTML and PDF report.
+The sentences of a section stand above its first table. An additional last column has the reason why a row is
+highlighted. Drawings, and the sentences of a section that has only drawings, are only in the HTML and PDF reports.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.language.language import language
 
 _SHADED = "FFF3E0"  # colour of a highlighted row
-_MOST = 31  # characters of a sheet's name
+_MOST = 31  # largest number of characters of a sheet's name in Excel
 _NUMBER = re.compile(r"-?\d+(?:[.,]\d+)?")
 _FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
 
@@ -60,12 +60,16 @@ def xlsx(table: SurveyTable) -> bytes:
 
 
 def _texts(section: Section) -> tuple[str, ...]:
-    """Return heading and sentences of a section that has sentences."""
+    """Return heading and sentences of a section; empty if the section has no sentences."""
     return (section.heading, *section.text) if section.text else ()
 
 
 def _fill(page: Any, sheet: Sheet, sentences: Iterable[str], remark: str) -> None:
-    """Write a table with the sentences above it, its tints, and a column of marks if it has any; remark: its title."""
+    """
+    Write a table with its tints, and the sentences above the table.
+
+    If a row is marked, a last column has the reasons; remark: title of this column.
+    """
     from openpyxl.styles import Font, PatternFill
 
     for line in (sheet.heading, *sentences):
@@ -89,7 +93,7 @@ def _fill(page: Any, sheet: Sheet, sentences: Iterable[str], remark: str) -> Non
 
 
 def _append(page: Any, row: Iterable[str | float]) -> None:
-    """Append a row; a text that looks like a formula stays a text."""
+    """Append a row; a text that looks like a formula is stored as a text."""
     page.append([str(cell) if isinstance(cell, str) else cell for cell in row])
     for cell in page[page.max_row]:
         if isinstance(cell.value, str):
@@ -97,12 +101,12 @@ def _append(page: Any, row: Iterable[str | float]) -> None:
 
 
 def _value(text: str) -> str | float:
-    """Return a printed number, with the decimal mark of any language, as a number; another text as it is."""
+    """Return a printed number, with a decimal point or comma, as a number; return any other text unchanged."""
     return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else text
 
 
 def _name(heading: str, taken: list[str]) -> str:
-    """Return a name for a sheet: without forbidden characters, short, and not taken."""
+    """Return a name for a sheet: without forbidden characters, at most 31 characters, and not in `taken`."""
     plain = _FORBIDDEN.sub(" ", heading)[:_MOST].strip()
     name, k = plain, 2
     while name.lower() in {one.lower() for one in taken}:

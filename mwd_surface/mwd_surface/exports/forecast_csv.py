@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A forecast as a CSV table: one line per station of the plan, degrees, nT and milli-g."""
+"""Forecast of surveys as a CSV table: one line per station of the plan, in m, degrees, nT and milli-g."""
 
 from __future__ import annotations
 

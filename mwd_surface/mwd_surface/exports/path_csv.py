@@ -2,7 +2,8 @@
 """
 path.csv: every station of a path with ten decimals, for programs.
 
-The columns of the definitive survey are named as in every table (`signals/table.csv`). Those of the ellipse follow.
+The columns of the definitive survey have the names of all tables (`signals/table.csv`). The columns of the horizontal
+error ellipse follow.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def path_csv(table: SurveyTable) -> str:
 
 
 def _ellipse(table: SurveyTable, k: int) -> dict[str, str]:
-    """Return the horizontal ellipse of a station as text; nothing if it is unknown."""
+    """Return half axes and azimuth of a station's horizontal ellipse as texts, by column; empty if unknown."""
     if table.covariance is None or not np.all(np.isfinite(table.covariance[k])):
         return {}
     flat = ellipse(table.covariance[k][:2, :2], sigmas=1.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Repeated surveys at one depth in the report: spread compared with the tool code, and the sensor biases they show."""
+"""Repeated surveys at one depth in the report: spread compared with the tool code, and resulting sensor biases."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TINTS = {check_shots.PASS: GOOD, check_shots.DOUBTFUL: DOUBTFUL, check_shots.FA
 
 
 def repeated(table: SurveyTable) -> Section | None:
-    """Return rotation shots and check shots of the list; None if nothing was repeated."""
+    """Return rotation shots and check shots of the list; None if no survey was repeated."""
     rows: list[tuple[str, ...]] = []
     tints, convention = {}, table.surveys.well.angles
     for shot, numbers in shots_of(table.surveys.records, table.surveys.well.error_model):

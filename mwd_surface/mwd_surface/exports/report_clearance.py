@@ -27,7 +27,7 @@ _AHEAD = (
     *(("MD", "m"), ("TVD", "m"), ("N/S", "m"), ("E/W", "m"), ("1σ N", "m"), ("1σ E", "m"), ("1σ V", "m")),
     *(("Ellipse 2σ", "m"), ("by", "m"), ("axis", "deg"), ("", "")),
 )
-_MOST = 40  # largest number of printed stations ahead; the last one is always printed
+_MOST = 40  # about the largest number of printed stations ahead; the last station is always printed
 
 
 def clearance_sections(
@@ -49,7 +49,7 @@ def clearance_sections(
 
 
 def clearance_section(near: WellClearance) -> Section:
-    """Return the section of a well: for each offset well a line over the whole path and one from the last survey on."""
+    """Return the section: for each offset well, one line for the whole path and one for the part below the surveys."""
     rule = near.rule
     rule_words = (
         f"Separation rule of the ISCWSA (SPE 187073): k = {rule.k:g}, surface margin {rule.surface_margin_m:g} m, "
@@ -88,7 +88,7 @@ def clearance_section(near: WellClearance) -> Section:
 
 
 def ahead_sheet(near: WellClearance) -> Sheet:
-    """Return the position uncertainty from the last survey on: at the bit and along the plan."""
+    """Return the table of position uncertainty from the last survey down: at the bit and along the plan."""
     well, covariance = near.well, near.well.covariance()
     stations = planned_rows(near)
     chosen = np.unique(np.append(stations[:: max(1, math.ceil(stations.size / _MOST))], stations[-1]))

@@ -27,7 +27,7 @@ from mwd_surface.trajectory.dense_trajectory import STATION, dense_trajectory
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 from mwd_surface.uncertainty.programme import ProgrammeError
 
-# Section of the report with the place of every station on the map, and that of the survey programme.
+# Sections of the report with the map position of every station, and with the survey programme.
 
 
 _DEG = 180.0 / math.pi
@@ -35,11 +35,11 @@ _DEG = 180.0 / math.pi
 
 def positions(table: SurveyTable) -> Section | None:
     """
-    Return latitude, longitude and map coordinates of every station.
+    Return the section with latitude, longitude and map coordinates of every station.
 
-    None if the place of the wellhead is not given, or the path has magnetic north or rests on an assumption. Map
-    coordinates are those of the well's grid, else of the UTM zone. Offsets are scaled by the scale of the grid at the
-    wellhead; the error of this is millimetres for a well of kilometres.
+    Return None if the location of the wellhead is not given, if azimuths are from magnetic north, or if the path is
+    based on an assumption. Map coordinates are those of the well's grid, or else of the UTM zone. Distances are
+    multiplied by the scale of the grid at the wellhead; the resulting error is millimetres for a well of kilometres.
     """
     well, path = table.surveys.well, table.path
     if well.latitude_deg is None or well.longitude_deg is None or path.assumed or well.north_reference == "magnetic":
@@ -79,11 +79,11 @@ def positions(table: SurveyTable) -> Section | None:
 
 
 def programme(table: SurveyTable) -> Section | None:
-    """Return the survey programme, whose tool codes give the position uncertainty; None if there is none."""
+    """Return the section with the survey programme, from which position uncertainty is computed; None without one."""
     try:
         found = programme_of(table.surveys.well)
     except ProgrammeError:
-        return None  # the head of the report says why there is no position uncertainty
+        return None  # the head of the report gives the reason why there is no position uncertainty
     if found is None:
         return None
     rows = [
@@ -106,7 +106,7 @@ def programme(table: SurveyTable) -> Section | None:
     return Section(sheet.heading, sheets=(sheet,))
 
 
-# The high-density trajectory in the report: the hole between the stations according to the slide sheet.
+# Section with the high-density trajectory: the hole between the stations according to the slide sheet.
 
 
 _COLUMNS = (
@@ -120,7 +120,7 @@ _COLUMNS = (
 
 
 def high_density(table: SurveyTable) -> Section | None:
-    """Return the table of station depths computed with the recorded slides; None without a slide sheet."""
+    """Return the section with station depths computed from the slide sheet; None if no interval can be computed."""
     found = dense_trajectory(table.path, stretches=table.stretches)
     if not found.has_detail:
         return None
@@ -139,7 +139,7 @@ def high_density(table: SurveyTable) -> Section | None:
     )
 
 
-# Of an oil or gas well, and of a mine hole.
+# Titles of the signatures for an oil or gas well, and for a mine hole.
 _SIGNATURES = (
     ("Survey engineer", "Directional driller", "Company representative"),
     ("Driller", "Surveyor", "Head of the shift", "Representative of the mine"),
@@ -148,7 +148,7 @@ _SIGNATURES = (
 
 @dataclasses.dataclass(frozen=True)
 class Content:
-    """The report: title, head block, notes, sections, certificate and signature lines."""
+    """Content of the report: title, head block, notes, sections, certificate and signature lines."""
 
     title: str
     header: tuple[tuple[str, str], ...]
@@ -215,7 +215,7 @@ def content(table: SurveyTable) -> Content:
 
 def logo_of(path: str) -> tuple[bytes, str]:
     """
-    Return the bytes of a picture and its MIME type; empty for no path.
+    Return the bytes of a picture and its MIME type; both are empty for an empty path.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
 
 
 def printed_logo(path: str) -> tuple[bytes, str]:
-    """Return the bytes of a picture and its MIME type; empty if it cannot be printed (a note says why)."""
+    """Return the bytes of a picture and its MIME type; both empty if it cannot be printed (a note says why)."""
     try:
         return logo_of(path)
     except (OSError, ValueError):
@@ -240,7 +240,7 @@ def printed_logo(path: str) -> tuple[bytes, str]:
 
 
 def definitive(table: SurveyTable) -> Section:
-    """The definitive survey."""
+    """Return the section with the definitive survey."""
     shown = [c for c in table.columns if any(v is not None for v in c.values)]
     rows, marks = [], []
     for k in table.rows:
@@ -259,7 +259,7 @@ def definitive(table: SurveyTable) -> Section:
 
 
 def drawn(table: SurveyTable) -> Section:
-    """Plan view and vertical section, with an explanation of the ellipses."""
+    """Return the section with plan view and vertical section, and an explanation of the ellipses."""
     north = table.surveys.well.north_reference
     azimuth = dict(table.header)["Vertical section azimuth"]
     text = f"No position uncertainty: {table.covariance_note}."
@@ -279,7 +279,7 @@ def drawn(table: SurveyTable) -> Section:
     )
 
 
-# In printed order; a function returns None if its section would be empty.
+# Functions that make the sections, in printed order; a function returns None if its section would be empty.
 SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
     deviation,
     branched,

@@ -18,7 +18,7 @@ _VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May 
 
 
 def verdicts(table: SurveyTable) -> Section | None:
-    """Automatic verdicts that are not all "accept", with the main reason and possible disturbances."""
+    """Return surveys with an automatic verdict other than "accept", with the main reason and possible disturbances."""
     rows: list[tuple[str, ...]] = []
     marks, tints = [], {}
     for record in numbered(table):
@@ -46,7 +46,11 @@ def verdicts(table: SurveyTable) -> Section | None:
 
 
 def decisions(table: SurveyTable) -> Section | None:
-    """Return how each value was decided: automatically, by the run, by people in order of time; flags and remarks."""
+    """
+    Return the section with the decisions on each survey, and with flags and remarks.
+
+    The first decision is automatic; changes by later surveys of the run and the decisions of people follow.
+    """
     rows, marks, remarks = [], [], []
     for record in numbered(table):
         s, number = record.survey, str(record.survey.sequence)
@@ -83,7 +87,7 @@ def decisions(table: SurveyTable) -> Section | None:
 
 
 def _by_the_run(record: SurveyRecord) -> list[tuple[str, ...]]:
-    """Return the line of a value that the later surveys of the run have changed; none if they did not."""
+    """Return the line of a survey whose values later surveys of the run have changed; empty if they are unchanged."""
     now = record.survey if record.replaced is not None else record.proposal
     if now is None:
         return []
@@ -92,7 +96,7 @@ def _by_the_run(record: SurveyRecord) -> list[tuple[str, ...]]:
 
 
 def slides(table: SurveyTable) -> Section | None:
-    """Return the slide sheet and the yield of the slides; None if nothing was slid."""
+    """Return the section with the slide sheet and the yield of the slides; None if no hole was slid."""
     made = {mode: sum(s.length for s in table.stretches if s.mode == mode) for mode in (SLIDE, ROTATE)}
     if made[SLIDE] <= 0.0:
         return None

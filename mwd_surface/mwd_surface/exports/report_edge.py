@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The report as people read it: its content in the language and the units of the well.
+Conversion of the report's content to the language and the units of the well.
 
-The content is made in English and metric units, which its tests and other programs read. Here, at the edge, numbers are
-converted from their values before rounding, and texts are translated.
+The content is made in English and metric units, for tests and other programs. This file converts the numbers, from
+their values before rounding, and translates the texts.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
     from mwd_surface.exports.report_content import Content
 
-# Field unit of each quantity, by the symbol of the metric unit that the report shows.
+# Field unit, and SI scale, of each quantity by the symbol of the metric unit in the report.
 _FIELD: dict[str, Scale] = {unit.people.symbol: unit.fps for unit in UNITS.values() if unit.endings[1]}
 _SI: dict[str, Scale] = {unit.people.symbol: unit.people for unit in UNITS.values() if unit.endings[1]}
-# The name of the scale is for data files; the report writes a space.
+# Symbols that the report writes with a space, by their form in data files.
 _SYMBOLS = {"deg/100ft": "deg/100 ft"}
-# A length or a dogleg severity in a sentence; coordinates of a map grid (m E, m N) stay as the grid has them.
+# Pattern of a length or a dogleg severity in a sentence; coordinates of a map grid (m E, m N) are not matched.
 _IN_TEXT = re.compile(r"(?<![\w.])(-?\d+(?:[.,](\d+))?) ?(m|(?:deg|°)/30 m)(?![\w/^]| [EN东北])", re.ASCII)
 
 
@@ -43,14 +43,14 @@ class Edge(NamedTuple):
     names: frozenset[str] = frozenset()  #: texts of the report that people have typed
 
     def text(self, text: str) -> str:
-        """Return a sentence of the report; a text that people have typed as it is."""
+        """Return a sentence of the report converted and translated; return a text that people typed unchanged."""
         if isinstance(text, Typed):
             return text
         said = self.language.say(text)
         return _IN_TEXT.sub(self._converted, said) if self.field else said
 
     def head(self, label: str, value: str) -> str:
-        """Return a value of the head block; coordinates of a map grid stay in metres."""
+        """Return a value of the head block converted and translated; coordinates of a map grid remain in metres."""
         return self.language.say(value) if label == "Map grid" else self.text(value)
 
     def _converted(self, match: re.Match[str]) -> str:
@@ -59,14 +59,14 @@ class Edge(NamedTuple):
         return f"{self.language.number(fixed(number, len(match[2] or '')))} {self.unit(unit)}"
 
     def unit(self, unit: str) -> str:
-        """Return the symbol of a unit, of a column or at the end of an axis label, converted and translated."""
+        """Return the symbol of a unit, from a column or the end of an axis label, converted and translated."""
         head, space, tail = unit.partition(" slid")
         scale = _FIELD.get(head) if self.field else None
         symbol = head if scale is None else _SYMBOLS.get(scale.symbol, scale.symbol)
         return self.language.entries.get(symbol + space + tail) or self.language.say(symbol + space + tail)
 
     def cell(self, cell: str, unit: str) -> str:
-        """Return a cell of a column with a unit."""
+        """Return a cell, converted and translated; unit: unit of the column."""
         unit = unit.removesuffix(" slid")
         if not isinstance(cell, Printed):
             return self.text(cell)
@@ -75,7 +75,7 @@ class Edge(NamedTuple):
         return self.language.number(str(cell))
 
     def drawn(self, text: str) -> str:
-        """Return a text of a drawing, which may be a name that the report has as well."""
+        """Return a text of a drawing translated; a name that people typed is returned unchanged."""
         if text in self.names:
             return text
         return "\n".join(map(self.unit if "\n" in text else self.language.say, text.split("\n")))
@@ -136,11 +136,11 @@ def _drawer(edge: Edge, draw: Callable[[], Figure]) -> Callable[[], Figure]:
 
 
 def _in_feet(axes: Any) -> None:
-    """Label an axis in metres with feet, at round numbers of feet."""
+    """Label an axis, whose data are in metres, in feet, with ticks at round numbers of feet."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     class Feet(MaxNLocator):
-        """Ticks of an axis in metres at round numbers of feet."""
+        """Locator of ticks at round numbers of feet on an axis in metres."""
 
         def tick_values(self, vmin: float, vmax: float) -> Any:
             return np.asarray(super().tick_values(vmin / FOOT, vmax / FOOT)) * FOOT

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sections of the report of a final list: what changed against the first list, overlapping sources, and the inputs."""
+"""Sections of the report of a final list: changes from the first list, overlapping sources, and the inputs."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def final_sections(
     """
     Return the sections of a final list.
 
-    changes: final path minus the path as first decided. tables: of the first and of the final list. inputs: name and
-    SHA-256 of each input file.
+    changes: final path minus the path as first decided. tables: tables of the first and of the final list. inputs: name
+    and SHA-256 of each input file.
     """
     angles = tables[1].surveys.well.angles
     rows = [
@@ -99,7 +99,7 @@ def _overlap(one: Overlap) -> tuple[str, ...]:
 
 
 def _last(table: SurveyTable) -> Array | None:
-    """Return the horizontal covariance at the end of a path, shape (2, 2), m^2; None if it is not known."""
+    """Return the horizontal covariance at the end of a path, shape (2, 2), m^2; None if it is unknown."""
     if table.covariance is None or not np.all(np.isfinite(table.covariance[-1])):
         return None
     return np.asarray(table.covariance[-1][:2, :2])

@@ -19,7 +19,7 @@ _DEG = 180.0 / math.pi
 
 
 def deviation(table: SurveyTable) -> Section | None:
-    """Return the rod table of a mine hole; None for a hole in inclinations or without a design."""
+    """Return the rod table of a mine hole; None without a design, or for a well with inclination from the vertical."""
     angles, rows = table.surveys.well.angles, table.deviations
     if not angles.points or not rows:
         return None
@@ -60,7 +60,7 @@ def deviation(table: SurveyTable) -> Section | None:
 
 
 def branched(table: SurveyTable) -> Section | None:
-    """Return the branches of a mine hole: where each leaves its parent, and how far it reaches; None without any."""
+    """Return the branches of a mine hole: depth where each leaves its parent, and its end; None without branches."""
     well, found = table.surveys.well, branches(table.surveys)
     if not well.angles.points or not found:
         return None
@@ -89,7 +89,7 @@ def branched(table: SurveyTable) -> Section | None:
 
 
 def closed(table: SurveyTable) -> Section | None:
-    """Return the closure of a mine hole on its surveyed point; None if no point is given."""
+    """Return the section with the closure of a mine hole on its surveyed point; None if no point is given."""
     found = table.closure
     if found is None:
         return None
@@ -119,5 +119,5 @@ def closed(table: SurveyTable) -> Section | None:
 
 
 def _leg(name: str) -> str:
-    """Return the name of a leg; that of the main leg is a word of the program and is translated."""
+    """Return the name of a leg; the name of the main leg is a word of the program, and therefore translated."""
     return name if name == MAIN else typed(name)

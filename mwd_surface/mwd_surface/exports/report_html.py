@@ -120,8 +120,8 @@ def report_html(table: SurveyTable) -> str:
 def _drawn(drawing: Drawing) -> str:
     figure = drawing.draw()
     text = svg(figure)
-    # As an element of the page: without the document head.
+    # Omit the head of the SVG document, so that the figure is an element of the page.
     text = text[text.index("<svg") :]
-    # A figure has many reference cycles; a node that draws one per survey must not wait for the garbage collector.
+    # A figure has many reference cycles; free its memory here, because a node draws a figure per survey.
     figure.clear()
     return text

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sections of the report on the tool of a run: its health, and its logs as depth tracks."""
+"""Sections of the report about the tool of a run: its health, and its logs as depth tracks."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HOUR_S = 3600.0
-_WARNING = 0.8  # share of the life, as in live/health_alarms
-# Channels of the depth tracks, in their order; the titles of their axes.
+_WARNING = 0.8  # share of the life of a part above which it is highlighted, as in live/health_alarms
+# Title of the axis of each channel, in the order of the depth tracks.
 _TRACKS = {
     "gamma": "Gamma",
     "inclination": "Inclination",
@@ -31,7 +31,7 @@ _TRACKS = {
 
 
 def health_section(health: ToolHealth, display: Display) -> Section | None:
-    """Return the summary of the tool's run, in the units of the well; None where nothing is known of the tool."""
+    """Return the summary of the tool's run, in the units of the well; None if there are no data of the tool."""
     if not health.stamp_ns and not health.parts:
         return None
     text, sheets = [f"{one}." for one in health.remarks], []
@@ -88,7 +88,7 @@ def health_section(health: ToolHealth, display: Display) -> Section | None:
 
 
 def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
-    """Return the logs as depth tracks, in the units and with the vertical angle of the well; None without any."""
+    """Return the logs as depth tracks, in the units and angle convention of the well; None without logs."""
     by_name = {curve.channel: curve for curve in curves if len(curve.depth) and np.isfinite(curve.value).any()}
     shown = [by_name[name] for name in _TRACKS if name in by_name]
     if not shown:
@@ -98,7 +98,7 @@ def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
 
 
 def tracks(curves: Sequence[Curve], display: Display) -> Figure:
-    """Return a figure with a track for each curve, and an image for its sectors."""
+    """Return a figure with a track for each curve, and an image next to each curve that has sectors."""
     from matplotlib.figure import Figure
 
     images = [curve for curve in curves if np.isfinite(curve.sectors).any()]

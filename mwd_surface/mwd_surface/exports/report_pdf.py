@@ -25,15 +25,16 @@ if TYPE_CHECKING:
 _FONT, _SPARE = "text", "spare"
 _GAP = 18.0  # mm between two signatures
 _CERTIFICATE = 28.0  # height of the certificate with its signatures, mm
-_MARK = (255, 243, 224)
-_STROKE = 0.03  # width of the outlines of bold texts where there is no bold weight, of the size of the letters
-# Heights, mm: title at the top of a page, heading of a section, caption of a drawing. Width of one of two drawings.
+_MARK = (255, 243, 224)  # colour of a highlighted row, RGB
+_STROKE = 0.03  # width of the outline that makes a text bold without a bold font, as a share of the font size
+# Heights, mm: title at the top of a page, heading of a section, caption of a drawing.
 _TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
-# Heading of a table, and the least of a table that stays with its headings: two lines of titles and three rows.
+# Heights, mm: heading of a table, and the part of a table that is kept on the page of its heading (two lines of titles
+# and three rows).
 _SHEET, _BEGINNING = 7.0, 21.0
-_ROWS = (4.2, 3.7)  # heights of the rows of a table: usual, and closer where the last rows would be alone on a page
-_ALONE = 4  # rows
-_SMALLER = 0.6  # least size of a drawing, of its usual one, that keeps it on the page of its heading
+_ROWS = (4.2, 3.7)  # heights of table rows, mm: usual, and smaller if few rows would be alone on the last page
+_ALONE = 4  # largest number of rows that count as few
+_SMALLER = 0.6  # smallest scale of a drawing with which it is kept on the page of its heading
 _SENTENCE = 9.2  # height of a sentence of two lines, mm
 _NARROW = 134.0
 
@@ -56,7 +57,7 @@ def report_pdf(table: SurveyTable) -> bytes:
     if without := fonts.lacking((report.certificate,)):
         raise ValueError(f"well.language: no font has the characters {without[:20]} of the report: {fonts.HOW}")
 
-    # Of the font with Chinese characters there is only the regular weight: bold texts have thicker outlines.
+    # The font with Chinese characters has only a regular weight: bold texts get thicker outlines.
     wide = fonts.needs_wide(report.words())
 
     class Page(FPDF):  # type: ignore[misc]
@@ -85,7 +86,7 @@ def report_pdf(table: SurveyTable) -> bytes:
     pdf = Page(orientation="landscape", format="A4")
     main, bold = fonts.main_font(), fonts.main_font(bold=True)
     if wide:
-        # One font for all texts: fpdf2 2.8 mixes up the glyphs where a cell of two lines changes the font.
+        # Use one font for all texts: fpdf2 2.8 prints wrong glyphs if the font changes within a cell of two lines.
         first, *others = fonts.wide_fonts()
         spares = {f"{_SPARE}{k}": path for k, path in enumerate((main, *others))}
         for name, path in spares.items():
@@ -142,7 +143,7 @@ def _head(pdf: Any, report: Content) -> None:
 
 def _section(pdf: Any, section: Section) -> None:
     drawings = [_Placed(one, one.draw(), _room(pdf)) for one in section.drawings]
-    # A heading stays on the page of what follows it, and so do sentences that explain drawings.
+    # Keep a heading on the page of its table or drawing, and also the sentences that explain a drawing.
     follows = _SHEET + _BEGINNING
     if drawings and not section.sheets:
         follows = drawings[0].height * _SMALLER + _SENTENCE * len(section.text)
@@ -174,7 +175,7 @@ def _room(pdf: Any) -> float:
 
 
 class _Placed:
-    """A drawing with its size on the page, mm: as wide as its column, or as high as a page with a heading holds."""
+    """Drawing with its size on the page, mm: as wide as its column, unless it is then too high for a page."""
 
     def __init__(self, drawing: Drawing, figure: Figure, room: float) -> None:
         ratio = figure.get_figheight() / figure.get_figwidth()
@@ -185,11 +186,11 @@ class _Placed:
 
     @property
     def height(self) -> float:
-        """Height with the caption, mm."""
+        """Height of the drawing with its caption, mm."""
         return self.width * self._ratio + _CAPTION
 
     def fit(self, height: float) -> None:
-        """Make the drawing no higher than this, mm."""
+        """Reduce the drawing to a largest height with its caption, mm."""
         self.width = min(self.width, (height - _CAPTION) / self._ratio)
 
 
@@ -252,10 +253,10 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
 
 
 def _row_height(pdf: Any, rows: int) -> float:
-    """Return the height of the rows of a table, mm, at which few rows are not left for a last page."""
+    """Return the height of the rows of a table, mm: the smaller height if few rows would be alone on the last page."""
 
     def last(height: float) -> int:
-        """Return the number of rows on the last page of a table that continues on further pages, or all."""
+        """Return the number of rows on the last page of the table, or of all rows if they fit on this page."""
         here, page = (int(room / height) - 2 for room in (pdf.page_break_trigger - pdf.get_y(), _room(pdf) + _HEADING))
         return rows if rows <= here else (rows - here) % page or page
 
@@ -263,7 +264,7 @@ def _row_height(pdf: Any, rows: int) -> float:
 
 
 def _width(text: str) -> int:
-    """Return the width of a text in letters; a Chinese character is as wide as two."""
+    """Return the width of a text in letters; a Chinese character is as wide as two letters."""
     return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
 
 

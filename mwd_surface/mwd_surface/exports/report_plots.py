@@ -20,7 +20,7 @@ from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: distinguishable for colour-blind readers; the marks differ too.
+# Colours of Okabe and Ito's palette, which colour-blind readers can distinguish; the marks also differ.
 _SURVEY, _PLAN, _ELLIPSE, _LIMIT = BLUE, GOOD, NEUTRAL, SKY
 ELLIPSE_SIGMAS = 2.0
 # Gravity, field and dip: axis label and factor from SI.
@@ -28,7 +28,7 @@ _QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg"
 
 
 def _new(width: float, height: float) -> tuple[Figure, Any]:
-    # Not pyplot, which keeps every figure in a global list.
+    # Do not use pyplot, which keeps every figure in a global list.
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -44,7 +44,7 @@ def plan_view(table: SurveyTable) -> Figure:
     _path_line(ax, table, lambda p: (p[:, 1], p[:, 0]))
     if table.covariance is not None:
         for label, k in _some(table):
-            # North, east -> east, north as the axes of the map.
+            # Change the order of axes from north, east to east, north, as on the map.
             cov = table.covariance[k][:2, :2][::-1, ::-1]
             _outline(ax, ellipse(cov, ELLIPSE_SIGMAS).outline() + table.path.positions[k, [1, 0]], label)
     ax.plot(0.0, 0.0, "k^", label="wellhead")
@@ -88,7 +88,7 @@ def quality_view(table: SurveyTable) -> Figure:
             depth = [r.measured_depth for r, _ in known]
             limit = np.array([t.limit for _, t in known]) * factor
             band = {"color": _LIMIT, "alpha": 0.25, "linewidth": 0.8, "label": "within the limit"}
-            # A single survey gets a band of 30 m.
+            # Draw the limits of a single survey as a band over 30 m of depth.
             ends = ([depth[0] - 15.0], [depth[0] + 15.0]) if len(depth) == 1 else ([], [])
             ax.fill_betweenx([*ends[0], *depth, *ends[1]], -_padded(limit, ends), _padded(limit, ends), **band)
         for used, mark, colour, name in ((True, "o", _SURVEY, "used"), (False, "x", BAD, "not used")):
@@ -107,7 +107,7 @@ def quality_view(table: SurveyTable) -> Figure:
 
 
 def _padded(limit: Any, ends: tuple[list[float], list[float]]) -> Any:
-    """Return the limits, repeated at each end that was extended."""
+    """Return the limits, with the first and the last one repeated for each depth in `ends`."""
     return np.concatenate([limit[:1] if ends[0] else [], limit, limit[-1:] if ends[1] else []])
 
 
@@ -120,7 +120,7 @@ def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
     measured = (md >= table.path.md[1]) if assumed else np.full(md.size, True)
     ax.plot(*axes(whole[measured]), color=_SURVEY, linewidth=1.2)
     if assumed:
-        # Up to the first survey, to leave no gap.
+        # Draw the assumed hole down to the first survey, so that the line has no gap.
         ax.plot(*axes(whole[md <= table.path.md[1]]), ":", color=BAD, linewidth=1.4, label="hole assumed, not surveyed")
     words = "survey, place assumed" if table.path.assumed else "survey"
     ax.plot(*axes(table.path.positions[int(assumed) : last]), "o", color=_SURVEY, markersize=3.5, label=words)

@@ -54,12 +54,12 @@ _RUN = (
 
 
 def numbered(table: SurveyTable) -> list[SurveyRecord]:
-    """Return every survey taken, by number."""
+    """Return the records of all surveys, in order of number."""
     return sorted(table.surveys.records, key=lambda r: r.survey.sequence)
 
 
 def row_mark(record: SurveyRecord | None) -> str:
-    """Return why the line of a survey is highlighted; empty if it is not."""
+    """Return the reason why the line of a survey is highlighted, or an empty text."""
     if record is None:
         return ""
     if not record.in_use:
@@ -74,7 +74,7 @@ def verdict_cells(survey: Survey, row: int, first: int) -> tuple[tuple[str, ...]
 
 
 def stations(table: SurveyTable) -> Section | None:
-    """Return every survey compared with its limits, with a plot; None for a list of angles without readings."""
+    """Return the section that compares every survey with its limits; None for a list without sensor readings."""
     records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
@@ -116,7 +116,7 @@ def stations(table: SurveyTable) -> Section | None:
 
 
 def _as_read(records: Sequence[SurveyRecord]) -> Sheet:
-    """Return the totals as read and as judged, and their references."""
+    """Return the table of total gravity, total field and dip, as read and as judged, and their references."""
     rows = []
     for record in records:
         gravity, field, dip = totals(record.survey)
@@ -135,7 +135,7 @@ def _as_read(records: Sequence[SurveyRecord]) -> Sheet:
 
 
 def run_quality(table: SurveyTable) -> Section | None:
-    """Return figures of the quality of each tool's run; None for a list of angles without readings."""
+    """Return the section with quality figures of each tool's run; None for a list without sensor readings."""
     records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
@@ -178,7 +178,7 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
 
 
 def azimuths(table: SurveyTable) -> Section | None:
-    """Return the azimuth of every survey by each method, from the same north."""
+    """Return the section with the azimuth of every survey by each method, all from the same north; None without any."""
     records = numbered(table)
     methods = list(dict.fromkeys(a.method for r in records for a in r.survey.azimuths if math.isfinite(a.sigma)))
     if not methods:

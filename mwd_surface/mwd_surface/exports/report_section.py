@@ -2,9 +2,9 @@
 """
 Parts of a report: sections with text, tables and drawings, as texts and printed numbers.
 
-HTML and PDF lay out exactly these, so they cannot differ in a number. To add a section, write a function that returns a
-`Section` and add it to `SECTIONS` of `report_content`, or pass the section itself to `survey_table(..., sections=...)`
-if its data is not part of the survey list.
+HTML and PDF reports are laid out from the same parts, so their numbers cannot differ. To add a section, write a
+function that returns a `Section` and add it to `SECTIONS` of `report_content`, or pass the section itself to
+`survey_table(..., sections=...)` if its data are not part of the survey list.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Tints of a cell: within its limit, doubtful, beyond; they also differ in brightness, for black and white print.
+# Tints of a cell: within its limit, doubtful, rejected; they also differ in brightness, for black and white print.
 GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
 TINTS = {GOOD: "#dff0e6", DOUBTFUL: "#ffe8a3", REJECT: "#f6b8a2"}
 
@@ -26,9 +26,9 @@ class Sheet:
     """
     One table: heading, column titles and units, and rows of texts.
 
-    marks: of each row, "" or the reason why it is highlighted ("projected", "not used", "by hand"). words: numbers of
-    the columns that hold text and are aligned left. tints: of single cells, by row and column: a key of `TINTS`.
-    legend: below the table, the meaning of tints and marks.
+    marks: for each row, "" or the reason why the row is highlighted ("projected", "not used", "by hand"). words:
+    indices of the columns that contain text and are aligned left. tints: tint of single cells, by row and column; a key
+    of `TINTS`. legend: meaning of tints and marks, printed below the table.
     """
 
     heading: str
@@ -53,7 +53,7 @@ def sheet_of(
     """
     Make a table from columns of (title, unit).
 
-    A column without unit that holds anything but numbers is aligned left. marks: none if omitted.
+    A column without unit is aligned left if a cell is not a number. marks: by default no row is highlighted.
     """
     titles, units = zip(*columns, strict=True)
     words = [k for k, unit in enumerate(units) if not unit and any(row[k] and not _is_number(row[k]) for row in rows)]
@@ -68,7 +68,7 @@ def _is_number(text: str) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Drawing:
-    """A figure with its caption, drawn when the report is written. wide: it spans the full page width."""
+    """Figure with its caption, drawn when the report is written. wide: whether it spans the full page width."""
 
     caption: str
     draw: Callable[[], Figure]
@@ -77,7 +77,7 @@ class Drawing:
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """A part of the report: heading, sentences, tables and drawings. page: whether it begins on a new page."""
+    """Section of the report: heading, sentences, tables and drawings. page: whether it begins on a new page."""
 
     heading: str
     text: tuple[str, ...] = ()

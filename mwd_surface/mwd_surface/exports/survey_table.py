@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The definitive survey as printed: one set of numbers, rounded once, for every export and report.
+Definitive survey as printed: one set of numbers, rounded once, for every export and report.
 
 Display units: m, deg, deg/30 m, nT. An unknown value is an empty cell, never a placeholder. A station with a number
 that is not finite is omitted, and the table reports it.
@@ -48,7 +48,7 @@ class TableColumn:
     """
     One column of numbers: its signal, its place in files, and one value per station, None if unknown.
 
-    The values are as `SurveyTable.display` says.
+    The values have the units and the angle convention of `SurveyTable.display`.
     """
 
     signal: Signal
@@ -58,12 +58,12 @@ class TableColumn:
 
     @property
     def key(self) -> str:
-        """Name in files."""
+        """Name of the column in files."""
         return self.listed.key
 
     @property
     def unit(self) -> str:
-        """Symbol of the unit."""
+        """Symbol of the unit of the column."""
         return UNITS[self.signal.unit].shown_in(self.units).symbol
 
     def cell(self, k: int, paper: bool = False) -> str:
@@ -74,12 +74,13 @@ class TableColumn:
 @dataclasses.dataclass(frozen=True)
 class SurveyTable:
     """
-    Everything that an export prints.
+    All data that an export prints.
 
-    surveys, path: source of the table. records: of each station, None for tie-ons and the projection. header: label and
-    value of the head block. covariance: shape (n, 3, 3), m^2, or None; covariance_note then gives the reason. left_out:
-    stations that could not be printed, and why. made_ns: when the table was requested. stretches: the slide sheet.
-    sections: further sections of the report, with data that are not part of the list.
+    surveys, path: source of the table. records: survey record of each station, None for tie-ons and the projection.
+    header: labels and values of the head block. covariance: shape (n, 3, 3), m^2, or None; if it is None,
+    covariance_note gives the reason. left_out: sentences about stations that could not be printed. made_ns: time when
+    the table was requested, ns since the epoch. stretches: the slide sheet. sections: further sections of the report,
+    with data that are not part of the list.
     """
 
     surveys: SurveyList
@@ -104,7 +105,7 @@ class SurveyTable:
 
     @property
     def deviations(self) -> tuple[Deviation, ...]:
-        """Deviation from the plan at every station, at the bit and ahead of it; empty without a plan."""
+        """Deviation from the plan at every station, at the bit and ahead of the bit; empty without a plan."""
         return deviations(self.surveys, self.path, self.records)
 
     @property
@@ -114,7 +115,7 @@ class SurveyTable:
 
     @property
     def rows(self) -> range:
-        """Numbers of the stations."""
+        """Indices of the stations."""
         return range(len(self.records))
 
     def shown(self, display: Display) -> SurveyTable:
@@ -123,7 +124,7 @@ class SurveyTable:
         return dataclasses.replace(self, columns=columns, display=display)
 
     def column(self, key: str) -> TableColumn:
-        """Return the column of that name in the signal table; KeyError if there is none."""
+        """Return the column with a name of the signal table; raise KeyError if there is no such column."""
         for column in self.columns:
             if column.signal.listed is not None and column.signal.listed.key == key:
                 return column
@@ -150,15 +151,15 @@ def survey_table(
     made_ns : int
         Time of the report, ns since the epoch.
     leg : str, optional
-        Leg to print, if not the current one.
+        Leg to print; by default the current leg.
     bit_depth : float, optional
         Depth to which the last row is projected, m; if omitted, `sensor_to_bit` below the last survey.
     plan : Plan, optional
-        Plan, if not that of the list; it adds distance from it and direction to it.
+        Plan to use instead of the plan of the list. With a plan the table has distance from and direction to the plan.
     software : str
         Name and version for the head block.
     stretches : sequence of Stretch
-        The slide sheet, for reports.
+        Slide sheet, for reports.
     sections : sequence of Section
         Further sections of the report.
 
@@ -328,7 +329,7 @@ def _header(
 
 
 def _mine_head(well: Well, plan: Plan | None) -> tuple[tuple[str, str], ...]:
-    """Return the lines of the head that only a hole of a mine has."""
+    """Return labels and values of the head block that only a mine hole has."""
     mine = well.mine
     given = (mine.opening_x, mine.opening_y, mine.opening_z)
     opening = ", ".join(
@@ -350,7 +351,7 @@ def _mine_head(well: Well, plan: Plan | None) -> tuple[tuple[str, str], ...]:
 
 
 def _tools(own: Sequence[SurveyRecord]) -> str:
-    """Return the tools of a leg: words of WITSML, or else names that people gave."""
+    """Return the names of the tools of a leg: names of WITSML, or marked as typed by people (not translated)."""
     tools = sorted({r.tool for r in own if r.tool})
     text = ", ".join(tools)
     return text if all(tool.lower() in TOOL_CODES for tool in tools) else typed(text)
@@ -362,7 +363,7 @@ def _counted(own: Sequence[SurveyRecord]) -> str:
 
 
 def _telemetry(used: Sequence[Survey]) -> str:
-    """Return the number of surveys in use by link or other way of arrival; empty if none came by a link."""
+    """Return the number of surveys in use by telemetry link or other source; empty if none came over a link."""
     if not any(one.link for one in used):
         return ""
     ways = Counter(one.link or ("tool's own topics" if one.has_readings else "imported list") for one in used)
@@ -376,7 +377,7 @@ def _placed(well: Well) -> tuple[tuple[str, str], ...]:
 
 
 def _tied(surveys: SurveyList, path: Definitive) -> str:
-    """Return the tie-on of the leg of a path in words; its numbers only if they were given."""
+    """Return the tie-on of the leg of a path as text; "not given" if the tie-on was assumed."""
     t, angles = surveys.find_leg(path.leg).tie_on, surveys.well.angles
     if path.kind[0] == ASSUMED:
         return "not given"
@@ -387,7 +388,7 @@ def _tied(surveys: SurveyList, path: Definitive) -> str:
 
 
 def _correction(reference: Survey | None, north: str) -> float | None:
-    """Return the correction of magnetic azimuths, rad; None if unknown."""
+    """Return the angle that was added to magnetic azimuths to refer them to `north`, rad; None if unknown."""
     if north == "magnetic":
         return 0.0
     if reference is None:
@@ -410,7 +411,7 @@ def _metres(length: float | None, words: str = "") -> str:
 
 
 def _map_grid(well: Well) -> str:
-    """Return grid, coordinates of the wellhead, convergence and scale in words; empty if no grid is configured."""
+    """Return grid, coordinates of the wellhead, convergence and scale as text; empty if no grid is configured."""
     if not well.grid:
         return ""
     if well.latitude_deg is None or well.longitude_deg is None:

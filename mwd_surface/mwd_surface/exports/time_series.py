@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A recording as one row per second: depth, rig data and attitude with sigmas, in display units.
+Recording as a table with one row per second: depth, rig data and attitude with sigmas, in display units.
 
-The row of a whole second holds the last known value of each quantity stamped in the second before it. Unknown values
+The row of a whole second has the last known value of each quantity with a stamp in the second before. Unknown values
 are empty; a second without any value has no row. Memory is constant for any length of the recording.
 """
 
@@ -30,14 +30,14 @@ from mwd_surface.signals.units import Scale
 ATTITUDE, RIG = "attitude", "rig/state"
 NORTHS = ("", "magnetic", "true", "grid")
 
-# Samples of two topics, or late ones of one topic, get into the same row if they are read within this time.
+# Time for which a row waits for samples of other topics and for late samples, s.
 _OPEN_S = 30
-_BATCH = 3600
-_S = 10**9
+_BATCH = 3600  # rows that are written to a Parquet file at a time
+_S = 10**9  # ns in a second
 
 
 class SeriesQuantity(NamedTuple):
-    """One column: its name, source field, display unit, decimals, and the value at which it wraps (360)."""
+    """One column: its name, source field, display unit, decimals, and the value at which it wraps (360 for angles)."""
 
     key: str
     field: str
@@ -54,7 +54,7 @@ def _quantities(source: str) -> tuple[SeriesQuantity, ...]:
     )
 
 
-# A bit of RigState.valid marks each of these as valid; for the attitude, the sigma does.
+# A value of the rig is known if its bit in RigState.valid is set, an angle of the attitude if its sigma is finite.
 _RIG_QUANTITIES, _ANGLES = _quantities(signal.RIG), _quantities(signal.ESTIMATOR)
 _SIGMAS = tuple(q._replace(key=f"sigma_{q.key}", field=f"sigma_{q.field}", wrap=0.0) for q in _ANGLES)
 QUANTITIES = (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS)
@@ -63,7 +63,7 @@ COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
 
 @dataclasses.dataclass(frozen=True)
 class SeriesRow:
-    """A whole second, s since the epoch, its known values by column, and the north of the azimuth."""
+    """Row of a whole second: time, s since the epoch, known values by column, and the north of the azimuth."""
 
     second: int
     values: dict[str, float]
@@ -77,7 +77,7 @@ class SeriesRow:
 
 @dataclasses.dataclass
 class Written:
-    """Result of writing a recording: rows written, samples too late for their row, topics, and unusual facts."""
+    """Result of writing a recording: rows written, samples too late for their row, topics, and remarks."""
 
     rows: int = 0
     late: int = 0
@@ -109,18 +109,18 @@ def rows(
     ----------
     bag : Bag
     written : Written
-        Filled during iteration.
+        Counts that are filled during the iteration.
     well : str
         Namespace, needed if the recording has several wells.
     given : InputSettings, optional
-        How the recording is read.
+        Settings for reading the recording.
     progress : callable
         Called with the completed share, 0 to 1.
 
     Raises
     ------
     BagError
-        There is neither attitude nor rig data, or there are several wells and none is named.
+        There is neither attitude nor rig data, or there are several wells and `well` is empty.
     """
     names = {
         relative: _topic(bag, layout, relative, well)
@@ -149,7 +149,7 @@ def rows(
                 late = seconds <= done
                 written.late += int(np.count_nonzero(late))
                 take(samples[~late], seconds[~late], waiting)
-        # Median of the slowest topic, so that one wrong stamp has no effect.
+        # Use the median stamp of the slowest topic, so that a single wrong stamp has no effect.
         middle = min(int(np.median(part[1]["stamp_ns"])) // _S for part in block.values())
         ready = sorted(second for second in waiting if second < middle - _OPEN_S)
         for second in ready:
@@ -175,9 +175,9 @@ def write(
     Raises
     ------
     ValueError
-        Any other ending.
+        The file name has another ending.
     BagError
-        As for `rows`.
+        The recording cannot be read, as in `rows`.
     OSError
         The file cannot be written.
     """
@@ -211,7 +211,7 @@ def _write_csv(path: Path, lines: Iterator[SeriesRow]) -> None:
 
 
 def _write_parquet(path: Path, lines: Iterator[SeriesRow]) -> None:
-    # Imported here because it takes longer to load than most exports take to write.
+    # Import pyarrow here, because loading it takes longer than writing most exports.
     import pyarrow as arrow
     from pyarrow import parquet
 
@@ -229,7 +229,7 @@ def _write_parquet(path: Path, lines: Iterator[SeriesRow]) -> None:
             batch.clear()
 
         for row in lines:
-            # The numbers of the CSV, so that both files agree.
+            # Use the rounded numbers of the CSV file, so that both files agree.
             cells = {q.key: fixed(row.values.get(q.key), q.decimals, q.wrap) for q in QUANTITIES}
             numbers = {key: float(text) if text else None for key, text in cells.items()}
             batch.append({COLUMNS[0]: row.time, **numbers, COLUMNS[-1]: row.north or None})
@@ -262,11 +262,11 @@ def _place_samples(
     quantities: Sequence[SeriesQuantity],
     waiting: dict[int, SeriesRow],
 ) -> list[int]:
-    """Put the last known sample of each second into its row; return their indices."""
+    """Put the last known sample of each second into the row of this second; return the indices of these samples."""
     for quantity in quantities:
         known = known & np.isfinite(samples[quantity.field])
     where = np.flatnonzero(known)
-    # The first one from the end is the last one.
+    # `unique` returns the first occurrence: reverse the order to get the last sample of each second.
     _, first = np.unique(seconds[where][::-1], return_index=True)
     places = [int(k) for k in where[::-1][first]]
     for k in places:

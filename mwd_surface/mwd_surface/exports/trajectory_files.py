@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The high-density trajectory as CSV and as LAS 2.0; never part of the files of the definitive list."""
+"""High-density trajectory as CSV and as LAS 2.0; it is never part of the files of the definitive list."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def trajectory_las(found: DenseTrajectory, surveys: SurveyList) -> str:
 
 
 def _values(found: DenseTrajectory) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Return the columns of `_COLUMNS`, rounded, without negative zeros and without an azimuth of 360."""
+    """Return the columns of `_COLUMNS`, one row per point, rounded, without negative zeros and an azimuth of 360."""
     north, east, down = found.positions.T
     d_north, d_east, d_down = found.differences.T
     angles = np.degrees(found.inclination), np.degrees(found.azimuth)
@@ -85,14 +85,18 @@ def _values(found: DenseTrajectory) -> np.ndarray[tuple[int, int], np.dtype[np.f
 
 
 def largest_difference(found: DenseTrajectory) -> tuple[float, float, float]:
-    """Return the depth of the largest difference of vertical depth from minimum curvature, it, and the last one, m."""
+    """
+    Return the largest and the last difference of vertical depth from minimum curvature.
+
+    The result is: measured depth of the largest difference, the largest difference, and the difference at the end, m.
+    """
     apart = found.differences[:, 2]
     worst = int(np.argmax(np.abs(apart)))
     return float(found.md[worst]), float(apart[worst]), float(apart[-1])
 
 
 def summary(found: DenseTrajectory) -> str:
-    """Return the changes by the trajectory in words."""
+    """Return a sentence on the sources of the trajectory, and on its differences from minimum curvature."""
     shares = [
         f"{100.0 * _share(found, kind):.0f} % {kind}" for kind in (CONTINUOUS, SLIDES, ARC) if kind in found.source
     ]

@@ -31,5 +31,10 @@ class Backoff:
     )
 
     def wait(self, failures: int, chance: float) -> float:
-        """Return the wait after a number of failures in a row, s; chance, 0 to 1, varies it by half either way."""
+        """
+        Return the wait before the next attempt, s.
+
+        failures: number of failures in a row after the first one. chance: random number, 0 to 1; the wait is multiplied
+        by 0.5 + chance.
+        """
         return float(min(self.longest, self.first * 2.0 ** min(failures, 30)) * (0.5 + chance))

@@ -19,9 +19,9 @@ from mwd_surface.signals.table import FROM_ADVICE, FROM_CONTROL, FROM_LOG, FROM_
 from mwd_surface.trajectory.advice import AdviceMode
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, TIE_ON
 
-# Over mud pulses a value of gamma may take a minute, and as long again where a word is lost.
+# Age above which a gamma value is stale, s: over mud pulses a value may take a minute, and two if a word is lost.
 _LOG_STALE_S = 120.0
-# Qualities of a sample of gamma with which its value is not the gamma around the hole.
+# Quality flags of a gamma sample whose value is not the mean gamma around the hole, with the sentence for the rig.
 _DOUBTS = {
     SATURATED: "the detector is saturated: the gamma is higher than this",
     ONE_SIDED: "the detector looked to one side: not the mean around the hole",
@@ -29,7 +29,7 @@ _DOUBTS = {
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return the values derived from path and plan, with the age of the path."""
+    """Return the values derived from path and plan, by name, with the age of the path or of the plan's offset."""
     path, values = state.path, {}
     beyond = path is not None and len(path.kind) > 0 and path.kind[-1] not in (TIE_ON, ASSUMED)
     for name in ("inclination", "azimuth"):
@@ -49,7 +49,7 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def _doubt(state: WellState) -> tuple[Condition, str] | None:
-    """Return why values at the bit are not good: an old bit depth, or a path with an assumed start; None if good."""
+    """Return condition and reason of values at the bit if bit depth is old or the path's start assumed; else None."""
     bit = state.rig.bit_depth
     if state.path is not None and state.path.kind[-1] == PROJECTED and bit.state == Freshness.STALE:
         return Condition.STALE, "projected to an old depth of the bit"
@@ -59,7 +59,7 @@ def _doubt(state: WellState) -> tuple[Condition, str] | None:
 
 
 def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
-    """Return set-points in force and limits; a set-point is unknown while the driller has control."""
+    """Return the set-points in force and the limits, by name; a set-point is unknown while the driller has control."""
     waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
     asked = {signal.name: getattr(control, signal.field) for signal in FROM_CONTROL}
     return {
@@ -69,10 +69,10 @@ def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
 
 
 def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return the advice on the next interval, with the age of the advice."""
+    """Return the values of the advice on the next interval, by name, with the age of the advice."""
     advice = state.advice
     slides = advice.mode == AdviceMode.SLIDE
-    # While rotating there is no toolface, and the slide ends where it begins.
+    # Advice to rotate has no toolface, and its slide has no length: the slide ends at the start of the interval.
     bare = {} if slides else {"advised_toolface": math.nan, "advised_slide_to": advice.from_depth}
     table = {signal.name: getattr(advice, signal.field) for signal in FROM_ADVICE} | bare
     age = state.age("advice")
@@ -87,13 +87,17 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def rig_input(inputs: InputTable) -> InputState | None:
-    """Return the rig data source in force, even while a depth by hand takes precedence; None if none."""
+    """
+    Return the input of the rig data source in force; None if no rig source sends.
+
+    A depth that is set by hand is not a rig source, even if it takes precedence.
+    """
     rig = [row for row in inputs.inputs if row.priority > 0 and row.name != HAND and row.role != Role.SILENT]
     return min(rig, key=lambda row: (row.role != Role.IN_FORCE, row.priority), default=None)
 
 
 def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return the age of the depth, the difference between depth sources, and the clock offsets."""
+    """Return the age of the depth, the difference between the depth sources, and the clock offsets, by name."""
     inputs, since = state.inputs, state.age("inputs") or 0.0
     waiting = {
         "depth_age": "no depth comes in",
@@ -119,7 +123,8 @@ def log_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     """
     Return the newest natural gamma and the depth of its detector, with the age of the measurement.
 
-    Gamma is a channel with the unit that only this source has; of several, the one named `gamma`, or the newest.
+    A gamma channel is recognized by its unit, which no other kind of log has. If several channels have this unit, the
+    channel named `gamma` is returned, or the newest.
     """
     unit = SOURCES[GAMMA].unit
     found = [(name == GAMMA, one.stamp_ns, name, one) for name, one in state.newest_logs.items() if one.unit == unit]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks of rig data: placeholders and impossible values are dropped, jumps of depth need confirmation.
+Checks of rig data: placeholders and impossible values are dropped, and jumps of depth need confirmation.
 
-Readings come in SI with the field names of RigState; samples carry a bit for each value that may be used. A depth that
-jumps is held back until later readings agree, because surveys take their depth from it.
+Readings come in SI with the field names of RigState. A sample has a bit for each value that may be used. A depth that
+jumps is not used until later readings agree, because surveys take their depth from the rig.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "rate_of_penetration": (0.0, 0.5),
 }
 _DEPTHS = ("bit_depth", "hole_depth")
-_SET_BACK_NS = 60 * NANOSECONDS  # a stamp that is earlier by more belongs to a clock that was set back
+_SET_BACK_NS = 60 * NANOSECONDS  # a stamp earlier than the last one by more than this is from a clock that was set back
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +81,7 @@ class RigInputSettings:
 
 @dataclasses.dataclass
 class RigInputCounts:
-    """Counts. taken: samples passed on; refused: impossible values; held: unconfirmed depths; hurried: too fast."""
+    """Counts. taken: samples returned; refused: impossible values; held: unconfirmed depths; hurried: too early."""
 
     taken: int = 0
     refused: int = 0
@@ -90,7 +90,7 @@ class RigInputCounts:
 
 
 class RigInput:
-    """Converter from checked readings to samples; it remembers the last accepted depths."""
+    """Checker of readings that makes samples of the accepted ones; the last accepted depths are stored."""
 
     def __init__(self, settings: RigInputSettings | None = None) -> None:
         self.settings = settings or RigInputSettings()
@@ -104,15 +104,16 @@ class RigInput:
         )
         self._tracks = {name: DepthTrack(rules) for name in _DEPTHS}
         self._last_ns: int | None = None
-        # Consecutive readings with stamps of a clock that was set back.
+        # Number of consecutive readings whose stamps show a clock that was set back.
         self._earlier = 0
 
     def take(self, readings: Mapping[str, float], stamp_ns: int) -> Samples | None:
         """
-        Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if none of them is accepted.
+        Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if no reading is accepted.
 
-        A sample with a stamp too soon after the last one, or before it, is counted and dropped. Several stamps in a row
-        that are earlier by more than a minute show a clock that was set back; single ones are those of a second clock.
+        Readings with a stamp before the last sample, or too soon after it, are counted and dropped. Several stamps in a
+        row that are earlier by more than a minute show a clock that was set back, and are accepted; a single earlier
+        stamp is from a second clock.
         """
         later_ns = NANOSECONDS if self._last_ns is None else stamp_ns - self._last_ns
         self._earlier = self._earlier + 1 if later_ns <= -_SET_BACK_NS else 0
@@ -130,7 +131,7 @@ class RigInput:
             and "hole_depth" in good
             and good["bit_depth"] > good["hole_depth"] + self.settings.slack
         ):
-            # The bit cannot be below the bottom of the hole, and it is unknown which of the two is wrong.
+            # The bit cannot be below the bottom of the hole, and it is unknown which of the two depths is wrong.
             self.counts.refused += 2
             del good["bit_depth"], good["hole_depth"]
         if not good:

@@ -39,7 +39,7 @@ class MissingPackageError(InterfaceError):
 
 @dataclasses.dataclass(frozen=True)
 class PeerStatus:
-    """One connection, with counts since its beginning; rate: messages sent per second; last: last message."""
+    """One connection, with message counts since it began; rate: messages sent per second; last: last message."""
 
     address: str
     since: float
@@ -53,9 +53,9 @@ class PeerStatus:
 @dataclasses.dataclass(frozen=True)
 class InterfaceStatus:
     """
-    State of one interface: one of the words above, its address, and the reason if it is not up.
+    State of one interface: its state as a word such as LISTENING, its address, and the reason if it is not running.
 
-    sent, received, dropped, refused: messages out and in, messages not delivered to a slow peer, connections refused.
+    sent, received: messages. dropped: messages not delivered to a slow peer. refused: connections.
     counts: further counters by name. last: names and texts of the last values sent.
     """
 
@@ -105,8 +105,8 @@ class LoopInterface(RigInterface):
     """
     Interface whose work is one coroutine in its own thread.
 
-    Subclasses implement `serve(ready, stop)`: it calls `ready(address)` once it serves, and returns when `stop` is set.
-    `wake` is set whenever `values` has new values, and when the interface is to stop.
+    Subclasses implement `serve(ready, stop)`, which calls `ready(address)` as soon as it serves, and returns when
+    `stop` is set. `wake` is set whenever `values` has new values, and when the interface must stop.
     """
 
     start_timeout = 30.0
@@ -124,7 +124,7 @@ class LoopInterface(RigInterface):
 
     @abc.abstractmethod
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Work until `stop` is set."""
+        """Serve the interface until `stop` is set; call `ready` with the address as soon as it serves."""
 
     @property
     def wake(self) -> asyncio.Event:
@@ -173,7 +173,7 @@ class LoopInterface(RigInterface):
             try:
                 loop.call_soon_threadsafe(wake.set)
             except RuntimeError:
-                # The loop closed between the two lines, so nothing waits for the event.
+                # The loop closed just before this call, so nothing waits for the event.
                 return
 
     def stop(self) -> None:
@@ -194,7 +194,7 @@ class LoopInterface(RigInterface):
     def _run(self) -> None:
         try:
             asyncio.run(self._main())
-        except Exception as error:  # noqa: BLE001  (without a reason the status would say only that it stopped)
+        except Exception as error:  # noqa: BLE001  (any error is the reason that the status shows)
             words = str(error) if isinstance(error, (OSError, ValueError)) else f"{type(error).__name__}: {error}"
             failure = error if isinstance(error, InterfaceError) else InterfaceError(f"{self.name}: {words}")
             if self._started.done():
@@ -217,7 +217,7 @@ class LoopInterface(RigInterface):
 
 def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 0)) -> ModuleType:
     """
-    Import an optional package and check its least version (major, minor).
+    Import a module of an optional package, and check that the package has at least version `floor` (major, minor).
 
     Raises
     ------
@@ -255,7 +255,7 @@ def checked_host(host: str, allow_network: bool) -> str:
 
 def probe_port(host: str, port: int) -> None:
     """
-    Open and close a port, because the error of the server library would not give the cause of a failure.
+    Open and close a port, to find the cause if it cannot be opened: the server library does not report the cause.
 
     Raises
     ------

@@ -2,8 +2,8 @@
 """
 Log of the libraries that serve network peers, bounded in length and rate.
 
-asyncua and pymodbus log every malformed message with its bytes and a traceback. A peer that sends junk would fill the
-log with contents of its choice, and hide what else it says.
+asyncua and pymodbus log every malformed message with its bytes and a traceback. A peer that sends junk could fill the
+log with any contents, and hide the other messages.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from collections.abc import Callable
 
 from mwd_sensors.core.foreign_text import printable
 
-_MOST, _PERIOD_S = 10, 60.0  # lines in a period
-_LONGEST = 200  # characters of a line
+_MOST, _PERIOD_S = 10, 60.0  # largest number of lines in a period, and the period, s
+_LONGEST = 200  # largest number of characters in a line
 
 
 class LibraryLog(logging.Handler):
     """
-    Handler that writes the first line of a record, at most some per minute, and then how many were left out.
+    Handler that writes the first line of each record, at most ten lines a minute, and the number of omitted records.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class LibraryLog(logging.Handler):
 
 
 def bound_log(library: str) -> None:
-    """Bound the log of a library; does nothing if that has been done."""
+    """Bound the log of a library; does nothing if the log is bounded already."""
     logger = logging.getLogger(library)
     if not any(isinstance(handler, LibraryLog) for handler in logger.handlers):
         logger.addHandler(LibraryLog())

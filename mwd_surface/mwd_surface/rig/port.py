@@ -2,8 +2,8 @@
 """
 Connection between the surface node and all rig interfaces: values go out, rig data and commands come back.
 
-Each enabled interface is started by itself: one that cannot start reports why and is tried again while the others run.
-If no values are published for a while, every interface gets stale values and the heartbeat stops.
+Each enabled interface is started separately. An interface that cannot start reports the reason and is retried while the
+others run. If no values are published for a while, every interface gets stale values and the heartbeat stops.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings
 
-_LOOK = 0.5  # s
+_LOOK = 0.5  # s between checks for new values and for interfaces that ended
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +81,7 @@ class RigSettings:
 
     @property
     def takes_data(self) -> bool:
-        """Whether rig data can come in, so that the surface must publish `rig/state`."""
+        """Whether an interface may receive rig data, so that the surface must publish `rig/state`."""
         talks = self.wits0_server.enabled or self.wits0_client.enabled or self.wits0_serial.enabled
         registers = self.modbus.enabled or self.modbus_serial.enabled
         board = self.blackboard.enabled and self.blackboard.rig.accept
@@ -98,14 +98,14 @@ class RigPort:
     well : str
         Name of the well.
     on_rig_state : callable, optional
-        `on_rig_state(frame, samples)`, called in a thread of the interface with the frame that names the interface and
-        with `wire.RIG_STATE` samples from the rig.
+        `on_rig_state(frame, samples)`, called in a thread of the interface; frame: frame id that names the interface,
+        samples: `wire.RIG_STATE` samples from the rig.
     on_command : callable, optional
         `on_command(name, arguments) -> (ok, message)`, called in a thread of an interface.
     folder : Path, optional
         Folder for certificates.
     authority : ControlAuthority, optional
-        Decides about controllers that connect through OPC UA or Modbus.
+        Decides on the requests of controllers that connect through OPC UA or Modbus.
     clock : callable
         Steady time, s.
     """
@@ -167,12 +167,12 @@ class RigPort:
         Returns
         -------
         dict
-            Name and reason of every interface that could not start. It is tried again, even if a package is missing.
+            Name and reason of every interface that could not start; each is tried again, even if a package is missing.
 
         Raises
         ------
         InterfaceError
-            An interface could not start and `strict` is set; all are stopped then.
+            An interface could not start and `strict` is set; then all interfaces are stopped.
         """
         self._ended.clear()
         for interface in self._interfaces:
@@ -193,13 +193,13 @@ class RigPort:
             interface.publish(values)
 
     def publish_trajectory(self, document: str) -> None:
-        """Give the definitive survey as WITSML to the store; never blocks."""
+        """Give the definitive survey, a WITSML document, to the client of the WITSML store; never blocks."""
         if self._store is not None:
             self._store.push(document)
 
     @property
     def wants_trajectory(self) -> bool:
-        """Whether there is a store to push to."""
+        """Whether a WITSML store is configured, to which the definitive survey is pushed."""
         return self._store is not None
 
     def status(self) -> tuple[InterfaceStatus, ...]:
@@ -213,7 +213,7 @@ class RigPort:
         return tuple(table)
 
     def stop(self) -> None:
-        """Stop every interface; does nothing if none runs."""
+        """Stop every interface; does nothing if no interface runs."""
         self._ended.set()
         thread, self._thread = self._thread, None
         if thread is not None:
@@ -225,7 +225,7 @@ class RigPort:
         try:
             interface.start()
         except MissingPackageError as error:
-            # Do not retry: a start cannot succeed until the package is installed and the node restarted.
+            # A retry can succeed only after the package is installed.
             self._down[interface.name] = str(error)
         except InterfaceError as error:
             self._down[interface.name] = str(error)

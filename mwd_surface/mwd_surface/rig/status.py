@@ -20,7 +20,7 @@ from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
 FILE_NAME = "rig_status.json"
-LASTS = 5.0  # s; an older file belongs to a graph that hangs or was killed
+LASTS = 5.0  # s; a status older than this is from a ROS graph that hangs or was killed
 _VERSION = 1
 
 
@@ -31,10 +31,10 @@ class RigStatusError(ValueError):
 @dataclasses.dataclass(frozen=True)
 class RigStatus:
     """
-    State of all interfaces of one well at a moment.
+    State of all interfaces of one well at one time.
 
-    written: s since the epoch. process: process id of the surface node on its machine. interfaces: with the `since` of
-    each peer in s since the epoch.
+    written: time of this status, s since the epoch. process: process id of the surface node on its machine.
+    interfaces: state of each interface; the `since` of their peers is in s since the epoch.
     """
 
     well: str
@@ -87,13 +87,17 @@ def _status(table: Mapping[str, Any]) -> RigStatus:
 
 
 def status_files(folders: Sequence[Path]) -> list[Path]:
-    """Return the status files in these folders, in their well folders, and in the folders of runs below."""
+    """Return the status files in these folders, in the folders of their wells, and in the folders of wells' runs."""
     found = {path for folder in folders for depth in ("", "*/", "*/*/") for path in folder.glob(depth + FILE_NAME)}
     return sorted(found)
 
 
 def dated(table: Sequence[InterfaceStatus], offset: float) -> tuple[InterfaceStatus, ...]:
-    """Return the table with `since` of peers in s since the epoch; offset: that clock minus the steady clock, s."""
+    """
+    Return the table with the `since` of each peer in s since the epoch instead of steady time.
+
+    offset: time since the epoch minus steady time, s.
+    """
     return tuple(
         dataclasses.replace(s, peers=tuple(dataclasses.replace(p, since=p.since + offset) for p in s.peers))
         for s in table

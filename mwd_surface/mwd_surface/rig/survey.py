@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-An accepted survey as all rig interfaces send it: the numbers of the well path, in SI and rad.
+Accepted survey as all rig interfaces send it: the numbers of the well path, in SI and rad.
 
 Inclination, azimuth and position are those of the definitive path, the same as in the exports and the report.
-Quantities that only the survey has (totals, six axes, sigmas) are added. None means "not known".
+Quantities that only the survey has are added: totals, the six axes and the sigmas. None means "not known".
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 LAST = 32
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
-# Fields that depend on the whole path above the station, and on the interval above it.
+# Fields that depend on the whole path above the station, and fields that depend on the interval above the station only.
 _PLACE = frozenset({"vertical_depth", "position_north", "position_east", "vertical_section"})
 _CURVATURE = frozenset({"dogleg_severity", "build_rate", "turn_rate"})
 
@@ -33,14 +33,14 @@ _CURVATURE = frozenset({"dogleg_severity", "build_rate", "turn_rate"})
 @dataclasses.dataclass(frozen=True)
 class AcceptedSurvey:
     """
-        One station in use.
+    One station in use.
 
-    Units: m, rad, rad/m, m/s^2, T, degC. stamp_ns: time of the measurement, decided_ns: time of acceptance. revision:
-    number of the estimator's result; 0 for the first.
-    azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
-    source: composition of the azimuth. overridden: accepted by a person against the automatic verdict. remark: why the
-    azimuth is doubtful, or empty. assumption: assumption on which depth and position rest in addition to measurements,
-    or empty. assumed: names of the fields that rest on it.
+    Units: m, rad, rad/m, m/s^2, T, degC. stamp_ns, decided_ns: time of the measurement and of the acceptance, ns since
+    the epoch. revision: revision number of the estimator's result; 0 for the first result.
+    azimuth: from the north of the well. azimuth_uncorrected: from magnetic north, before the correction for
+    interference, or None. source: composition of the azimuth. overridden: whether a person accepted the survey against
+    the automatic verdict. remark: why the azimuth is doubtful, or empty. assumption: assumption, in addition to
+    measurements, on which depth and position are based, or empty. assumed: names of the fields based on the assumption.
     """
 
     sequence: int
@@ -78,7 +78,7 @@ class AcceptedSurvey:
 
     @property
     def key(self) -> tuple[str, int, int]:
-        """Identity for change detection: another survey, another decision and another revision differ."""
+        """Key that changes with another survey, another decision on the survey, or another revision of its result."""
         return self.uuid, self.decided_ns, self.revision
 
     @property
@@ -88,7 +88,7 @@ class AcceptedSurvey:
 
 
 def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSurvey, ...]:
-    """Return the last stations in use on the current leg and its parents, oldest first, at most `last` of them."""
+    """Return the stations in use on the current leg and its parents, oldest first, at most the `last` newest."""
     path = surveys.definitive()
     places = {sequence: k for k, sequence in enumerate(path.sequence) if sequence}
     used = sorted(
@@ -138,12 +138,12 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
 
 
 def _assumed(path: Definitive, k: int) -> frozenset[str]:
-    """Return the fields of the survey at index k of a path that rest on an assumption."""
+    """Return the names of those fields of the survey at index k of a path that are based on an assumption."""
     return (_PLACE if path.assumed else frozenset()) | (_CURVATURE if path.kind[k - 1] == ASSUMED else frozenset())
 
 
 def _uncorrected(s: Survey) -> float | None:
-    """Return the magnetic azimuth without correction; the survey's azimuth if no correction was made; else None."""
+    """Return the azimuth from magnetic north without correction, rad, or None if it is not known."""
     for estimate in s.azimuths:
         if estimate.method == AzimuthMethod.RAW and math.isfinite(estimate.sigma):
             return s.turned(estimate.azimuth, North(estimate.north), North.MAGNETIC)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A value sent by the rig interfaces: its number, and whether it may be used for control."""
+"""Value that the rig interfaces send: its number, and whether the number may be used for control."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Condition(enum.Enum):
 
     @property
     def usable(self) -> bool:
-        """Whether the number is a current value."""
+        """Whether the number is a current value that may be used."""
         return self in (Condition.GOOD, Condition.OVERRIDE, Condition.DOUBTFUL)
 
 
@@ -30,8 +30,9 @@ class RigValue:
     """
     One value for the rig, with its condition.
 
-    stamp_ns: time of the measurement, 0 if there was none; age: s, None if there was none; sigma: 1 sigma or None. If
-    `condition` is not usable, `value` is the last known one, or 0.
+    stamp_ns: time of the measurement, ns since the epoch, 0 if nothing was measured. age: s, None if nothing was
+    measured. sigma: 1 sigma in the unit of the value, or None. If `condition` is not usable, `value` is the last known
+    number, or 0.
     """
 
     value: float = 0.0

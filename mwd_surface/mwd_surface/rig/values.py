@@ -2,8 +2,8 @@
 """
 Values that the rig interfaces send, in one frozen table, each with its age, sigma and condition.
 
-A value that is not good keeps the last known number and gives the reason; no value is ever NaN. Units are SI and rad;
-each interface converts them.
+A value that is not good keeps the last known number and has a reason; no value is ever NaN. Units are SI and rad; each
+interface converts to its own units.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mwd_surface.signals.signal import Signal
 from mwd_surface.signals.table import FROM_TOOL, OF_SURVEY, TO_RIG, page_fields
 from mwd_surface.trajectory.advice import Advice
 
-# Reasons for the doubts named in the signal table.
+# Sentence for the rig about each status flag that the signal table names as a doubt.
 _DOUBTS = {
     Status.ROTATING: "the string rotates: the toolface is only a momentary value",
     Status.TOOLFACE_UNSETTLED: "the string has turned lately: it may be sticking",
@@ -44,11 +44,11 @@ _DOUBTS = {
 @dataclasses.dataclass(frozen=True)
 class RigValues:
     """
-    All values that an interface may send, at the time made_ns.
+    All values that an interface may send, at the time made_ns, ns since the epoch.
 
-    heartbeat: seconds of a steady clock; it stands still if the node hangs. values: value of every name in the signal
-    table. surveys: accepted ones, oldest measurement first. alarms: newest first. circulating, in_slips: None if the
-    rig does not report it. mode: mode of the toolface in force, GRAVITY or MAGNETIC.
+    heartbeat: seconds of a steady clock; stops counting if the node hangs. values: value of every name in the signal
+    table. surveys: accepted surveys, oldest measurement first. alarms: newest first. circulating, in_slips: None if the
+    rig does not report this state. mode: mode of the toolface in force, GRAVITY or MAGNETIC.
     """
 
     made_ns: int
@@ -73,7 +73,7 @@ class RigValues:
 
     @property
     def survey(self) -> AcceptedSurvey | None:
-        """Accepted survey with the latest measurement; None before the first."""
+        """Accepted survey with the latest measurement; None before the first accepted survey."""
         return self.surveys[-1] if self.surveys else None
 
     @property
@@ -105,7 +105,7 @@ def rig_values(
     active, simulated : bool
         Whether the node is active, and whether the tool is simulated.
     previous : RigValues, optional
-        Values before these; a toolface that is undefined at present keeps its last value from them.
+        Result of the previous call; a toolface that is undefined at present keeps its value from there.
     """
     values = _live_values(state, now_ns)
     for name in ("gravity_toolface", "magnetic_toolface"):
@@ -146,7 +146,7 @@ def rig_values(
 
 
 def silenced(values: RigValues, age: float, reason: str) -> RigValues:
-    """Return the values marked unusable after `age` s without new values; the heartbeat does not advance."""
+    """Return the values, marked as unusable after `age` s without new ones; the heartbeat does not advance."""
     old = {
         name: dataclasses.replace(
             v,
@@ -196,7 +196,11 @@ def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
 
 
 def _of_value(value: LiveValue, state: WellState, now_ns: int, stamp_ns: int | None = None) -> RigValue:
-    """Return a value with the age of its measurement; stamp_ns: stamp of a sample that did not come over a link."""
+    """
+    Return a live value as a rig value, with the age of its measurement.
+
+    stamp_ns: stamp of the sample, ns, used if the sample did not come over a telemetry link.
+    """
     age = value.measured_age(state.now)
     if value.value is None or value.age is None or age is None:
         return RigValue(reason=value.reason or "no data yet")

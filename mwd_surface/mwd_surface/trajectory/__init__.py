@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hole as a curve: well path, plan, slide sheet, trajectory between stations, advice on the next interval."""
+"""Well path, plan, slide sheet, trajectory between stations, and advice on the next interval."""

@@ -2,9 +2,9 @@
 """
 Advice on the next interval (slide or rotate, toolface, length) from plan, projected path and slide sheet.
 
-The well is brought back to the plan by one arc from the bit to the point of the plan that lies `look_ahead_m` ahead.
-The dogleg severity of this arc, divided by the motor's yield per metre slid, is the share of the interval to slide;
-directional drillers calculate it the same way.
+One arc brings the well back to the plan: from the bit to the point of the plan that lies `look_ahead_m` ahead. The
+dogleg severity of this arc, divided by the motor's dogleg per metre slid, is the share of the interval to slide;
+directional drillers calculate this share in the same way.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 _PER_30_M = math.radians(1.0) / 30.0  # rad/m of one degree in 30 m
 _YIELDS = 3  # number of latest intervals for the motor yield, which changes with formation and wear
-_LEAST_AHEAD = 1.0  # m; least length of plan ahead that gives a direction
+_LEAST_AHEAD = 1.0  # m; if less of the plan lies ahead of the bit, there is no advice
 
 
 class AdviceMode(enum.IntEnum):
@@ -95,13 +95,13 @@ class Advice(MessageRecord):
     ----------
     mode : AdviceMode
     toolface : float
-        Toolface for SLIDE, rad, from the high side, or from north if `magnetic`; NaN for any other mode.
+        Toolface for mode SLIDE, rad, from the high side, or from north if `magnetic`; NaN for other modes.
     toolface_mode : int
         As in mwd_msgs/Toolface: 0 from the high side, 1 from north.
     limit : float
         Allowed deviation of the toolface, rad.
     sigma, confidence : float
-        1 sigma of the toolface, rad; probability that the needed direction lies within the limit of the toolface.
+        1 sigma of the toolface, rad; probability that the needed toolface deviates by less than `limit`.
     from_depth, slide_to_depth, to_depth : float
         Measured depths of the bit: start, end of the slide, end of the interval, m.
     valid_for : float
@@ -133,13 +133,17 @@ class Advice(MessageRecord):
 
     @property
     def magnetic(self) -> bool:
-        """Whether the toolface counts from north."""
+        """Whether the toolface is measured from north."""
         return self.toolface_mode == 1
 
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """Basis of an advice: survey number and stamp, its sigmas, rad, NaN if unknown; magnetic: the kind of toolface."""
+    """
+    Survey on which an advice is based: number, stamp, and sigmas, rad, NaN if unknown.
+
+    magnetic: whether the advised toolface is measured from north.
+    """
 
     survey: int = 0
     stamp_ns: int = 0
@@ -149,7 +153,7 @@ class Known:
 
 
 def motor_yield(yields: Sequence[Yield]) -> float | None:
-    """Return the median dogleg per metre slid of the last intervals, rad/m; None if none was slid yet."""
+    """Return the median dogleg per metre slid of the last intervals, rad/m; None if no interval was slid yet."""
     measured = [value for value in (one.motor for one in yields) if value is not None and value > 0.0]
     return statistics.median(measured[-_YIELDS:]) if measured else None
 
@@ -160,7 +164,7 @@ def advise(
     """
     Return the advice for the next interval.
 
-    path: path to the bit if the bit depth is known. yields: from the slide sheet, deepest last.
+    path: path, to the bit if the bit depth is known. yields: yields of the surveyed intervals, deepest last.
     """
     limit = math.radians(settings.limit_deg)
     base = Advice(
@@ -219,7 +223,7 @@ def _to_plan(
     return dataclasses.replace(
         advice,
         mode=AdviceMode.SLIDE,
-        # Near the vertical the high side rotates with the azimuth; the toolface from north is their sum.
+        # The toolface from north is the toolface from the high side plus the azimuth of the high side.
         toolface=(arc.toolface + (azimuth_at(inclination, azimuth) if known.magnetic else 0.0)) % math.tau,
         sigma=sigma,
         confidence=math.erf(base.limit / (math.sqrt(2.0) * max(sigma, 1e-12))),
@@ -230,7 +234,7 @@ def _to_plan(
 
 def _toolface_sigma(toolface: float, inclination: float, turn: float, known: Known) -> float:
     """
-    Return 1 sigma of the steering direction, rad, from the sigmas of the survey; NaN if they are unknown.
+    Return 1 sigma of the steering direction, rad, from the sigmas of the survey; NaN if these are unknown.
 
     turn: angle from the hole direction to the direction of the target, rad. A survey error across the steering plane
     rotates that plane by the error divided by the turn.

@@ -2,10 +2,11 @@
 """
 High-density trajectory: the hole between survey stations, from continuous measurements or the slide sheet.
 
-Minimum curvature spreads the dogleg of an interval evenly, but a motor makes it while sliding. Over many stands with
-the same pattern the computed vertical depth drifts away from the hole (E. Stockhausen, W. Lesso, "Continuous direction
-and inclination measurements lead to an improvement in wellbore positioning", SPE/IADC 79917, 2003). Stations are not
-changed: the trajectory between them is anchored at both ends. Depths are in m along the hole, angles in rad.
+Minimum curvature spreads the dogleg of an interval evenly, but with a motor the hole bends only where it was slid. Over
+many stands with the same pattern the computed vertical depth drifts away from the hole (E. Stockhausen, W. Lesso,
+"Continuous direction and inclination measurements lead to an improvement in wellbore positioning", SPE/IADC 79917,
+2003). Stations are not changed: the trajectory between two stations is anchored at both. Depths are in m along the
+hole, angles in rad.
 """
 
 from __future__ import annotations
@@ -23,17 +24,18 @@ from mwd_surface.trajectory.slide_sheet import SLIDE, Stretch
 from mwd_surface.trajectory.well_path import Definitive
 
 STATION, CONTINUOUS, SLIDES, ARC = "station", "continuous", "slide sheet", "arc"
-# Longest part of an interval without continuous data for which its shape still counts as known, m.
+# Longest gap in the continuous data of an interval with which the data still describe the interval, m.
 _LONGEST_GAP = 10.0
-# Distance from a station within which continuous data serve to anchor them at that station, m.
+# Continuous data within this distance from a station are used to anchor the trajectory at the station, m.
 _AT_STATION = 3.0
 # Length of hole over which samples are replaced by their median, m.
 _BIN = 0.5
-# Largest difference between continuous inclination and a station; beyond it the data are of another hole, rad.
+# Largest difference between continuous inclination and a station, rad; with a larger difference the data are from
+# another hole, or have wrong depths.
 _MOST_APART = math.radians(1.0)
-# Least inclination at which the continuous azimuth is used.
+# Least inclination of both stations with which the continuous azimuth is used, rad.
 _LEAST_INCLINATION = math.radians(5.0)
-# Least share of an interval covered by the slide sheet, and least length slid in it, m.
+# The slide sheet is used if it covers at least this share of the interval, and if at least this length was slid, m.
 _KNOWN_SHARE, _LEAST_SLID = 0.9, 0.5
 
 
@@ -54,11 +56,11 @@ class DenseTrajectory:
     Attributes
     ----------
     md, inclination, azimuth : ndarray, shape (n,)
-        m and rad, in the north of the definitive path.
+        Points of the trajectory, m and rad; azimuth from the north of the definitive path.
     positions : ndarray, shape (n, 3)
         North, east, down, m.
     differences : ndarray, shape (n, 3)
-        Position minus that by minimum curvature between the stations, m.
+        Position minus the position by minimum curvature between the stations, m.
     source : tuple of str
         Basis of each point: STATION, or CONTINUOUS, SLIDES or ARC between stations.
     remarks : tuple of str
@@ -75,7 +77,7 @@ class DenseTrajectory:
 
     @property
     def has_detail(self) -> bool:
-        """Whether anything but arcs lies between the stations."""
+        """Whether continuous data or slides describe an interval; otherwise all intervals are arcs."""
         return CONTINUOUS in self.source or SLIDES in self.source
 
 
@@ -88,13 +90,13 @@ def dense_trajectory(
     Parameters
     ----------
     path : Definitive
-        Path; a projection to the bit is left out.
+        Path; a projection to the bit is ignored.
     continuous : Continuous, optional
-        Used first where it covers an interval. Its azimuth may be from any north, and its angles may have an error that
-        is constant from one station to the next.
+        Continuous measurements, preferred to the slide sheet in an interval that they cover. The azimuth may be from
+        any north, and the angles may have an error that is constant from one station to the next.
     stretches : sequence of Stretch
         Slide sheet: the dogleg of an interval is placed where the string slid. An interval without slides, or with too
-        little information, stays an arc.
+        little information, remains an arc.
     step : float
         Distance between the points, m.
 
@@ -132,7 +134,7 @@ def dense_trajectory(
 
 
 class _Interval:
-    """One interval between two stations, and the points in it."""
+    """Interval between two stations, and the points in this interval."""
 
     def __init__(self, md: Array, inclination: Array, azimuth: Array, step: float) -> None:
         self._inclination, self._azimuth = inclination, azimuth
@@ -141,7 +143,7 @@ class _Interval:
         self.at = np.linspace(self._low, self._high, count + 1)[1:-1]
 
     def share(self, depth: Array) -> Array:
-        """Return the share of the interval above each depth."""
+        """Return the share of the interval's length that lies above each depth."""
         return np.asarray((depth - self._low) / (self._high - self._low))
 
     def arc(self, share: Array) -> tuple[Array, Array]:
@@ -153,7 +155,11 @@ class _Interval:
         return inclination, azimuth
 
     def by_continuous(self, given: Continuous) -> tuple[Array, Array] | None:
-        """Return angles from continuous data; None if they do not cover the interval, ValueError if of another hole."""
+        """
+        Return inclination and azimuth at the points from continuous data, rad.
+
+        Return None if the data do not cover the interval. Raise ValueError if they do not fit the stations.
+        """
         inside = (given.md >= self._low) & (given.md <= self._high) & np.isfinite(given.inclination)
         md, arc = given.md[inside], self.arc(self.share(given.md[inside]))
         place = np.floor((md - self._low) / _BIN).astype(np.int64)
@@ -179,7 +185,11 @@ class _Interval:
         return np.clip(inclination, 0.0, math.pi), azimuth
 
     def by_slides(self, stretches: Sequence[Stretch]) -> tuple[Array, Array] | None:
-        """Return angles with the dogleg where the string slid; None if too little is known or nothing was slid."""
+        """
+        Return inclination and azimuth at the points, rad, with the dogleg where the string slid.
+
+        Return None if the slide sheet does not cover the interval, or if no hole was slid.
+        """
         overlaps = [
             (max(s.from_depth, self._low), min(s.to_depth, self._high), s.mode)
             for s in stretches
@@ -190,14 +200,14 @@ class _Interval:
         total = sum(to - begin for begin, to in slid)
         if known < _KNOWN_SHARE * (self._high - self._low) or total < _LEAST_SLID:
             return None
-        # Slides begin and end between the points, so add their ends as points.
+        # Slides begin and end between the points, so add both ends of each slide as points.
         marks = [depth for pair in slid for depth in pair if self._low + 1e-6 < depth < self._high - 1e-6]
         self.at = np.unique(np.round(np.concatenate([self.at, marks]), 6))
         done = sum(np.clip(self.at - begin, 0.0, to - begin) for begin, to in slid)
         return self.arc(np.asarray(done) / total)
 
     def _covered(self, centres: Array) -> bool:
-        """Return whether data at these depths, m, in order, describe the interval and its ends."""
+        """Return whether data at these depths, m, in order of depth, cover the interval and both of its ends."""
         return (
             len(centres) >= 3
             and float(np.diff(centres).max()) <= _LONGEST_GAP
@@ -205,7 +215,11 @@ class _Interval:
         )
 
     def _anchored(self, centres: Array, apart: Array) -> Array:
-        """Return the differences from the arc at the points, minus the line between the differences at the stations."""
+        """
+        Return the differences `apart` from the arc, interpolated to the points, with zero difference at both stations.
+
+        A line between the differences at the two stations is subtracted. centres: depths of the differences, m.
+        """
         first, last = _at_ends(centres, apart, self._low, self._high)
         at = np.concatenate([[self._low], centres, [self._high]])
         line = first + (last - first) * self.share(at)
@@ -227,7 +241,7 @@ def _at_ends(centres: Array, values: Array, low: float, high: float) -> tuple[fl
 
 
 def _at_end(centres: Array, values: Array, end: float) -> float:
-    """Return the value at an end; centres: nearest first."""
+    """Return the value at a depth `end`, m; centres, values: nearest to this depth first."""
     near = np.abs(centres - end) <= _AT_STATION
     if np.count_nonzero(near) < 3:
         return float(values[near].mean())

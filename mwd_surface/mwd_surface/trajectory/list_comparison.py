@@ -2,7 +2,8 @@
 """
 Comparison of two surveys of one hole, station by station, usually a gyro survey and an MWD survey.
 
-The second path is interpolated on its arcs at the measured depths of the first one's stations, so no station is moved.
+The second path is interpolated on its arcs at the measured depths of the stations of the first path, so no station is
+moved.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from mwd_surface.trajectory.well_path import Definitive
 @dataclasses.dataclass(frozen=True)
 class PathDifference:
     """
-    First path minus second path, at the stations of the first within the depths of both.
+    First path minus second path, at those stations of the first path that lie within the depths of both.
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ class PathDifference:
     sigma : ndarray, shape (n, 3)
         1 sigma of the difference, m; NaN if one of the paths has no covariance.
     sigmas : ndarray, shape (n,)
-        Mahalanobis distance of the difference, in sigmas (its square has 3 degrees of freedom); NaN if unknown.
+        Mahalanobis distance of the two positions, in sigmas; its square has 3 degrees of freedom. NaN if unknown.
     """
 
     md: Array
@@ -62,7 +63,7 @@ def difference(
     ----------
     first, second : Definitive
     covariances : tuple of two ndarray of shape (m, 3, 3) or None
-        Covariances of the station positions, m^2. The two surveys are taken as independent.
+        Covariances of the station positions, m^2. The errors of the two surveys are assumed to be independent.
 
     Raises
     ------
@@ -95,7 +96,11 @@ def difference(
 
 
 def covariance_between(md: Array, covariance: Array, at: Array) -> Array:
-    """Return covariances at depths between stations, linearly interpolated, shape (m, 3, 3): covariances again."""
+    """
+    Return covariances at the depths `at`, linearly interpolated between stations, shape (m, 3, 3), m^2.
+
+    Interpolated covariance matrices are positive semidefinite again.
+    """
     flat = covariance.reshape(len(md), 9)
     return np.column_stack([np.interp(at, md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Planned well path: the offset of the well from it, and how to steer back to it or on to a target.
+Planned well path: the offset of the well from the plan, and the arc that steers back to the plan or to a target.
 
 Lengths are in m, angles in rad, positions north, east, down from the wellhead, in the north reference of the plan.
-Offsets are seen looking downhole along the plan: up is towards its high side, right is clockwise from that.
+Offsets are seen looking downhole along the plan: up is towards the high side of the plan, right is clockwise from up.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ DRAWN_STEP = 10.0  # distance between the drawn points of the plan, m
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
     """
-    Plan with its stations and their positions.
+    Planned well path: its stations and their positions.
 
     md, inclination, azimuth: shape (n,), n >= 2, m and rad. positions: shape (n, 3), m. north: "magnetic", "true" or
-    "grid", or "" if the file does not name it. name: name for people. remarks: assumptions of the reader.
+    "grid", or "" if the file does not name the north. name: name shown to users. remarks: assumptions made on reading.
     """
 
     md: Array
@@ -52,7 +52,7 @@ class Plan:
         return hash((self.name, self.north, self.md.tobytes()))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the plan as a plain table for a file; the path can be recomputed from stations and start."""
+        """Return the plan as a dict for a file, with stations and start, from which positions are recomputed."""
         stations = np.column_stack([self.md, self.inclination, self.azimuth])
         start = self.positions[0].tolist()
         remarks = [settings.to_mapping(one) for one in self.remarks]
@@ -67,7 +67,7 @@ class Plan:
     @classmethod
     def from_mapping(cls, table: Mapping[str, Any]) -> Plan:
         """
-        Return the plan from such a table.
+        Return the plan from a dict made by `to_mapping`.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class Plan:
 
     @property
     def section_azimuth(self) -> float:
-        """Azimuth from the first station to the last, rad, the usual one for the vertical section."""
+        """Azimuth from the first station to the last, rad; the usual azimuth of the vertical section."""
         return mc.closure(self.positions)
 
 
@@ -98,10 +98,11 @@ class Offset:
     """
     Offset of a point from the plan.
 
-    distance: to the nearest point of the plan, m. plan_md: measured depth of that point, m. up, right: from the plan to
-    the point, in the plane across the plan, m. horizontal: distance in the map, m. vertical: below the plan (+), m.
-    toolface: direction from the well to the plan, across the hole, from its high side, rad; this toolface steers back.
-    dogleg_to_target: dogleg severity of the arc that hits the target of the plan, rad/m; NaN if no arc does.
+    distance: distance to the nearest point of the plan, m. plan_md: measured depth of this plan point, m. up, right:
+    components from the plan to the point, in the plane perpendicular to the plan, m. horizontal: distance on the map,
+    m. vertical: depth below the plan, m. toolface: direction from the well to the plan, perpendicular to the hole, rad
+    from the high side; steering to this toolface leads back to the plan. dogleg_to_target: dogleg severity of the arc
+    that hits the target of the plan, rad/m; NaN if there is no such arc.
     """
 
     distance: float
@@ -141,7 +142,7 @@ def plan_of(
     Raises
     ------
     ValueError
-        As `minimum_curvature.path`, or there are fewer than two stations.
+        The stations are invalid as in `minimum_curvature.path`, or there are fewer than two.
     """
     depth, inc, azi = mc.checked_stations(md, inclination, azimuth)
     if depth.size < 2:
@@ -152,7 +153,7 @@ def plan_of(
 
 def interpolated(plan: Plan, step: float) -> Plan:
     """
-    Return the same path with a station at least every `step` metres, for drawing.
+    Return the same path with additional stations, at most `step` metres apart, for drawing.
 
     Raises
     ------
@@ -177,7 +178,7 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
     position : array_like, shape (3,)
         Position of the well (a survey, or the bit), m.
     inclination, azimuth : float
-        Direction of the well at this position, rad; only the toolface depends on it.
+        Direction of the well at this position, rad; affects only the toolface of the result.
     """
     point = np.asarray(position, dtype=float)
     md = nearest(plan, point)
@@ -196,16 +197,16 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
 
 
 def across(plan: Plan, md: float) -> Array:
-    """Return the directions to the right of the plan and above it, across it, at a measured depth; shape (2, 3)."""
+    """Return the unit vectors right and up, perpendicular to the plan, at a measured depth, m; shape (2, 3)."""
     inc, azi, _ = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
     mat_plan = mat_nt(inc, azi, 0.0)
-    # At toolface 0 the scribe line is the high side, and the right side is minus the second axis.
+    # At toolface 0 the third tool axis points to the high side, and the second axis to the left.
     return np.stack([-mat_plan[:, 1], mat_plan[:, 2]])
 
 
 def straight(inclination: float, azimuth: float, length: float, north: str = "", name: str = "") -> Plan:
     """
-    Return the plan of a straight hole from its opening, rad and m.
+    Return the plan of a straight hole of a length, m, that begins at position 0; direction in rad.
 
     Raises
     ------
@@ -225,13 +226,13 @@ def offset_of_end(plan: Plan | None, path: Definitive) -> Offset | None:
     try:
         dogleg = steering_to(*end, plan.target).dogleg_severity
     except ValueError:
-        # The target is reached or lies behind the bit, so no arc leads there.
+        # The target is reached or lies behind the bit, so no arc leads to the target.
         dogleg = math.nan
     return dataclasses.replace(offset_from(plan, *end), dogleg_to_target=dogleg)
 
 
 def nearest(plan: Plan, point: ArrayLike) -> float:
-    """Return the measured depth of the plan's point nearest to a point, shape (3,), m; exact on every arc."""
+    """Return the measured depth of the point of the plan that is nearest to a position, shape (3,), m; exact."""
     p = np.asarray(point, dtype=float)
     t_1, t_2 = mc.tangent(plan.inclination[:-1], plan.azimuth[:-1]), mc.tangent(plan.inclination[1:], plan.azimuth[1:])
     length = np.diff(plan.md)
@@ -255,19 +256,19 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
     """
     Return the single arc from a position and direction to a target point.
 
-    The chord makes half the dogleg with the tangent, so its direction determines length and curvature.
+    The angle between chord and tangent is half the dogleg, so chord and tangent determine length and curvature.
 
     Parameters
     ----------
     position, target : array_like, shape (3,)
-        m.
+        Start and end of the arc, m.
     inclination, azimuth : float
         Direction at the position, rad.
 
     Raises
     ------
     ValueError
-        The target is the position itself, or lies straight behind it, where no arc leads.
+        The target is the position itself, or lies straight behind it, so that no arc leads to the target.
     """
     chord = np.asarray(target, dtype=float) - np.asarray(position, dtype=float)
     reach = float(np.linalg.norm(chord))
@@ -290,11 +291,11 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
 
 
 def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> float:
-    """Return the toolface whose steering plane contains a direction; rad from high side, or from north if vertical."""
+    """Return the toolface that steers to a direction, rad from the high side, or from north in a vertical hole."""
     mat = mat_nt(inclination, azimuth_at(inclination, azimuth), 0.0)
     return float(wrap_tau(math.atan2(-float(direction_n @ mat[:, 1]), float(direction_n @ mat[:, 2]))))
 
 
 def azimuth_at(inclination: float, azimuth: float) -> float:
-    """Return the azimuth of the high side, rad; 0 in a vertical hole, so that a toolface there counts from north."""
+    """Return the azimuth of the high side, rad; 0 in a vertical hole, so that its toolface is measured from north."""
     return 0.0 if math.sin(inclination) < mc.VERTICAL else azimuth

@@ -20,23 +20,24 @@ def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> 
     """
     Read the plan in a file: a table, LAS or WITSML.
 
-    north: "magnetic", "true" or "grid", the north that its azimuths must have; empty: any. given: facts about the file
-    stated by the caller.
+    north: north from which the azimuths must be measured, "magnetic", "true" or "grid"; empty: any. given: facts about
+    the file that the caller states.
 
     Raises
     ------
     ListFileError
-        The file is missing, unreadable, too large, not a plan, or from another north; the message names file, line and
-        rule.
+        The file is missing, unreadable, too large or not a plan, or its azimuths are from another north; the message
+        names file, line and rule.
     """
     return in_north(plan_from_list(read_list(path, given)), path, north)
 
 
 def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
     """
-    Return a plan for a well with azimuths from a given north (empty: any).
+    Return the plan if its azimuths are from the north of a well; north: name of this north, empty: any.
 
-    A plan that does not name its north is taken to be from the north of the well, with a remark.
+    If the plan does not name its north, its azimuths are assumed to be from the north of the well, and a remark is
+    added.
 
     Raises
     ------
@@ -53,12 +54,12 @@ def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
 
 def plan_from_list(stations: StationList) -> Plan:
     """
-    Return the plan through a list of stations; it starts where `station_list.start_of` says, like every list's path.
+    Return the plan through a list of stations; it starts at `station_list.start_of`, like the path of every list.
 
     Raises
     ------
     ListFileError
-        There are fewer than two stations, or one without azimuth where the hole is not vertical.
+        There are fewer than two stations, or an inclined station has no azimuth.
     """
     if stations.md.size < 2:
         raise ListFileError(f"{stations.name}: a plan needs at least two stations, got {stations.md.size}")
@@ -70,7 +71,7 @@ def plan_from_list(stations: StationList) -> Plan:
             " an offset well needs each azimuth"
         )
     if without.any():
-        # The azimuth of a vertical station is undefined: use that of the hole next to it.
+        # The azimuth of a vertical station is undefined: use the azimuth of an adjacent station.
         stations = dataclasses.replace(stations, azimuth=carried(stations.azimuth))
     md, inclination, azimuth, start, remarks = completed(stations)
     plan = plan_of(md, inclination, azimuth, start, stations.north, stations.name)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The slide sheet on disk: one line of JSON per finished stretch, flushed to disk at once.
+Slide sheet on disk: one line of JSON per finished stretch of hole (slid or rotated), flushed to disk at once.
 
-A recording has the sheet with which it began as a table of such lines.
+A recording contains the slide sheet as it was at the beginning of the recording, as a table of such lines.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
 
 
 def stretch_table(stretches: Iterable[Stretch]) -> dict[str, str]:
-    """Return the table for a recording that begins with these stretches."""
+    """Return the table that stores these stretches at the beginning of a recording."""
     return {_ROWS: "\n".join(json.dumps(settings.to_mapping(one)) for one in stretches)}
 
 
 def recorded_stretches(table: Mapping[str, str]) -> tuple[Stretch, ...]:
-    """Return the stretches in the table of a recording; empty if it has no such table."""
+    """Return the stretches in the slide sheet's table of a recording; empty if the table is empty."""
     return _stretches(table.get(_ROWS, ""))[0]
 
 
@@ -55,12 +55,12 @@ def append_stretch(path: Path, stretch: Stretch) -> None:
     Raises
     ------
     OSError
-        The disk refuses the write.
+        The file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(settings.to_mapping(stretch))
     with path.open("a+b") as file:
-        # Start a new line if the last one was cut off, so that it does not damage this one.
+        # Start a new line if the last line was cut off, so that it does not damage the new line.
         if file.seek(0, os.SEEK_END) and (file.seek(-1, os.SEEK_END), file.read(1))[1] != b"\n":
             text = "\n" + text
         file.write(text.encode() + b"\n")

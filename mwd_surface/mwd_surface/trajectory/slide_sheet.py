@@ -2,8 +2,8 @@
 """
 Slide sheet: stretches of hole that were slid (with toolface) or rotated, and the yield of the slides.
 
-New hole is the growth of the hole depth. It counts as slid or rotated according to the string's rotation meanwhile; a
-stretch shorter than `least_length` becomes part of the stretch around it. Depths are in m along the hole at the bit,
+New hole is the increase of the hole depth. New hole was slid or rotated according to the rotary speed at the time. A
+stretch shorter than `least_length` becomes part of an adjacent stretch. Depths are in m along the hole at the bit,
 angles in rad, stamps in ns.
 """
 
@@ -18,12 +18,12 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.trajectory.well_path import Definitive
 
 SLIDE, ROTATE = "slide", "rotate"
-_LONGEST_STEP = 30.0  # m; a larger step of the hole depth was not drilled just now
+_LONGEST_STEP = 30.0  # m; a larger step between two readings of the hole depth is not counted as drilling
 
 
 @dataclasses.dataclass(frozen=True)
 class SlideRules:
-    """Rules for sliding and for stretches."""
+    """Limits that separate sliding from rotating, and the least length of a stretch."""
 
     rotating_above: float = setting(
         10.0,
@@ -43,7 +43,7 @@ class SlideRules:
 @dataclasses.dataclass(frozen=True)
 class Stretch:
     """
-    New hole drilled in one mode.
+    Stretch of hole that was drilled in one mode.
 
     Attributes
     ----------
@@ -52,15 +52,15 @@ class Stretch:
     from_depth, to_depth : float
         Depths of the bit, m.
     begin_ns, end_ns : int
-        Begin and end, ns.
+        Begin and end of drilling, ns since the epoch.
     toolface : float or None
-        Mean over the metres slid, rad; None while rotating or if none was known.
+        Mean toolface over the metres slid, rad; None for ROTATE, or if no toolface was known.
     steadiness : float or None
-        Length of the mean unit vector of the toolfaces: 1 if held still, 0 if evenly scattered.
+        Length of the mean unit vector of the toolfaces: 1 if the toolface was constant, 0 if evenly scattered.
     magnetic : bool
         Whether the toolface is from north instead of the high side.
     rotary_speed : float
-        Mean over the metres, rad/s.
+        Mean rotary speed over the metres drilled, rad/s.
 
     Raises
     ------
@@ -90,7 +90,7 @@ class Stretch:
 
 @dataclasses.dataclass(frozen=True)
 class Yield:
-    """Drilling between two surveys: metres slid and rotated, and the resulting dogleg, rad."""
+    """Drilling between two surveys: lengths slid and rotated, m, and the resulting dogleg, rad."""
 
     from_depth: float
     to_depth: float
@@ -106,7 +106,7 @@ class Yield:
 
 @dataclasses.dataclass
 class _Open:
-    """The present stretch, as sums over metres."""
+    """Stretch that has not ended, with sums of speed and toolface weighted by the metres drilled."""
 
     mode: str
     from_depth: float
@@ -119,7 +119,7 @@ class _Open:
     magnetic: float = 0.0
 
     def closed(self) -> Stretch:
-        """Return the stretch with its means."""
+        """Return the stretch with the means of speed and toolface."""
         length = self.to_depth - self.from_depth
         known = self.mode == SLIDE and self.faced > 0.0 and abs(self.faces) > 0.0
         return Stretch(
@@ -139,8 +139,10 @@ class SlideSheet:
     """
     Stretches in the order in which they were drilled.
 
+    Parameters
+    ----------
     earlier : sequence of Stretch
-        Stretches from before, read from a file.
+        Stretches drilled before, read from a file.
     """
 
     def __init__(self, rules: SlideRules | None = None, earlier: Sequence[Stretch] = ()) -> None:
@@ -170,14 +172,14 @@ class SlideSheet:
         rotary_speed : float
             Rotary speed of the string, rad/s.
         toolface : float or None
-            Toolface, rad, if it is known.
+            Toolface, rad; None: unknown.
         magnetic : bool
-            Whether the toolface is from north.
+            Whether the toolface is measured from north.
         """
         if not (math.isfinite(hole_depth) and hole_depth >= 0.0 and math.isfinite(rotary_speed)):
             return None
         if self._depth is None or hole_depth - self._depth > _LONGEST_STEP:
-            # This is the first reading, or the hole was drilled while nothing was recorded, so it belongs to no
+            # This is the first reading, or the new hole was drilled while nothing was recorded: it belongs to no
             # stretch.
             self._depth = hole_depth
             return self.finish()
@@ -188,7 +190,7 @@ class SlideSheet:
         if self._open is None:
             self._open = _Open(mode, self._depth, stamp_ns, self._depth, stamp_ns)
         if mode == self._open.mode and self._next is not None:
-            # The other mode lasted for a moment only.
+            # The other mode lasted for less than the least length: add its hole to the present stretch.
             self._grow(self._open, stamp_ns, self._next.to_depth, self._next.turns, None, False)
             self._next = None
         if mode != self._open.mode and self._next is None:
@@ -199,7 +201,7 @@ class SlideSheet:
         self._depth = hole_depth
         if self._next is not None and self._next.to_depth - self._next.from_depth >= self.rules.least_length:
             if self._open.to_depth - self._open.from_depth < self.rules.least_length:
-                # The stretch is too short to stand alone, so the next one includes it.
+                # The ended stretch is too short to be listed, so it becomes part of the next stretch.
                 self._next.from_depth, self._next.begin_ns = self._open.from_depth, self._open.begin_ns
                 self._open, self._next = self._next, None
                 return None
@@ -209,7 +211,7 @@ class SlideSheet:
         return None
 
     def forget_depth(self) -> None:
-        """Count no hole between the last reading and the next one, because a person has corrected the depth."""
+        """Ignore the change of depth up to the next reading, because a person has corrected the depth."""
         self._depth = None
 
     @property
@@ -218,11 +220,11 @@ class SlideSheet:
         return (*self._done, *([self._open.closed()] if self._open is not None else []))
 
     def finish(self) -> Stretch | None:
-        """End the present stretch, for example at shutdown; return it if it has a length."""
+        """End the present stretch, for example at shutdown; return the stretch, or None if its length is zero."""
         if self._open is None:
             return None
         if self._next is not None:
-            # Include a short change of mode whose end was not seen.
+            # The last change of mode is shorter than the least length: add its hole to the present stretch.
             self._grow(self._open, self._next.end_ns, self._next.to_depth, self._next.turns, None, False)
         ended = self._open.closed()
         self._open = self._next = None
@@ -244,9 +246,9 @@ class SlideSheet:
 
 def yields(stretches: Sequence[Stretch], path: Definitive) -> tuple[Yield, ...]:
     """
-    Return the metres slid and rotated in each surveyed interval, with the dogleg between its surveys.
+    Return the lengths slid and rotated in each interval between surveys, with the dogleg of the interval.
 
-    The dogleg includes the tendency of the formation. Intervals without recorded drilling are left out.
+    The dogleg includes the tendency of the formation. Intervals without recorded drilling are omitted.
     """
     found = []
     for k in range(1, len(path.md)):

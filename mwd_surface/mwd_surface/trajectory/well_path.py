@@ -26,11 +26,11 @@ class Definitive:
     Path of one leg from the wellhead down, by minimum curvature.
 
     md, inclination, azimuth, vertical_section: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m.
-    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above. kind: `TIE_ON`, `ASSUMED` (a
-    tie-on that was not given; the hole from it to the next station is assumed too), `SURVEY` or `PROJECTED`. sequence:
-    number of the survey, 0 for other kinds. north: reference of azimuth and positions. section_azimuth: azimuth of the
-    vertical section, rad. assumptions: assumptions on which the coordinates of all stations rest in addition to
-    measurements.
+    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above each station. kind: `TIE_ON`,
+    `ASSUMED` (assumed tie-on, because none was given; the hole between it and the next station is also assumed),
+    `SURVEY` or `PROJECTED`. sequence: number of the survey, 0 for other kinds. north: reference of azimuth and
+    positions. section_azimuth: azimuth of the vertical section, rad. assumptions: assumptions, in addition to
+    measurements, on which the coordinates of all stations are based.
     """
 
     leg: str
@@ -50,12 +50,12 @@ class Definitive:
 
     @property
     def assumed(self) -> bool:
-        """Whether coordinates rest on an assumption, so that depths and positions may have errors of any size."""
+        """Whether coordinates are based on an assumption, so that depths and positions may have errors of any size."""
         return bool(self.assumptions)
 
     @property
     def measured_depth(self) -> Array:
-        """Measured depth, m, shape (n,); the same as `md`."""
+        """Measured depth, m, shape (n,); equal to `md`."""
         return self.md
 
     @property
@@ -109,14 +109,14 @@ def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     ahead = bit_depth - float(path.md[-1])
     if ahead <= 0.0:
         return path
-    # `checked_stations` gives a vertical end the azimuth of the hole above it.
+    # If the last station is vertical, `checked_stations` gives it the azimuth of the hole above.
     inc, azi = (float(row[-1]) for row in mc.checked_stations(path.md, path.inclination, path.azimuth)[1:])
     bend = float(path.dogleg_severity[-1]) * ahead
-    # Projecting a curve over more than a quarter turn would be meaningless.
+    # A projected curve of more than a quarter turn would be meaningless: project straight instead.
     if how == "curve" and 1e-9 < bend < math.pi / 2:
         t_1, t_2 = mc.tangent(path.inclination[-2:], path.azimuth[-2:])
         full = float(path.dogleg_severity[-1]) * float(path.md[-1] - path.md[-2])
-        # Direction in which the arc turns at its end, in the plane of its two tangents.
+        # Direction towards which the arc turns at its end, in the plane of the two tangents.
         inward = (math.cos(full) * t_2 - t_1) / math.sin(full)
         t = math.cos(bend) * t_2 + math.sin(bend) * inward
         inc, azi = math.atan2(math.hypot(t[0], t[1]), t[2]), math.atan2(t[1], t[0]) % math.tau
@@ -141,8 +141,8 @@ def path_of(
     """
     Return the path through stations with known positions, with all derived values.
 
-    stations: measured depth, m, inclination and azimuth, rad, shape (n,) each. The other arguments are the fields of
-    the same names.
+    stations: measured depth, m, inclination and azimuth, rad, shape (n,) each. The other arguments are fields of
+    `Definitive`.
     """
     md, inclination, azimuth = stations
     return Definitive(

@@ -2,10 +2,10 @@
 """
 Axial field of a magnetised drill string at the survey sensors, and the non-magnetic length that limits it.
 
-A magnetised piece of steel acts as a pair of poles of opposite sign at its ends; the field of a pole falls with the
-square of its distance. S. J. Grindrod, J. M. Wolff, "Calculation of NMDC length required for various latitudes
-developed from field measurements of drill string magnetisation", IADC/SPE 11382 (1983). The signs of a string's poles
-are unknown before they are measured, so the fields of its parts are added with the signs that make the sum largest.
+A magnetised piece of steel acts as a pair of poles of opposite sign at its ends; the field of a pole decreases with the
+square of the distance. S. J. Grindrod, J. M. Wolff, "Calculation of NMDC length required for various latitudes
+developed from field measurements of drill string magnetisation", IADC/SPE 11382 (1983). The signs of the poles are
+unknown before they are measured, so the fields of all pieces are added with the signs that make the sum largest.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from scipy.optimize import brentq, minimize_scalar
 from mwd_estimation.assembly.assembly import Assembly, Component
 
 # Usual pole strengths, Wb: collars or pipe above the sensor; steel below the sensor with a motor, with ten metres of
-# collars, or with only stabiliser and bit. These are typical values used in the industry, of the size of published
+# collars, or with only stabiliser and bit. These are typical values used in the industry, of the same size as published
 # field measurements; they were not checked against the tables of the paper.
 POLES = {"collars": 900e-6, "motor": 1000e-6, "short collars": 300e-6, "bit": 90e-6}
-# Length below which a part is taken to have the pole strength of stabilisers and bits, m.
+# A piece shorter than this is assumed to have the pole strength of stabilisers and bits, m.
 _SHORT = 3.0
 # Longest non-magnetic collars considered, m.
 _LONGEST = 300.0
@@ -30,10 +30,10 @@ _LONGEST = 300.0
 
 @dataclass(frozen=True)
 class Steel:
-    """A magnetised piece of the string on one side of the sensors."""
+    """Magnetised piece of the string on one side of the sensors."""
 
     near: float  #: distance from the sensors to the nearer end of the piece, m
-    length: float  #: length, m; infinite for the string above
+    length: float  #: length of the piece, m; infinite for the string above the assembly
     pole: float  #: strength of its poles, Wb
     name: str = ""
 
@@ -59,7 +59,8 @@ def pieces_of(assembly: Assembly) -> tuple[Steel, ...]:
     """
     Return the magnetic pieces of an assembly; adjacent magnetic components form one piece with their strongest pole.
 
-    A piece at the upper end continues into the string. ValueError if the sensors lie in magnetic steel.
+    A piece at the upper end of the assembly continues into the string above. Raise ValueError if the sensors lie in
+    magnetic steel.
     """
     runs: list[tuple[float, list[Component]]] = []
     start, before = 0.0, False
@@ -112,7 +113,11 @@ def azimuth_error(axial: float, inclination: float, azimuth: float, horizontal: 
 
 
 def largest_interference(limit: float, inclination: float, azimuth: float, horizontal: float) -> float:
-    """Return the axial field whose azimuth error, for either sign, reaches a limit, rad; inf if none exceeds it."""
+    """
+    Return the axial field, T, of which one sign causes an azimuth error equal to a limit, rad.
+
+    Return inf if no axial field exceeds the limit. Other arguments as in `azimuth_error`.
+    """
 
     def worst(axial: float) -> float:
         return max(abs(azimuth_error(sign * axial, inclination, azimuth, horizontal)) for sign in (-1.0, 1.0))
@@ -124,7 +129,7 @@ def largest_interference(limit: float, inclination: float, azimuth: float, horiz
 
 def shortest_collars(above: float, below: float, below_length: float, most: float) -> tuple[float, float]:
     """
-    Return the non-magnetic lengths above and below the sensors, of least sum, that keep the axial field within a limit.
+    Return the shortest non-magnetic collars, above and below the sensors, that keep the axial field within a limit.
 
     Parameters
     ----------
@@ -138,7 +143,7 @@ def shortest_collars(above: float, below: float, below_length: float, most: floa
     Returns
     -------
     above, below : float
-        Lengths, m.
+        Lengths of the non-magnetic collars, m.
 
     Raises
     ------

@@ -3,15 +3,15 @@
 Error terms of ISCWSA / OWSG tool codes along a well: the effect of each error source of each tool on the positions.
 
 The codes with their weighting functions and magnitudes are those of `welleng` (ISCWSA error model definition, revision
-5.13; OWSG sets A and B). Each tool is evaluated on its own stations together with the stations before and after them,
-so that an interval between two tools has a contribution from each (Williamson, SPE 67616, equations A-4 and A-14). The
-library is imported on first use, because it is slow to import and nothing else needs it.
+5.13; OWSG sets A and B). Each tool is evaluated on its own stations together with the station before and the station
+after them, so that an interval between two tools has a contribution from each (Williamson, SPE 67616, equations A-4 and
+A-14). The library is imported on first use, because the import is slow and no other module needs the library.
 
 In a vertical hole the library replaces weighting functions that contain 1 / sin(inclination) by special weights. Some
 of these are wrong: XYM3E and XYM4E are multiplied by the squared cosine of the azimuth, and the last station and the
-first leg lack contributions. Here every vertical station is therefore evaluated by the ordinary weighting functions
-close to the vertical, where the position errors approach a limit (ISCWSA error model definition 5.13, section 11.5,
-states the same limits).
+first interval lack contributions. Here every vertical station is therefore evaluated by the ordinary weighting
+functions at a small inclination, where the position errors approach a limit (ISCWSA error model definition 5.13,
+section 11.5, states the same limits).
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 Mask = npt.NDArray[np.bool_]
 RANDOM = "random"
-# The library's words for errors shared within a well or by the wells of a pad; within one well they are fully
-# correlated.
+# Propagation modes of the library for errors that are shared within a well or by the wells of a pad. Within one well
+# these errors are fully correlated.
 _WHOLE_WELL = ("well", "global", "within_pad")
 # Inclination below which no tool gives an azimuth, rad.
 _VERTICAL = math.radians(1.0)
-# Inclination at which a vertical station is evaluated, rad; its shifts differ from their limit by this share.
+# Inclination at which a vertical station is evaluated, rad; relative to the limit, its shifts differ by this number.
 _NEXT_TO_VERTICAL = 1e-7
-# Name prefixes of error sources that do not act on measured angles: depth, and the course between stations.
+# Name prefixes of error sources that affect depth, or the course between stations, instead of the measured angles.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
 
 
@@ -52,9 +52,9 @@ class CovarianceUnavailableError(ImportError):
 @dataclasses.dataclass(frozen=True)
 class ErrorReference:
     """
-    Local field for the tool models: rad, T and m/s^2.
+    Local magnetic field and gravity for the tool models, in rad, T and m/s^2.
 
-    latitude is NaN if the place of the well is not given; only gyro codes need it.
+    latitude: NaN if the location of the well is not given; only gyro codes need the latitude.
     """
 
     latitude: float
@@ -83,16 +83,15 @@ class ErrorTerm:
     name : str
         Name of the source in the error model, for example "DRFR".
     shared : str
-        Stations with the same name and the same text here share the error; RANDOM: each station has its own error.
+        Terms with the same name and the same text here have one common error; RANDOM: each station has its own error.
     error : ndarray, shape (n, 3)
-        Shift of all deeper stations by the error at a station, m, in true north, east, down; 0 for stations of other
-        tools.
+        Shift of all deeper stations due to the error at a station, m, in true north, east, down; 0 for stations of
+        other tools.
     own : ndarray, shape (n, 3)
-        Shift of the station itself, m.
+        Shift of the station itself due to its error, m.
     measured : ndarray, shape (n, 3)
-        Error of measured depth, m, inclination and azimuth, rad, that causes both shifts. It is 0 for errors of the
-        course between stations, which are position errors. The error of the azimuth grows without limit towards the
-        vertical.
+        Error of measured depth, m, inclination and azimuth, rad, that causes both shifts; 0 for errors of the course
+        between stations, which are position errors. The error of the azimuth grows without limit towards the vertical.
     """
 
     name: str
@@ -104,7 +103,11 @@ class ErrorTerm:
 
 @dataclasses.dataclass(frozen=True)
 class _CourseStations:
-    """Measured depth, m, inclination, azimuth from true north, rad, shape (n,) each; vertical depth of the first, m."""
+    """
+    Stations of a part of the well, shape (n,) each: measured depth, m, inclination, azimuth from true north, rad.
+
+    first_tvd: vertical depth of the first station, m.
+    """
 
     md: Array
     inclination: Array
@@ -112,7 +115,7 @@ class _CourseStations:
     first_tvd: float = 0.0
 
     def cut(self, first: int, last: int, inclination: Array) -> _CourseStations:
-        """Return the stations first to last, with other inclinations, shape (n,), rad."""
+        """Return the stations from index first to last - 1, with their inclinations from `inclination`, rad."""
         start = (0.0, 0.0, self.first_tvd)
         tvd = float(mc.path(self.md, self.inclination, self.azimuth, start)[first, 2])
         return _CourseStations(self.md[first:last], inclination[first:last], self.azimuth[first:last], tvd)
@@ -127,7 +130,7 @@ def tool_codes() -> tuple[str, ...]:
     try:
         return tool_code.names()
     except ImportError as error:
-        # Either welleng itself, or a package that it needs.
+        # Name of the missing package: welleng itself, or a package that welleng needs.
         missing = (error.name or "welleng").partition(".")[0]
         raise CovarianceUnavailableError(
             f"position covariance needs the Python package {missing}, which is not installed: pip install {missing}"
@@ -141,7 +144,7 @@ def check_tool_code(code: str) -> None:
     Raises
     ------
     ValueError
-        The code does not exist; the message names similar ones.
+        The code does not exist; the message names similar codes.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -175,7 +178,7 @@ def error_terms(
     Raises
     ------
     ValueError
-        There is an unknown tool code, a station beyond the limits of its code, or a gyro code without latitude.
+        A tool code is unknown, a station is outside the inclination range of its code, or a gyro code has no latitude.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -192,10 +195,10 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference
     """
     Return the covariance of inclination and azimuth along a well surveyed by one tool, shape (n, 2, 2), rad^2.
 
-    stations: measured depth, m, inclination and azimuth from true north, rad, shape (n,) each. Errors as in
+    stations: measured depth, m, inclination and azimuth from true north, rad, shape (n,) each. Raises the exceptions of
     `error_terms`.
     """
-    # Some terms have no value at the first station, so add one more station above it.
+    # Some terms have no value at the first station, so add a station above it.
     md, inc, azi = (np.append(values[:1], values).astype(float) for values in stations)
     md[0] -= 30.0
     total = np.zeros((inc.size, 2, 2))
@@ -208,7 +211,7 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference
 def _of_tool(
     whole: _CourseStations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask
 ) -> Iterator[ErrorTerm]:
-    """Yield the terms of one tool; own, shape (n,): its stations."""
+    """Yield the terms of one tool; own, bare, shape (n,): its stations, and stations without errors of angles."""
     n = whole.md.size
     rows = np.flatnonzero(own)
     low, high = _inclination_limits(tool.code)
@@ -244,7 +247,7 @@ def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> 
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):
-        # Only this weight, sin(inclination)**0.25, vanishes more slowly than the inclination itself near the vertical.
+        # Near the vertical only this weight, sin(inclination)**0.25, decreases more slowly than the inclination.
         low = s_inc < math.sin(_NEXT_TO_VERTICAL)
         scale[low] = (np.maximum(s_inc[low], 0.0) / math.sin(_NEXT_TO_VERTICAL)) ** 0.25
         scale[s_inc < mc.VERTICAL] = 0.0
@@ -257,7 +260,7 @@ def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> 
 
 
 def _check_azimuth(code: str, errors: dict[str, Any], whole: _CourseStations, own: Mask, first: int) -> None:
-    """Raise for a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination)."""
+    """Raise ValueError for a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination)."""
     largest = np.max([np.abs(np.asarray(source.e_DIA))[:, 2] for source in errors.values()], axis=0, initial=0.0)
     for k in np.flatnonzero(own & (np.sin(whole.inclination) > math.sin(_VERTICAL))):
         if not largest[k - first] < 0.5 * math.pi:
@@ -270,8 +273,8 @@ def _check_azimuth(code: str, errors: dict[str, Any], whole: _CourseStations, ow
 def _shared(propagation: str, tool: Tool) -> str:
     if propagation == RANDOM:
         return RANDOM
-    # Within a run the tool's own errors are the same; errors of the well and of the Earth's field apply to the whole
-    # well.
+    # The tool's own errors are constant within a run; errors of the well and of the Earth's field are constant within
+    # the whole well.
     return "whole well" if propagation in _WHOLE_WELL else f"{tool.code}, run {tool.run}"
 
 
@@ -279,8 +282,8 @@ def _realisations(source: Any) -> list[Mask]:
     """
     Return masks, shape (n,), of the stations that share one realisation of an error.
 
-    A continuous gyro that restarts has a new random error from each start (definition 5.13, section 7.3). The library
-    then gives only the covariance of the parts; here the parts are separated.
+    A continuous gyro has a new random error from each start (definition 5.13, section 7.3). For such an error the
+    library gives only the covariance of all parts together; here the parts are separated.
     """
     n = len(source.e_NEV)
     sigma = np.asarray(source.sigma_e_NEV)
@@ -295,19 +298,19 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
     """
     Return the library's error sources by name, and the code's tortuosity, rad/m.
 
-    Each source has at least as many rows as there are stations.
+    The arrays of a source have one row for each station, and may have additional rows at the end.
     """
     from welleng.survey import Survey, SurveyHeader
 
     md, azi = stations.md, stations.azimuth
     inc = np.clip(stations.inclination, _NEXT_TO_VERTICAL, math.pi - _NEXT_TO_VERTICAL)
     if md.size < 3:
-        # welleng's singular terms need a third station; one straight ahead does not change the two above it.
+        # welleng's singular terms need three stations; a station straight ahead does not change the two above it.
         ahead = md[-1] + (md[-1] - md[0] if md.size > 1 else 30.0)
         md, inc, azi = np.append(md, ahead), np.append(inc, inc[-1]), np.append(azi, azi[-1])
     if _needs_latitude(code) and not math.isfinite(reference.latitude):
         raise ValueError(f"{code} is a gyro code and needs the latitude of the well (well.latitude_deg, --lat)")
-    # Without convergence welleng uses one set of axes, those of true north.
+    # With zero convergence all axes of welleng are those of true north.
     header = SurveyHeader(
         latitude=math.degrees(reference.latitude) if math.isfinite(reference.latitude) else 0.0,
         longitude=0.0,
@@ -319,7 +322,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
         declination=math.degrees(reference.declination),
         convergence=0.0,
         azi_reference="true",
-        # Pass no vertical station to the library: see the docstring of this file.
+        # With limit 0 the library uses its special weights for no station: see the docstring of this file.
         vertical_inc_limit=0.0,
     )
     try:
@@ -344,7 +347,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
 
 @functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
-    """Return the inclination range of a code, rad; the upper limit is excluded, except straight up."""
+    """Return the inclination range of a code, rad; the upper limit is excluded, and inf if the code has none."""
     found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf

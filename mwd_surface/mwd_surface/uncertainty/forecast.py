@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Forecast along a plan: expected sigmas of inclination and azimuth, limits of quality control, and share accepted.
+Forecast of surveys along a plan: sigmas of inclination and azimuth, limits of quality control, share of accepted ones.
 
-Sigmas are those of the tool code at each attitude. The single-station correction of axial interference is judged by the
-sibling code with that correction (+AX). Its azimuth is lost where the hole is nearly horizontal east-west, because the
-field along the tool then carries the same information as the field across it. Limits are those of the tool code. The
-share accepted is that of single stations, drawn from the errors of a healthy tool and judged as the estimator judges
-them.
+Sigmas are those of the tool code at each attitude. For the single-station correction of axial interference they are
+those of the sibling code with this correction (+AX). The corrected azimuth has no accuracy where the hole is nearly
+horizontal east-west, because the field across the tool then hardly depends on the azimuth. Limits are those of the tool
+code. For the share of accepted surveys, single stations are drawn from the errors of a healthy tool and judged by the
+rules of the estimator.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from mwd_sensors.core.frames import mat_nt, wrap_tau
 from mwd_surface.trajectory.plan import Plan, interpolated
 from mwd_surface.uncertainty.error_terms import ErrorReference, Mask, Tool, angle_covariance, tool_codes
 
-# Toolfaces over which quality control is averaged; its limits hardly depend on the toolface.
+# Toolfaces over which the limits of quality control are averaged; the limits hardly depend on the toolface.
 _TOOLFACES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
-# Stations that are drawn at each attitude: 2^5, in a Sobol sequence of toolfaces and errors. The share accepted then
-# has a sigma of 0.09 (that of independent draws) or less. The same draws serve the whole plan, so that the share
-# changes with the attitude only.
+# Number of stations that are drawn at each attitude, as a power of 2: 2^5, in a Sobol sequence of toolfaces and errors.
+# The share of accepted stations then has a sigma of 0.09 (as with independent draws) or less. The same draws are used
+# along the whole plan, so that the share changes only with the attitude.
 _LOG2_DRAWS = 5
-# The share is computed at attitudes that are at least this far apart, rad, and interpolated between them.
+# The share is computed at directions at least this angle apart, rad, and interpolated between them.
 _APART = math.radians(5.0)
-_VERTICAL = math.radians(1.0)
-_STEP = 30.0
+_VERTICAL = math.radians(1.0)  # inclination below which the azimuth has no sigma, rad
+_STEP = 30.0  # distance between surveys, m
 # A correction that multiplies the azimuth's sigma by more than this is not useful.
 _MUCH = 1.5
 
@@ -53,20 +53,21 @@ class Forecast:
     Attributes
     ----------
     md, inclination, azimuth : ndarray, shape (n,)
-        Stations every 30 m, m and rad, from the north of the plan.
+        Stations every 30 m, m and rad; azimuth from the north of the plan.
     true_azimuth : ndarray, shape (n,)
         Azimuth from true north, rad.
     sigma_inclination, sigma_azimuth : ndarray, shape (n,)
-        1 sigma by the tool code, rad; that of the azimuth is NaN within 1 deg of the vertical.
+        1 sigma of inclination and azimuth by the tool code, rad; for the azimuth NaN within 1 deg of the vertical.
     sigma_corrected : ndarray, shape (n,)
-        1 sigma of the azimuth after single-station correction, rad; NaN if the code has no sibling with it.
+        1 sigma of the azimuth after single-station correction, rad; NaN if the code has no sibling with correction.
     limits : ndarray, shape (n, 3)
         Limits on the deviations of total gravity, total field and dip: m/s^2, T, rad; NaN for codes without these
         sensors.
     accepted : ndarray, shape (n,)
-        Share of single stations of a healthy tool that the verdict accepts, of 32 that are drawn; NaN like the limits.
+        Share of stations of a healthy tool that the estimator's verdict accepts, 0 to 1, from 32 random stations; NaN
+        for codes without these sensors.
     no_go : ndarray of bool, shape (n,)
-        Whether the corrected azimuth's sigma exceeds `most` and is much larger than without correction.
+        Whether the sigma of the corrected azimuth exceeds `most`, and 1.5 times the sigma without correction.
     most : float
         Largest useful sigma of a corrected azimuth, rad.
     axial : float
@@ -112,12 +113,13 @@ def forecast(
     Raises
     ------
     ValueError
-        The reference lacks a value that the plan's north needs, or `error_terms.angle_covariance` refuses the input.
+        The reference lacks a value that is needed for the north of the plan, or `error_terms.angle_covariance` refuses
+        the input.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
     dense = interpolated(plan, _STEP)
-    # Plan stations may be closer together than surveys; surveys will be taken about every 30 m.
+    # Plan stations may be closer together than surveys: keep one station every 30 m, and the last.
     keep = np.unique(np.searchsorted(dense.md, np.append(np.arange(dense.md[0], dense.md[-1], _STEP), dense.md[-1])))
     md, inc, azi = dense.md[keep], dense.inclination[keep], dense.azimuth[keep]
     true = wrap_tau(azi + _to_true(north, reference))
@@ -126,7 +128,7 @@ def forecast(
     sibling = corrected_sibling(code)
     corrected = _sigmas(sibling, (md, inc, true), field)[:, 1] if sibling else np.full(md.size, math.nan)
     limits, accepted = _quality(code, inc, true, reference, axial)
-    # In a steep hole every azimuth is weak, which is not the fault of the correction.
+    # In a steep hole the azimuth is uncertain even without correction, so compare the two sigmas.
     no_go = np.nan_to_num(corrected) > np.maximum(most, _MUCH * np.nan_to_num(sigmas[:, 1], nan=math.inf))
     return Forecast(md, inc, azi, true, sigmas[:, 0], sigmas[:, 1], corrected, limits, accepted, no_go, most, axial)
 
@@ -137,9 +139,9 @@ def correction_map(
     """
     Return the sigma of the corrected azimuth over all directions, for a chart.
 
-    points: number of azimuths and inclinations. Return true azimuths, shape (m,), inclinations, shape (k,), and sigmas,
-    shape (k, m), rad. Other arguments and errors as in `forecast`; also ValueError for a code without a corrected
-    sibling.
+    points: number of azimuth steps, and number of inclinations. Return true azimuths, shape (m,), inclinations, shape
+    (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`; also raise ValueError
+    for a code without a sibling with axial correction.
     """
     sibling = corrected_sibling(code)
     if not sibling:
@@ -147,14 +149,14 @@ def correction_map(
     azimuths = np.linspace(0.0, math.tau, points[0] + 1)
     inclinations = np.radians(np.linspace(2.0, 90.0, points[1]))
     field = error_reference(reference, latitude)
-    # Errors of magnetic tools do not depend on the path to a station, so any depths will do.
+    # The angle errors of magnetic tools do not depend on the path above a station, so depths are arbitrary.
     md: Array = _STEP * np.arange(azimuths.size, dtype=float)
     rows = [_sigmas(sibling, (md, np.full(azimuths.size, inc), azimuths), field)[:, 1] for inc in inclinations]
     return azimuths, inclinations, np.array(rows)
 
 
 def corrected_sibling(code: str) -> str:
-    """Return the code with the same field model and axial correction; empty for gyros and others without one."""
+    """Return the code with the same field model and with axial correction; empty if there is no such code."""
     kind = "EMS" if code.startswith("EMS") else "MWD"
     model = next((word for word in ("IFR2", "IFR1", "HRGM", "LRGM", "SRGM") if word in code), "")
     floating = "_Fl" if code.endswith("_Fl") else ""
@@ -198,7 +200,7 @@ def _sigmas(code: str, stations: tuple[Array, Array, Array], field: ErrorReferen
 
 def _quality(code: str, inc: Array, true: Array, reference: Reference, axial: float) -> tuple[Array, Array]:
     """Return the limits of quality control, shape (n, 3), and the share of stations that are accepted, shape (n,)."""
-    # Set B differs from set A in the field model, not in the sensors.
+    # OWSG set B differs from set A in the field model, not in the sensors.
     sensors = code.replace("HRGM", "SRGM").replace("LRGM", "SRGM")
     limits = np.full((inc.size, 3), math.nan)
     try:
@@ -215,7 +217,12 @@ def _quality(code: str, inc: Array, true: Array, reference: Reference, axial: fl
 
 
 def _apart(inc: Array, true: Array) -> list[int]:
-    """Return the first and the last station, and each whose direction is `_APART` from the one chosen before."""
+    """
+    Return the indices of stations whose directions are far enough apart to compute the share.
+
+    They are the first and the last station, and each station whose direction differs by more than `_APART` from the
+    direction of the previously chosen station.
+    """
     axes = np.column_stack([np.sin(inc) * np.cos(true), np.sin(inc) * np.sin(true), np.cos(inc)])
     chosen = [0]
     for k in range(1, inc.size):
@@ -225,7 +232,11 @@ def _apart(inc: Array, true: Array) -> list[int]:
 
 
 def _limits(mat: Array, errors: SensorErrors, reference: Reference) -> Array:
-    """Return the limits of quality control of a tool at an attitude, shape (3,); mat: tool axes in north-east-down."""
+    """
+    Return the limits of quality control of a tool at an attitude, shape (3,): m/s^2, T, rad.
+
+    mat: rotation matrix from tool axes to north, east, down.
+    """
     f_t, b_t = mat.T @ np.array([0.0, 0.0, -_gravity(reference)]), mat.T @ _field_n(reference)
     own = errors.covariance(f_t, b_t)
     expected = deviation_covariance(f_t, b_t, reference, own, errors.axial_interference_nt * 1e-9)
@@ -233,10 +244,10 @@ def _limits(mat: Array, errors: SensorErrors, reference: Reference) -> Array:
 
 
 def _accepted(inclination: float, true: float, errors: SensorErrors, reference: Reference, axial: float) -> float:
-    """Return the share of drawn stations of a healthy tool that the verdict accepts; axial: T."""
+    """Return the share, 0 to 1, of random stations of a healthy tool that the verdict accepts; axial: field, T."""
     settings, accepted = StationSettings(errors=errors), 0
     draws = qmc.Sobol(d=10, seed=1).random_base2(_LOG2_DRAWS)
-    # A Sobol sequence can hold 0, whose normal value is infinite.
+    # A Sobol sequence can contain 0, whose normal quantile is infinite.
     normal = norm.ppf(np.clip(draws[:, 1:], 1e-6, 1.0 - 1e-6))
     for toolface, of_field, of_tool in zip(math.tau * draws[:, 0], normal[:, :3], normal[:, 3:], strict=True):
         mat = mat_nt(inclination, true, float(toolface))

@@ -6,10 +6,10 @@ Errors of one run are the same at all its stations, errors of the well and of th
 runs, and random errors are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations
 A-12 to A-15). Covariances are in m^2 at 1 sigma.
 
-A vertical hole has no azimuth, and near the vertical the azimuth of a list is noise. Many error sources act along the
-azimuth or across it, so the model needs one: `minimum_curvature.directions` gives the azimuth of the adjacent hole as
-far as it is known. Where it is unknown, such an error may point in any direction: it gets the same variance in each
-direction, and is independent of the errors of the hole with known azimuth.
+A vertical hole has no azimuth, and near the vertical the azimuth in a survey list is noise. Many error sources act
+along or across the azimuth of the hole, so the model needs an azimuth: `minimum_curvature.directions` gives the azimuth
+of the adjacent hole, as far as it is known. Where the azimuth is unknown, such an error may point in any direction: it
+gets the same variance in each direction, and is independent of the errors of the hole with known azimuth.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
 
-# Inclination above which the azimuth of a station counts in full, rad: 1 sigma of the difference between the direction
-# of a single station and that of the hole in the OWSG codes (XYM3E, XYM4E).
+# Inclination above which the azimuth of a station is used without the azimuth of the adjacent hole, rad. It is 1 sigma
+# of the angle between the tool at a single station and the hole in the OWSG codes (XYM3E, XYM4E).
 AZIMUTH_KNOWN_FROM = math.radians(0.3)
 
 
 @dataclasses.dataclass(frozen=True)
 class Ellipse:
     """
-    Ellipse with semi-axes, m, largest first, and the angle from the first axis of its plane to the larger one, rad.
+    Ellipse: its semi-axes, m, largest first, and the angle from the first coordinate axis to the larger semi-axis, rad.
 
-    A circle has angle 0.
+    The angle of a circle is 0.
     """
 
     major: float
@@ -46,7 +46,7 @@ class Ellipse:
     angle: float
 
     def outline(self, points: int = 73) -> Array:
-        """Return points around the ellipse about zero, shape (points, 2), m, in the two axes of its plane."""
+        """Return points on the ellipse about the origin, shape (points, 2), m, in the coordinates of its plane."""
         t = np.linspace(0.0, math.tau, points)
         c, s = math.cos(self.angle), math.sin(self.angle)
         x, y = self.major * np.cos(t), self.minor * np.sin(t)
@@ -61,10 +61,10 @@ class StationErrors:
     Attributes
     ----------
     tools : sequence of Tool or None, length n
-        Tool that measured each station; None for a station taken as given, such as a tie-on.
+        Tool that measured each station; None for a station without errors of its own, such as a tie-on.
     sigmas : ndarray, shape (n, 2), optional
-        Each station's own 1 sigma of inclination and azimuth, rad. It replaces the angle errors of the tool code and is
-        taken as the same error in the whole run, which is the cautious choice. NaN: use the code.
+        1 sigma of inclination and azimuth of each station, rad, used instead of the angle errors of the tool code. The
+        errors are assumed to be fully correlated within a run, which is the cautious choice. NaN: use the code.
     tie_on : ndarray, shape (3, 3), optional
         Covariance of the first station, in the axes of the result, m^2.
     """
@@ -89,12 +89,12 @@ def position_covariance(
     Parameters
     ----------
     md, inclination, azimuth : array_like, shape (n,)
-        Stations from the wellhead down, m and rad; the first one is the surface root if its depth is 0.
+        Stations from the wellhead down, m and rad; a first station at depth 0 is the wellhead.
     north : North
         North of the azimuths and of the first two axes of the result.
     errors : StationErrors or str
-        Tools of the stations; or one tool code for all, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS" or "ISCWSA
-        MWD Rev5.11".
+        Tools of the stations; or one tool code for all stations, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS"
+        or "ISCWSA MWD Rev5.11".
     reference : ErrorReference
         Local field.
     first_tvd : float
@@ -138,8 +138,8 @@ def well_terms(
     Raises
     ------
     ValueError
-        Input that `error_terms` refuses, an unknown north, or a reference that is not finite or positive where it must
-        be.
+        `error_terms` refuses the input, the north is unknown, or the reference has a value that is not finite or a
+        total that is not positive.
     """
     depth, inc, azi = stations
     fields = {k: v for k, v in dataclasses.asdict(reference).items() if k != "latitude"}
@@ -168,20 +168,20 @@ def well_terms(
         turned = terms_at(np.where(steep, wrap_tau(true + math.pi), true))
         terms = [part for pair in zip(terms, turned, strict=True) for part in _split(*pair, known, steep)]
     c, s = math.cos(turn), math.sin(turn)
-    # Rows: the well's north and east in true axes.
+    # Rows: unit vectors of the well's north, east and down in true north, east, down.
     mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     return [dataclasses.replace(t, error=t.error @ mat.T, own=t.own @ mat.T) for t in terms]
 
 
 def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128], steep: Mask) -> list[ErrorTerm]:
     """
-    Split an error into a part with known direction and two perpendicular parts for the unknown direction.
+    Split an error term into a part with known direction and two perpendicular parts for the unknown direction.
 
     Parameters
     ----------
     term, turned : ErrorTerm
-        Error at the stations' azimuths, and with the azimuths of steep stations turned by half a turn. The part that
-        changes sign follows the azimuth; the part that does not is fixed in the map.
+        Error term at the azimuths of the stations, and with the azimuths of steep stations turned by half a turn. The
+        part of the error that changes sign depends on the azimuth; the other part has a fixed direction on the map.
     known : ndarray of complex, shape (n,)
         Mean direction vectors from `minimum_curvature.directions`, in true axes.
     steep : ndarray of bool, shape (n,)
@@ -190,7 +190,7 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
     Returns
     -------
     list of ErrorTerm
-        Parts of the error; at every station the sum of variances over all directions is kept.
+        Parts of the error; their total variance, summed over all directions, is that of the error at every station.
     """
     share = np.minimum(np.abs(known), 1.0)
     rest = np.where(steep, np.sqrt(0.5 * (1.0 - share**2)), 0.0)
@@ -199,7 +199,7 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
     for one, other in ((term.error, turned.error), (term.own, turned.own)):
         odd = 0.5 * (one - other)
         shifts.append(np.where(steep[:, None], one - (1.0 - share)[:, None] * odd, one))
-        # Use along and across the azimuth instead of north and east, so that the result is the same in every direction.
+        # Use axes along and across the azimuth instead of north and east, so that the result does not depend on north.
         along, right = c * odd[:, 0] + s * odd[:, 1], c * odd[:, 1] - s * odd[:, 0]
         zero = np.zeros(along.size)
         across.append([rest[:, None] * np.stack(v, axis=-1) for v in ((along, right, zero), (-right, along, zero))])
@@ -212,7 +212,11 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
 
 
 def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
-    """Return the covariance of n positions, shape (n, 3, 3), m^2: one sum for each error that stations share."""
+    """
+    Return the covariance of n positions, shape (n, 3, 3), m^2.
+
+    Random errors add the covariance of each station. The shifts due to a shared error are summed before squaring.
+    """
     covariance = np.zeros((n, 3, 3))
     for term in terms:
         if term.shared == RANDOM:
@@ -225,7 +229,7 @@ def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
 
 
 def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
-    """Return the shift of each position, shape (n, 3), m, by 1 sigma of each shared error, by name and extent."""
+    """Return the shifts of all positions due to 1 sigma of each shared error, shape (n, 3), m, by name and `shared`."""
     shifts: dict[tuple[str, str], Array] = {}
     for term in terms:
         if term.shared != RANDOM:
@@ -238,10 +242,15 @@ def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
 def _own_terms(
     stations: tuple[Array, Array, Array], tools: Sequence[Tool | None], sigmas: Array, bare: Mask
 ) -> list[ErrorTerm]:
-    """Return the terms of the stations' own sigmas, two per run (inclination, azimuth), by balanced tangents."""
+    """
+    Return the error terms for the sigmas that stations have themselves, two per run: inclination and azimuth.
+
+    The position shifts are computed by the balanced tangential method.
+    """
     md, inc, azi = stations
     s_inc = np.sin(inc)
-    # Near the vertical the sigma of azimuth is limited to pi. The direction is then as uncertain across as along.
+    # Near the vertical the sigma of azimuth is limited to pi, so the direction is made as uncertain across the azimuth
+    # as along it.
     least = np.maximum(1.0 - (s_inc / math.sin(AZIMUTH_KNOWN_FROM)) ** 2, 0.0) * sigmas[:, 0]
     sideways = np.maximum(s_inc * sigmas[:, 1], least)
     half = 0.5 * np.diff(md)
@@ -286,7 +295,7 @@ def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
         )
     values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
     small, large = np.sqrt(np.maximum(values, 0.0)) * sigmas
-    # The axes of a circle, for example of a vertical well, would be determined by rounding.
+    # The angle of a circle, for example of a vertical well, would be determined by rounding errors.
     angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi if large - small > 1e-7 * large else 0.0
     return Ellipse(float(large), float(small), angle)
 

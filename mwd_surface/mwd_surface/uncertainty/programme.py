@@ -36,9 +36,9 @@ class Interval:
     """
     One row of the programme.
 
-    A station at depth d belongs to the first row with from_m < d <= to_m. methods maps the method of a station's
-    azimuth to a tool code, for example {gyro: GYRO-MWD}; such a code replaces the code of the row. Stations taken while
-    the string turned have the method rotary; in a row with a code of an MWD their code is `ROTARY_CODE` by default.
+    A station at depth d belongs to the first row with from_m < d <= to_m. methods: tool code by method of a station's
+    azimuth, for example {gyro: GYRO-MWD}; this code replaces the code of the row. Stations taken while the string
+    turned have the method rotary; in a row with an MWD code their code is `ROTARY_CODE` by default.
     """
 
     code: str = setting("MWD+SRGM", "Tool code of OWSG set A or B, or of a gyro.")
@@ -61,7 +61,7 @@ class Interval:
     methods: dict[str, str] = dataclasses.field(default_factory=dict)
 
     def code_of(self, method: str) -> str:
-        """Return the tool code of a station of a method."""
+        """Return the tool code of a station whose azimuth has a given method."""
         usual = ROTARY_CODE if method == ROTARY and self.code.startswith("MWD") else self.code
         return self.methods.get(method, usual)
 
@@ -69,9 +69,9 @@ class Interval:
 @dataclasses.dataclass(frozen=True)
 class TieOnErrors:
     """
-    Uncertainty of the first station; all zero if positions are counted from it.
+    Uncertainty of the position of the first station; all zero if positions are relative to the first station.
 
-    covariance_m2 is the full 3 x 3 covariance of north, east, down, m^2; it replaces the sigmas.
+    covariance_m2: full 3 x 3 covariance of north, east, down, m^2; replaces the sigmas if it is given.
     """
 
     sigma_north_m: float = setting(0.0, "1 sigma of the first station to the north.", unit="m", low=0.0)
@@ -80,7 +80,7 @@ class TieOnErrors:
     covariance_m2: list[list[float]] = dataclasses.field(default_factory=list)
 
     def covariance(self) -> Array | None:
-        """Return the covariance of the first station, shape (3, 3), m^2; None if it is exact."""
+        """Return the covariance of the first station, shape (3, 3), m^2; None if its position is exact."""
         if self.covariance_m2:
             return np.array(self.covariance_m2)
         sigmas = np.array([self.sigma_north_m, self.sigma_east_m, self.sigma_tvd_m])
@@ -89,7 +89,7 @@ class TieOnErrors:
 
 @dataclasses.dataclass(frozen=True)
 class Programme:
-    """The whole programme; name: name of the file, for people."""
+    """Survey programme; name: name of the file, for messages."""
 
     intervals: tuple[Interval, ...]
     tie_on: TieOnErrors = dataclasses.field(default_factory=TieOnErrors)
@@ -107,13 +107,13 @@ class Programme:
         Raises
         ------
         ProgrammeError
-            A station is covered by no interval, or lacks the own sigmas that its interval needs.
+            A station is covered by no interval, or has no sigmas although its interval uses those of the stations.
         """
         tools: list[Tool | None] = []
         sigmas = np.full((stations.md.size, 2), np.nan)
         for k, md in enumerate(stations.md):
             if k == 0 and md > 0.0:
-                # A list that starts below the surface starts with a tie-on.
+                # The first station of a list that starts below the surface is a tie-on, which has no tool.
                 tools.append(None)
                 continue
             number, row = self._interval(float(md), stations.legs[k], first=k == 0)
@@ -146,9 +146,9 @@ class ProgrammeStations:
     """
     Data of the stations for the programme, one entry per station.
 
-    md, shape (n,): m. sigmas, shape (n, 2): own 1 sigma of inclination and azimuth, rad, NaN if there is none.
-    measured: True for stations, False for projected or planned points. legs, tools (serial numbers), methods (of the
-    azimuth): empty if unknown.
+    md, shape (n,): measured depth, m. sigmas, shape (n, 2): 1 sigma of inclination and azimuth of each station, rad,
+    NaN if unknown. measured: True for stations, False for projected or planned points. legs, tools, methods: leg,
+    serial number of the tool, method of the azimuth; empty text if unknown.
     """
 
     md: Array
@@ -160,7 +160,7 @@ class ProgrammeStations:
 
     @classmethod
     def plain(cls, md: Array) -> ProgrammeStations:
-        """Return stations with known depth only."""
+        """Return measured stations of which only the depths are known; md, shape (n,): m."""
         n = md.size
         empty = [""] * n
         return cls(md, np.full((n, 2), np.nan), [True] * n, empty, empty, empty)

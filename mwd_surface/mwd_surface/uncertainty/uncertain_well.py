@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A well with the errors of its stations: its covariance from the top, or from a depth where two wells separate."""
+"""Well with the errors of its stations: covariance from the top, or from the depth where two wells separate."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class UncertainWell:
     Stations of a well, the tools that measured them, and the size of the hole.
 
     md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: north of
-    azimuths and axes. radius: radius of the open hole, m. surveyed: measured depth of the last survey, m; below it the
-    path is projected or planned. remarks: assumptions behind the list.
+    azimuths and axes. radius: radius of the open hole, m. surveyed: measured depth of the last survey, m; the path
+    below is projected or planned. remarks: assumptions made for the list of stations.
     """
 
     name: str
@@ -71,8 +71,7 @@ class UncertainWell:
                 f"{self.name}: {md:g} m is not on its path, which goes from {self.md[0]:g} to {self.md[-1]:g} m"
             )
         inc, azi, position = mc.interpolate(self.md, self.inclination, self.azimuth, self.positions, md)
-        # A station within the next metre is merged with this point, because errors do not grow over so short a
-        # distance.
+        # Omit stations within a metre below this point, because errors hardly grow over so short a distance.
         rest = self.md > md + 1.0
         sigmas = self.errors.sigmas
         tools = [None, *(tool for tool, keep in zip(self.errors.tools, rest, strict=True) if keep)]

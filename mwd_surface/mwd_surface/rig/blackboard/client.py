@@ -3,8 +3,8 @@
 Client of a D-WIS blackboard: sends the manifest, writes the values, and reads the depths of the rig.
 
 The blackboard is a third-party OPC UA server. Its methods Inject and ResolveQuery take and return JSON
-(DWIS-Blackboard-Base and the Python sample of DWIS-Blackboard-Samples, D-WIS on GitHub). If the blackboard loses our
-variables, as after a restart, the manifest is sent again.
+(DWIS-Blackboard-Base and the Python sample of DWIS-Blackboard-Samples, D-WIS on GitHub). If the blackboard loses the
+variables of this client, as after a restart, the manifest is sent again.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from mwd_surface.rig.opcua.data_value import data_value
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
-# Rig data that are read, with the noun of the vocabulary for each.
+# Name of each depth that is read from the blackboard, with its class in the DDHub vocabulary.
 NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
 _READ_S = 1.0  # s between readings of the rig's depths
 _FIND_S = 10.0  # s between queries for depths that were not found
-_SHOWN = 300
+_SHOWN = 300  # characters of an error that the status shows
 _BAD = 0x80000000  # status codes of this value and above are bad
 _LAST_NAMESPACE = 0xFFFF  # an index is 16 bits on the wire
 
@@ -168,7 +168,7 @@ class Blackboard(LoopInterface):
         variables = await self._inject(client)
         reader = _Depths(client, self.settings.resolve, {node.nodeid.to_string() for node in variables.values()})
         self._connected, self._since, self._reason = True, self._clock(), ""
-        # A blackboard that was exchanged may take a status.
+        # Send status codes again after each connection: the blackboard may have been replaced by one that accepts them.
         self._bare = False
         sent: dict[str, VariableValue] = {}
         write_at = read_at = self._clock()
@@ -205,8 +205,7 @@ class Blackboard(LoopInterface):
         ua, table = self._asyncua.ua, readings(values)
         changed = [name for name, reading in table.items() if sent.get(name) != reading]
         if self._bare:
-            # This blackboard takes no status codes, so a value that must not be used cannot be marked and is not
-            # written.
+            # This blackboard accepts no status codes, so a value with a bad status could not be marked: omit the value.
             changed = [name for name in changed if table[name].status < _BAD]
         if not changed:
             # With nothing to write, read a value instead, so that a lost session is noticed.
@@ -260,7 +259,7 @@ class Blackboard(LoopInterface):
 
 class _Depths:
     """
-    Depths of the rig on a blackboard, found by their meaning.
+    Reader of the rig's depths on a blackboard; the variables are found by their class, such as BitDepth.
 
     Parameters
     ----------
@@ -268,7 +267,7 @@ class _Depths:
     resolve : str
         Node id of the method that answers a query.
     ours : set of str
-        Node ids of our own variables, which are not used as a source.
+        Node ids of the variables that this client publishes; they are not used as a source.
     """
 
     def __init__(self, client: Any, resolve: str, ours: Iterable[str]) -> None:
@@ -279,7 +278,7 @@ class _Depths:
         self._unknown = optional("asyncua.ua", "asyncua", "the blackboard").StatusCodes.BadNodeIdUnknown
 
     async def read(self, now: float) -> dict[str, float]:
-        """Return the depths, m, that are good and newer than at the last call; now: steady time, s."""
+        """Return each depth, m, by name, that is good and newer than at the last call; now: steady time, s."""
         if len(self._nodes) < len(NOUNS) and now >= self._find_at:
             self._find_at = now + _FIND_S
             for name, noun in NOUNS.items():
@@ -310,7 +309,7 @@ class _Depths:
 
 
 async def _asked(client: Any, method: str, text: str) -> dict[str, Any]:
-    """Call a method of the blackboard with one text, in an array as it expects; return the parsed JSON answer."""
+    """Call a method of the blackboard with an array of one text, as D-WIS requires; return the parsed JSON answer."""
     ua = optional("asyncua.ua", "asyncua", "the blackboard")
     node = client.get_node(method)
     parent = await node.get_parent()
@@ -345,7 +344,7 @@ def _number(value: object) -> float:
 
 
 def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
-    """Return the namespace index and id of each variable the blackboard created, by its name in the manifest."""
+    """Return the namespace index and id of each variable that the blackboard created, by name in the manifest."""
     try:
         rows = [(row["ManifestItemID"], row["InjectedID"]) for row in result.get("ProvidedVariables") or ()]
         made = {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
@@ -357,7 +356,7 @@ def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
 
 
 def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return the namespace and id in the first column of a query's rows."""
+    """Return the namespace and id of the node in the first column of each row of a query's answer."""
     try:
         items = [row["Items"][0] for row in answer.get("Results") or () if row["Items"]]
         return [(str(item["NameSpace"]), str(item["ID"])) for item in items]
@@ -366,7 +365,7 @@ def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def readings(values: RigValues) -> dict[str, VariableValue]:
-    """Return the value of every signal for the blackboard, in SI with temperatures in kelvin."""
+    """Return value, status code and stamp of every signal, by OPC UA name, in SI with temperatures in kelvin."""
     table = {}
     for signal in TO_RIG:
         v = values.values[signal.name]

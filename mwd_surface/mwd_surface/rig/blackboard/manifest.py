@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-D-WIS manifest of our signals, made from the signal table.
+D-WIS manifest of the signals that this program sends, made from the signal table.
 
-A blackboard receives a manifest in JSON and creates the variables that it names (variable provision). A consumer finds
-the variables by the sentences about them, not by a node id. The fields are those of ManifestFile in
-DWIS-Blackboard-Base (D-WIS on GitHub); nouns and verbs come from the DDHub vocabulary (DrillingDataSemantics,
-MeasurableQuantityTypes, Uncertainty, PhysicalLocation, DataProviders).
+A blackboard receives a manifest in JSON and creates the variables that the manifest names (variable provision). A
+consumer finds a variable by sentences (subject, verb, object) in the manifest, not by a node id. The fields are those
+of ManifestFile in DWIS-Blackboard-Base (D-WIS on GitHub); nouns and verbs come from the DDHub vocabulary
+(DrillingDataSemantics, MeasurableQuantityTypes, Uncertainty, PhysicalLocation, DataProviders).
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ _PROVIDER = "MWDSurface"
 _UNCERTAINTY = "GaussianUncertainty"
 _SIGMA = "sigma_"
 _DEPTH = "DepthDrillingQuantity"
-# Nouns of the table that are not a class of the signal but a node to which it refers, with the verb of the reference.
+# Nouns of the signal table that name a node to which the signal refers, not a class of the signal; verb of the
+# reference.
 _REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
 
 
 def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> dict[str, Any]:
     """
-    Return the manifest of signals as a table for JSON.
+    Return the manifest of signals as a dict that can be written as JSON.
 
     Parameters
     ----------
     signals : iterable of Signal
         Signals; each becomes a variable with its OPC UA name and a data point that describes it.
     provider : str
-        Name of the application; the blackboard derives the namespace of the variables from it.
+        Name of the application, from which the blackboard derives the namespace of the variables.
     """
     table = tuple(signals)
     names = {signal.name for signal in table}
@@ -45,7 +46,7 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
     sentences: list[dict[str, Any]] = []
 
     def say(subject: str, verb: str, target: str, kind: str | None = None) -> None:
-        """Add a sentence whose object is a node of the manifest; kind: class of the node if it is a new one."""
+        """Add a sentence whose object is a node of the manifest; kind: class of the node, if the node is new."""
         if kind is not None:
             nodes.setdefault(target, kind)
         sentences.append(_sentence(subject, verb, NODES, target))

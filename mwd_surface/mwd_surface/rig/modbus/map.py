@@ -2,8 +2,8 @@
 """
 Modbus register map: 80 input registers that are replaced as one block, so that a reader never sees a partial update.
 
-No standard map exists for MWD. Addresses count from 0; tools that count from 1 add one. The units are those used on a
-rig: deg, m, nT, standard gravities, r/min, degC.
+No standard map exists for MWD. Addresses count from 0; in a Modbus program that counts from 1, add one. The units are
+those used on a rig: deg, m, nT, standard gravities, r/min, degC.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ WRITABLE, WRITABLE_COUNT = 100, 2
 WORD_ORDERS = ("ABCD", "CDAB")
 # Age sent while there is no toolface yet.
 NEVER = 1e9  # s
-_LARGEST = 3.4e38
+_LARGEST = 3.4e38  # largest magnitude that a 32-bit float holds
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)
-# By address of a float register: name of the value, factor to its unit, and the value at which it wraps.
+# By address of a float register: name of the value, factor from SI to its unit, and the value at which it wraps.
 FLOATS: dict[int, tuple[str, float, float]] = {
     signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, signal.wrap)
     for signal in TO_RIG
     if signal.modbus is not None
 }
 _AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
-# Values of register 78 by name of the depth source; 0: none, 9: another one.
+# Values of register 78 by name of the depth source; 0: no source, 9: a source that is not in this table.
 DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5, BLOCK: 6}
 _ANOTHER, _NO_CLOCK = 9, 255
-# Prefix, before its number, of the name under which the authority knows a Modbus controller.
+# Name of a Modbus controller in the authority: this prefix and the number of the controller.
 CONTROLLER = "modbus "
 
 
@@ -115,7 +115,7 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
 
 
 def _input_registers(inputs: InputTable) -> tuple[int, int]:
-    """Return registers 78 and 79: the depth source, and the clocks that stamp the sonde's and the rig's data."""
+    """Return registers 78 and 79: depth source, and clocks that stamp the rig's (high byte) and sonde's data."""
     clocks = [_NO_CLOCK if row is None else int(row.clock) for row in (rig_input(inputs), inputs.named(SONDE))]
     return DEPTH_SOURCES.get(inputs.depth_source, _ANOTHER), clocks[0] << 8 | clocks[1]
 
@@ -156,7 +156,7 @@ def long_of(words: Sequence[int], form: ModbusForm) -> int:
 
 
 def status_bits(values: RigValues) -> int:
-    """Return register 2. The toolface of a rotating string never counts as fresh: it cannot be used to steer."""
+    """Return register 2. The toolface of a rotating string never counts as fresh, because it is useless to steer."""
     survey = values.survey
     usable = values.toolface.condition.usable
     bits = {

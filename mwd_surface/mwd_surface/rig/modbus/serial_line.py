@@ -19,8 +19,10 @@ from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 
 class ModbusSerial(ModbusServer):
     """
-    Register map served over a serial line with several units: requests to other units are ignored.
+    Register map served over a serial line that may have several units: requests to other units are ignored.
 
+    Parameters
+    ----------
     line : ModbusSerialSettings
         Settings of the line; the other arguments are those of `ModbusServer`.
     """
@@ -93,7 +95,7 @@ class ModbusSerial(ModbusServer):
         return handler
 
     def _look_after(self) -> None:
-        """Raise if the device is gone, so that the interface is started again; a silent line is normal."""
+        """Raise InterfaceError if the device is gone, so that the interface restarts; a silent line is not an error."""
         if self._seen and not self._connections:
             raise InterfaceError(f"{self.line.device} is gone")
         self._seen = bool(self._connections)

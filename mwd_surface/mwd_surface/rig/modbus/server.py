@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Modbus TCP server: controllers and collectors read the register map; nothing can be written unless it is allowed.
+Modbus TCP server: controllers and collectors read the register map; registers can be written only if allowed.
 
 pymodbus implements the protocol. Input registers (function 4) are answered from one block that is replaced as a whole.
 Any other request is refused with the exception code of the protocol.
@@ -53,11 +53,11 @@ from mwd_surface.rig.values import nothing_yet
 from mwd_surface.signals.units import UNITS
 
 _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
-# Largest number of bits or registers in one request (Modbus application protocol 1.1b3, section 6).
+# Largest number of bits or registers in one request, by function (Modbus application protocol 1.1b3, section 6).
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
 _WRITES = (5, 6, 15, 16, 22, 23)
-# Functions that are answered: reads, writes, and reading the identification (43). pymodbus would answer others with
-# example values (24, a queue of registers that does not exist) or claim to have done what it did not (8).
+# Functions that are answered: reads, writes, and reading the identification (43). To other functions pymodbus would
+# answer with example values (24, a queue of registers that does not exist) or a false confirmation (8).
 _SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
 _LOOK = 1.0  # s between checks for idle connections
 _PYMODBUS = 3, 13  # first version with the simulator devices that this server uses
@@ -110,7 +110,7 @@ class ModbusServer(LoopInterface):
         self._gone = 0
         self._numbers = itertools.count(1)
         self._written = (0, 0)
-        # Number of the connection whose request is being answered.
+        # Number of the connection whose request is answered in the present task.
         self._asking = contextvars.ContextVar("connection", default=0)
         allowed = settings.allow_control and authority is not None
         self._control = ControlRegisters(authority, settings.form, clock) if allowed and authority else None
@@ -158,7 +158,7 @@ class ModbusServer(LoopInterface):
                 connection.transport.abort()
 
     async def _follow(self, stop: asyncio.Event) -> None:
-        """Replace the block when values come, and check the connections."""
+        """Replace the block of registers when new values arrive, and check the connections."""
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LOOK):
@@ -186,7 +186,7 @@ class ModbusServer(LoopInterface):
                 for start, words in self._control.blocks().items()
             ]
         ours = self._simulator.SimDevice(id=self.settings.unit, simdata=blocks, action=self._answer)
-        # All other units, which have no registers.
+        # This device stands for all other units, which have no registers.
         others = self._simulator.SimDevice(
             id=0, simdata=[data(0, values=[0], datatype=kinds.REGISTERS)], action=self._deny
         )
@@ -206,7 +206,11 @@ class ModbusServer(LoopInterface):
     async def _answer(
         self, function: int, _start: int, address: int, count: int, current: list[int], wanted: list[Any] | None
     ) -> Any:
-        """Answer a request to our unit; nothing else runs before the reply is made, so blocks are read whole."""
+        """
+        Answer a request to the unit of this server.
+
+        No other task runs before the reply is complete, so a reader never gets parts of two blocks.
+        """
         if function == _READ_INPUT and address + count <= COUNT:
             current[:COUNT] = self._block
             self.reads += 1
@@ -247,7 +251,7 @@ class ModbusServer(LoopInterface):
 
     def _write(self, function: int, address: int, wanted: list[Any] | None) -> Any:
         if function != _WRITE_MULTIPLE or address != WRITABLE or wanted is None or len(wanted) != WRITABLE_COUNT:
-            # Only both words together make a depth; half a float would be a wrong depth.
+            # A depth needs both words: half a float would be a wrong depth.
             self.denied += 1
             return self._codes.ILLEGAL_VALUE
         words = (int(wanted[0]), int(wanted[1]))
@@ -262,7 +266,7 @@ class ModbusServer(LoopInterface):
         return None
 
     def _watched(self, handler: Any) -> Any:
-        """Wrap a pymodbus connection so that it is numbered, limited, and known by the time of its last request."""
+        """Wrap a pymodbus connection: number it, limit the number of connections, and record its last request."""
         made, lost, received = handler.connection_made, handler.connection_lost, handler.data_received
         handle = handler.handle_request
         # Use a counter, because the address of a deleted object can be used again.
@@ -271,7 +275,7 @@ class ModbusServer(LoopInterface):
         async def handle_request() -> None:
             self._asking.set(number)
             await handle()
-            if number not in self._connections:  # it ended before its request was handled
+            if number not in self._connections:  # the connection ended before its request was handled
                 forget()
 
         def forget() -> None:
@@ -349,17 +353,17 @@ class ModbusServer(LoopInterface):
 
 
 def serve_only(server: Any) -> None:
-    """Let a pymodbus server decode only the functions that are answered."""
+    """Limit a pymodbus server to decoding the functions in `_SERVED`."""
     table = server.decoder.pdu_table
     server.decoder.pdu_table = {function: classes for function, classes in table.items() if function in _SERVED}
 
 
 def _refusal(data: bytes) -> bytes | None:
     """
-    Return the answer to a request that is refused by its function or by its number of registers; None for others.
+    Return the answer to a request that is refused for its function or its number of registers; None for others.
 
-    The protocol requires exception 1 or 3 of the requested function, but pymodbus 3.16 answers exception 1 of
-    function 0.
+    The protocol requires exception 1 or 3 with the requested function code, but pymodbus 3.16 answers exception 1
+    with function code 0.
     """
     if len(data) < 8:
         return None
@@ -373,7 +377,7 @@ def _refusal(data: bytes) -> bytes | None:
     return struct.pack(">HHHBBB", transaction, 0, 3, unit, function | 0x80, code) if code else None
 
 
-# Holding registers through which a controller takes control: its request at 110, its set-points at 120.
+# Holding registers through which a controller requests control (from 110) and sends set-points (from 120).
 
 
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
@@ -402,10 +406,10 @@ class ControlRegisters:
 
     def blocks(self, connection: int = 0) -> dict[int, tuple[int, ...]]:
         """
-        Return the registers that a reader sees, by the address of the first register of each block.
+        Return the registers that a connection reads, by the address of the first register of each block.
 
-        A connection sees its own last request and answer. A connection without a request sees the last request of all,
-        because some masters open a new connection for each request.
+        A connection reads its own last request and answer. A connection without a request reads the last request of any
+        connection, because some masters open a new connection for each request.
         """
         return {REQUEST: self._asked.get(connection, self._last), COMMAND: self._command}
 
@@ -414,7 +418,7 @@ class ControlRegisters:
         self._asked.pop(connection, None)
 
     def write(self, address: int, words: Sequence[int], connection: int = 0) -> bool:
-        """Process a block written by a connection; return whether the block was valid and done."""
+        """Process a block written by a connection; return whether the block was valid and was carried out."""
         if address == REQUEST and len(words) == REQUEST_COUNT:
             return self._ask(tuple(words), connection)
         if address == COMMAND and len(words) == COMMAND_COUNT:

@@ -47,7 +47,7 @@ class Access:
 
     @property
     def anyone(self) -> bool:
-        """Whether reading needs no certificate."""
+        """Whether anyone may read without a certificate."""
         return self.settings.anonymous and is_loopback(self.settings.host)
 
     @property
@@ -64,7 +64,7 @@ class Access:
             policies.append(self._ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt)
             if self._folder is not None:
                 await self._certify(server, self._folder)
-        # Allow nothing until the channels get their own rules, just after the port opens.
+        # Allow no request until the channels get their own rules, just after the port opens.
         server.set_security_policy(policies, permission_ruleset=self._rules(set()))
         server.set_identity_tokens([self._ua.AnonymousIdentityToken])
 
@@ -121,7 +121,8 @@ class Access:
         """
         Return the user of a session from the certificate of its channel; None refuses the session.
 
-        The name of the user identifies session and certificate, because asyncua calls this once for each activation.
+        asyncua calls this function once for each activation of a session, so the name of the user identifies session
+        and certificate.
         """
         rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
         if not certificate:
@@ -141,8 +142,9 @@ class Services:
     """
     Permission rules for asyncua: the services that a channel may request, whoever the user is.
 
-    Where methods may not be called, ConditionRefresh still may, because it changes nothing and shows the alarms to a
-    late client. asking: receives the identity of the user for methods called in the task of the request.
+    ConditionRefresh may be called even where other methods may not: it changes nothing, and shows the alarms to a
+    client that connects late. asking: context variable that receives the identity of the user, for methods called in
+    the task of the request.
     """
 
     def __init__(self, ua: Any, allowed: set[Any], asking: contextvars.ContextVar[str]) -> None:

@@ -2,8 +2,8 @@
 """
 OPC UA variables of a well: names, units, values and status codes, independent of any server.
 
-Names and namespace follow the D-WIS drilling convention: one manifest of signals, found by name and unit, never by a
-node number. Values are in SI and rad; every variable states its unit.
+Names and namespace follow the D-WIS drilling convention: a client finds a signal of the manifest by name and unit,
+never by a node number. Values are in SI and rad; every variable has its unit.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Variable:
 
 @dataclasses.dataclass(frozen=True)
 class VariableValue:
-    """Present content of a variable: value, status code, and time of the measurement, ns, or 0."""
+    """Present content of a variable: value, status code, and time of the measurement, ns since the epoch, or 0."""
 
     value: float | int | bool | str
     status: int
@@ -67,7 +67,7 @@ def unit_id(unit: str) -> int:
 
 
 def variable_values(values: RigValues) -> dict[str, VariableValue]:
-    """Return the content of every variable."""
+    """Return the content of every variable, by name."""
     table = {
         name: VariableValue(v.value, STATUS_CODES[v.condition], v.stamp_ns)
         for name, v in ((signal.opcua, values.values[signal.name]) for signal in TO_RIG)
@@ -80,7 +80,7 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
     now = values.made_ns
     mode = "gravity" if values.mode == GRAVITY else "magnetic"
     table["ToolfaceMode"] = VariableValue(mode, face, toolface.stamp_ns)
-    # The age is valid however old the toolface is.
+    # The age itself is valid, even if the toolface is too old to be used.
     age_state = waiting if toolface.age is None else state
     table["ToolfaceAge"] = VariableValue(0.0 if toolface.age is None else toolface.age, age_state, now)
     table["Rotating"] = VariableValue(values.rotating, face, toolface.stamp_ns)

@@ -60,7 +60,7 @@ from mwd_surface.signals.units import UNITS
 
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # asyncua's logger for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
-_TICK = 1.0  # s
+_TICK = 1.0  # s between confirmations of all values
 
 
 class OpcuaServer(LoopInterface):
@@ -209,7 +209,7 @@ class OpcuaServer(LoopInterface):
             await asyncio.gather(records, return_exceptions=True)
 
     async def _show_records(self, stop: asyncio.Event) -> None:
-        """Update history and conditions in a separate task, so that errors or a long history do not delay values."""
+        """Update history and conditions, in a task of their own so that errors or a long history delay no values."""
         while not stop.is_set():
             values = self.values
             if values is not None:
@@ -236,7 +236,7 @@ class OpcuaServer(LoopInterface):
 
     async def _write(self, server: Any, values: RigValues) -> None:
         table, now = variable_values(values), self._clock()
-        # Confirm every value once per second with a new server timestamp, even if it has not changed.
+        # Confirm every value once per second with a new server timestamp, even if the value has not changed.
         confirm = now - self._confirmed_at >= _TICK
         for variable in VARIABLES:
             reading = table[variable.name]
@@ -266,7 +266,7 @@ class OpcuaServer(LoopInterface):
             arguments = {key: argument.Value for key, argument in zip(names, given, strict=True)}
             if any(value is None for value in arguments.values()):
                 return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
-            # Call the node in a thread, because its answer may take long.
+            # Call the method in a thread, because the answer of the node may take long.
             results = await asyncio.to_thread(method.call, arguments, self._access.identity)
             return [ua.Variant(value, kind) for value, kind in zip(results, kinds, strict=True)]
 
@@ -330,8 +330,8 @@ class SurveyHistory:
     ua : module
         `asyncua.ua`.
     server : asyncua.Server
-    Node id of each variable by its name.
-        From the name of a variable to its node id.
+    nodes : dict
+        Node id of each variable, by its name.
     """
 
     def __init__(self, ua: Any, server: Any, nodes: Mapping[str, Any]) -> None:
@@ -365,7 +365,7 @@ class SurveyHistory:
                 value = values[quantity]
                 reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
                 await storage.save_node_value(self._nodes[name], data_value(self._ua, reading, "Double"))
-            # Saving to memory never yields, so give other clients a turn between two surveys.
+            # Saving to memory never yields to other tasks, so yield here, after each survey.
             await asyncio.sleep(0)
         self._server.iserver.history_manager.set_storage(storage)
         self._shown = surveys
@@ -388,7 +388,11 @@ _DECISION: tuple[Argument, ...] = (
 
 @dataclasses.dataclass(frozen=True)
 class OpcuaMethod:
-    """A method: arguments, results, and the function that runs it with an identity from `Access`, in any thread."""
+    """
+    Method of the OPC UA object: its arguments, its results, and the function that carries it out.
+
+    The function receives the arguments and an identity from `Access`, and may be called in any thread.
+    """
 
     name: str
     inputs: tuple[Argument, ...]
@@ -397,7 +401,7 @@ class OpcuaMethod:
 
 
 def survey_methods(on_command: OnCommand) -> list[OpcuaMethod]:
-    """Return the survey methods, run by a node; on_command: `on_command(name, arguments) -> (ok, message)`."""
+    """Return the methods for surveys; on_command: `on_command(name, arguments) -> (ok, message)` carries them out."""
     table = {
         "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
         "accept_survey": _DECISION,
@@ -524,7 +528,7 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
 
 
 async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
-    """Change the type of a node, and recreate the parent's reference, from which a browsing client reads the type."""
+    """Change the type of a node, and recreate the parent's reference to it: browsing clients read the type there."""
     await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
     await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
     await parent.delete_reference(node, reference)
@@ -532,7 +536,7 @@ async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, n
 
 
 async def _describe_namespace(ua: Any, server: Any, index: int) -> None:
-    """Add NamespaceMetadata (OPC 10000-5, 6.3.13): the version, and that node ids are strings that do not change."""
+    """Add NamespaceMetadata (OPC 10000-5, 6.3.13): the version, and the statement that node ids never change."""
     namespaces = server.get_node(ua.ObjectIds.Server_Namespaces)
     node = await namespaces.add_object(
         ua.NodeId(f"{MANIFEST}.Metadata", index), f"{index}:{NAMESPACE}", objecttype=ua.ObjectIds.NamespaceMetadataType
@@ -551,13 +555,13 @@ async def _describe_namespace(ua: Any, server: Any, index: int) -> None:
 # Alarms of the well as OPC UA conditions: events of AlarmConditionType, with ConditionRefresh (OPC 10000-9).
 
 
-# Ranges of OPC 10000-5, 6.4.2: 1 to 333 low, 334 to 666 medium, 667 to 1000 high.
+# Severity number of an event. Ranges of OPC 10000-5, 6.4.2: 1 to 333 low, 334 to 666 medium, 667 to 1000 high.
 _SEVERITY: Mapping[int, int] = {Severity.INFO: 200, Severity.WARNING: 500, Severity.CRITICAL: 900}
 
 
 class Conditions:
     """
-    Sender of an event whenever an alarm is raised, changes, is acknowledged or ends.
+    Sender of the alarms: an event is sent when an alarm is raised, changes, is acknowledged or ends.
 
     Parameters
     ----------
@@ -578,13 +582,13 @@ class Conditions:
         """Make the well a source of events, and serve ConditionRefresh."""
         ua = self._ua
         await self._source.set_event_notifier([ua.EventNotifier.SubscribeToEvents])
-        # The server is the root of all sources, so a client may also subscribe there.
+        # The Server object is the root of all event sources, so a client may also subscribe to that object.
         server = self._server.nodes.server
         await server.add_reference(self._source, ua.ObjectIds.HasEventSource, True, False)
         self._events = await self._server.get_event_generator(
             ua.ObjectIds.AlarmConditionType, emitting_node=self._source.nodeid
         )
-        # Set the type, because asyncua knows the base type of UtcTime only by its node.
+        # Set the type here, because asyncua does not map UtcTime to a VariantType.
         self._events.event.data_types["ActiveState/TransitionTime"] = ua.VariantType.DateTime
         self._refresh = [
             await self._server.get_event_generator(kind)

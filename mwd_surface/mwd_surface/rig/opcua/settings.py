@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the OPC UA server: its address, and who may do what."""
+"""Settings of the OPC UA server: its address, and the access rights."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Limits of the subscriptions of the OPC UA server, for what asyncua leaves to the client.
+Limits of the subscriptions of the OPC UA server that asyncua does not set itself.
 
 A client on this machine needs no certificate, and each of its monitored items costs memory and, at every new value,
-time in the process of the surface node. asyncua limits the number of subscriptions, but not their items, takes any
-publishing interval, however short, and lets a later request lengthen a queue beyond the limit of the server.
+time in the process of the surface node. asyncua limits the number of subscriptions, but not of their items. It accepts
+any publishing interval, however short, and lets a later request lengthen a queue beyond the limit of the server.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from __future__ import annotations
 import math
 from typing import Any
 
-MOST_ITEMS = 4000  # on the server; a client that watches every variable has about a hundred
-LONGEST_QUEUE = 100  # values of one item; the variables change once per second
-SHORTEST_MS, LONGEST_MS = 100.0, 3_600_000.0  # publishing interval
+MOST_ITEMS = 4000  # monitored items on the server; a client that watches every variable has about a hundred
+LONGEST_QUEUE = 100  # values in the queue of one item; the variables change once per second
+SHORTEST_MS, LONGEST_MS = 100.0, 3_600_000.0  # limits of the publishing interval
 
 
 class SubscriptionLimits:
     """
-    Limits put in front of the subscription service of a server.
+    Limiter in front of the subscription service of a server.
 
     Parameters
     ----------
     ua : module
         `asyncua.ua`.
     service : asyncua.server.subscription_service.SubscriptionService
-        Its methods that answer requests are replaced by those of this object.
+        Service whose methods that answer requests are replaced by the methods of this object.
     """
 
     def __init__(self, ua: Any, service: Any) -> None:
@@ -75,14 +75,14 @@ class SubscriptionLimits:
         return results
 
     def modify_monitored_items(self, params: Any) -> Any:
-        """Change items, with queues within the limit."""
+        """Change monitored items, with queues limited to LONGEST_QUEUE."""
         for item in params.ItemsToModify:
             wanted = item.RequestedParameters
             wanted.QueueSize = min(wanted.QueueSize or LONGEST_QUEUE, LONGEST_QUEUE)
         return self._modify(params)
 
     def delete_monitored_items(self, params: Any) -> Any:
-        """Delete items and count them no longer."""
+        """Delete monitored items, and remove them from the count."""
         results = self._delete(params)
         self._items.get(params.SubscriptionId, set()).difference_update(params.MonitoredItemIds)
         return results

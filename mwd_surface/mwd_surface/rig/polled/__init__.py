@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A unit on a polled serial line, for the surface units of other makers."""
+"""Unit on a polled serial line that the surface unit of another maker asks for values."""

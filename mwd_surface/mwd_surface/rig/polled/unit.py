@@ -2,7 +2,8 @@
 """
 Unit on a polled serial line (RS-485): a surface unit of another maker asks it for inclination, azimuth and toolface.
 
-The frame is that of `mwd_sensors.drivers.polled_line`, so that one file describes a line for both of its ends.
+The frame (format of requests and replies) is that of `mwd_sensors.drivers.polled_line`, so one file describes both ends
+of a line.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, Interf
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
-_STEP_S = 0.005  # time between two looks at the line; a host waits some tenths of a second for a reply
+_STEP_S = 0.005  # time between two reads of the line; a host waits some tenths of a second for a reply
 QUANTITIES = tuple(signal.name for signal in TO_RIG)
 HOST_FRAME = PolledFrame(
     polls=(
@@ -101,14 +102,14 @@ class PolledUnit(LoopInterface):
                 await asyncio.sleep(_STEP_S)
 
     def _answer(self, data: bytes) -> bytes:
-        """Return the bytes to send after some have arrived; none for silence."""
+        """Return the bytes to send in answer to the bytes that arrived; empty if no answer is due."""
         asked = self._unit.take(data) if data else None
         if asked is None or isinstance(asked, bytes):
             return asked or b""
         return polled_line.reply(self._unit.frame, asked, usable(self.values))
 
     def status(self) -> InterfaceStatus:
-        """Return the state of the interface, with each kind of error."""
+        """Return the state of the interface, with the count of each kind of error on the line."""
         if not self.running:
             return InterfaceStatus(self.name, STOPPED, self.settings.device, self.failure)
         unit = self._unit
@@ -117,7 +118,7 @@ class PolledUnit(LoopInterface):
 
 
 def usable(values: RigValues | None) -> dict[str, float]:
-    """Return the values that may be used now, SI by name; the others are sent as unknown."""
+    """Return the values that may be used now, in SI, by name; the other values are sent as unknown."""
     if values is None:
         return {}
     return {name: one.value for name, one in values.values.items() if one.condition.usable}

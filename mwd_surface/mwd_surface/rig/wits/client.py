@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-WITS level 0 connections that we open: to a recorder that listens on TCP, or over a serial line.
+WITS level 0 connections that this program opens: to a recorder that listens on TCP, or over a serial line.
 
-Both retry without end. The wait doubles from one second to half a minute and varies by chance, so that a hundred tools
-do not reconnect at the same moment.
+Both retry without end. The wait doubles from one second to half a minute and varies at random, so that a hundred units
+do not reconnect at the same time.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, Writer
 
-_STEADY = 10.0  # s; a connection that lasted this long resets the wait
+_STEADY = 10.0  # s; after a connection that lasted this long, the wait starts again from the shortest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Wits0SerialSettings:
 
 
 class _Caller(Wits0Link, abc.ABC):
-    """Interface that connects to one peer, again after each loss."""
+    """Interface that connects to one peer, and reconnects after each loss of the connection."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class Wits0Serial(_Caller):
             None, lambda: self._serial.Serial(self.settings.device, self.settings.baud, timeout=0, exclusive=True)
         )
         try:
-            # Streams close their descriptor, so each gets its own copy.
+            # Each stream closes its file descriptor, so give each its own copy.
             source, sink = os.fdopen(os.dup(device.fd), "rb", 0), os.fdopen(os.dup(device.fd), "wb", 0)
             reader = asyncio.StreamReader(limit=16384)
             incoming, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), source)

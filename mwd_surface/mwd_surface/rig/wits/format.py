@@ -2,9 +2,9 @@
 """
 WITS level 0 framing: lines of a four-digit code and a value, between `&&` and `!!`.
 
-Frames are written strictly and read tolerantly: any line end, blanks, several frames in one read, one frame in several
-reads, junk between frames. Memory is bounded for any input, and reading resumes at the next `&&`. NaN is neither sent
-nor accepted.
+Frames are written strictly and read tolerantly: the reader accepts any line end, blanks, several frames in one read,
+one frame in several reads, and junk between frames. Memory is bounded for any input, and after an error reading resumes
+at the next `&&`. NaN is neither sent nor accepted.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mwd_sensors.core.foreign_text import unprintable
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
 MAX_FRAME_BYTES = budgets.WITS.size
 NULLS = (-9999.0, -8888.0, -999.25)
-# Packet that a Pason-type recorder sends and expects every half minute: a null vertical depth.
+# Packet that a Pason-type recorder sends and expects every half minute: a vertical depth (item 0111) without a value.
 KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"
 _LINE = re.compile(rb"[ \t]*(\d\d)(\d\d)(.*)", re.DOTALL)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
@@ -29,7 +29,7 @@ _LONGEST_VALUE = 256
 
 @dataclasses.dataclass(frozen=True)
 class WitsItem:
-    """One line: code RRII (record and item), text, its number if it is one, and whether it means "no value"."""
+    """One line: code RRII (record and item), text, number (None if the text is not a number), and null ("no value")."""
 
     code: int
     text: str
@@ -49,7 +49,7 @@ class Frame:
     items: tuple[WitsItem, ...]
 
     def number(self, code: int) -> float | None:
-        """Return the last number for a code; None if there is none or it is a null."""
+        """Return the number of the last item with this code; None if the item is missing, a text or a null."""
         for item in reversed(self.items):
             if item.code == code:
                 return None if item.null else item.number
@@ -71,7 +71,8 @@ def encode(items: Iterable[tuple[int, str]], source: str = "") -> bytes:
     """
     Encode one packet.
 
-    items: code RRII and value text of each item. source: name of the sender, written first as item 1984; empty: none.
+    items: code RRII and value text of each item. source: name of the sender, written first as item 1984; empty: item
+    1984 is omitted.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def encode(items: Iterable[tuple[int, str]], source: str = "") -> bytes:
 
 def checked_text(text: str) -> str:
     """
-    Return the text if it may stand in a frame.
+    Return the text if it is allowed in a frame.
 
     Raises
     ------
@@ -101,14 +102,14 @@ def checked_text(text: str) -> str:
 
 
 def plain_text(text: str, longest: int = 16) -> str:
-    """Return a name that may stand in a frame: printable ASCII, others as `?`, no frame marks, cut to length."""
+    """Return a name in a form that is allowed in a frame: non-ASCII as `?`, without frame marks, cut to `longest`."""
     shown = "".join(c if " " <= c <= "~" else "?" for c in text)
     return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:longest]
 
 
 class Decoder:
     """
-    Decoder of frames from pieces of bytes; it keeps at most `max_frame_bytes` of a frame that has not ended.
+    Decoder of frames from bytes in pieces of any length; at most `max_frame_bytes` of an unfinished frame are kept.
 
     nulls: numbers that mean "no value".
     """
@@ -124,11 +125,11 @@ class Decoder:
 
     @property
     def waiting(self) -> int:
-        """Number of bytes kept of the frame that has not ended yet."""
+        """Number of bytes in the buffer, which belong to a frame that has not ended yet."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that these bytes complete."""
+        """Return the frames that end within `data`."""
         frames: list[Frame] = []
         # Work in pieces, so that the buffer stays bounded for any input size.
         for at in range(0, len(data), 16384):
@@ -171,7 +172,7 @@ class Decoder:
             self._inside, self._searched = False, 0
 
     def _give_up(self) -> None:
-        """Drop a frame that is too long, except for a mark that may begin at its end."""
+        """Drop a frame that is too long; keep a last `&`, which may begin the next `&&`."""
         self.counts.broken_frames += 1
         keep = 1 if self._buffer.endswith(b"&") else 0
         del self._buffer[: len(self._buffer) - keep]

@@ -3,7 +3,8 @@
 WITS level 0 conversations: full duplex, with any number of peers at a time, over any transport.
 
 A slow peer loses the oldest waiting packets, and is disconnected after a while; it never delays other peers. Data from
-peers is read by a bounded decoder. Rig data in it is checked by `rig_input`, and is taken from one peer at a time.
+peers are read by a decoder with bounded memory. `RigInput` checks the rig data, which are accepted from one peer at a
+time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from mwd_surface.rig.values import RigValues
 from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, Frame, encode
 from mwd_surface.rig.wits.records import Items, RecordWriter, Wits0Format, rig_readings, shown
 
-# Schedule of WITS packets: surveys once when accepted, toolfaces as they come, other records by period.
+# Schedule of WITS packets: surveys once when accepted, toolfaces when they arrive, other records periodically.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Wits0Schedule:
 
 
 class Wits0Sender:
-    """Finder of the packets that are due, by a steady clock, s; it remembers what was sent and when."""
+    """Scheduler that returns the packets that are due; times are steady time, s."""
 
     def __init__(self, form: Wits0Format, schedule: Wits0Schedule) -> None:
         self.form, self.schedule = form, schedule
@@ -100,7 +101,7 @@ class Wits0Sender:
 
     def _surveys(self, values: RigValues) -> list[Items]:
         if self._sent_keys is None:
-            # Surveys accepted before the start are not sent as new; the greeting contains the last of them.
+            # Surveys accepted before the start are not sent as new; the packets for a new peer contain the last one.
             self._sent_keys = {s.key for s in values.surveys}
             return []
         fresh = [s for s in values.surveys if s.key not in self._sent_keys]
@@ -129,7 +130,7 @@ def _merged(groups: list[Items]) -> list[Items]:
     return merged
 
 
-_TICK = 0.5  # s
+_TICK = 0.5  # s between checks for packets that are due
 _SOURCE_SILENT = 10.0  # s of silence after which another peer may become the source of rig data
 
 
@@ -158,13 +159,13 @@ class Wits0Settings:
 
 
 class Writer(Protocol):
-    """Interface to which a conversation writes."""
+    """Protocol of the outgoing side of a connection."""
 
     def write(self, data: bytes) -> None:
         """Write bytes."""
 
     async def drain(self) -> None:
-        """Wait until there is room again."""
+        """Wait until the buffer for outgoing bytes has room again."""
 
     def abort(self) -> None:
         """Cut the connection."""
@@ -182,7 +183,7 @@ class StreamWriter:
         self._stream.write(data)
 
     async def drain(self) -> None:
-        """Wait until there is room again."""
+        """Wait until the buffer for outgoing bytes has room again."""
         await self._stream.drain()
 
     def abort(self) -> None:
@@ -230,7 +231,7 @@ class Peer:
         self._times.append(now)
 
     def status(self, now: float) -> PeerStatus:
-        """Return the counts; the rate is that of the last packets, and falls while none are sent."""
+        """Return the counts; the rate is averaged over the last packets, and falls while no packets are sent."""
         times = list(self._times)
         rate = len(times) / max(now - times[0], 1.0) if times else 0.0
         return PeerStatus(self.address, self.since, self.sent, self.received, self.dropped, rate, self.last)

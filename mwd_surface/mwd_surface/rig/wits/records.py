@@ -3,8 +3,8 @@
 WITS level 0 records: 7 (survey), 8 (formation) and 9 (mechanical) are sent, 1 (time based) is received.
 
 Codes, short names and units follow the WITS specification as given by two independent transcriptions. There are no
-standard items for totals, dip, quality or temperature, so the spare items of record 7 carry them as a profile defines,
-and the peer must know the profile.
+standard items for totals, dip, quality or temperature. They are sent in the spare items of record 7, in the order that
+a profile defines; the peer must use the same profile.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ from mwd_surface.surveys.azimuth_source import AzimuthSource
 
 SYSTEMS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
-# Signal that each item of record 1 brings.
+# Signal that is read from each item of record 1, by code.
 RECORD_1: dict[int, Signal] = {s.reads: s for s in SIGNALS if s.reads is not None}
 _ITEMS = tuple((s.wits, s) for s in TO_RIG if s.wits is not None)
-_HOLE = Wits(711, "DMEA", 2)  # also sent in the record of a survey
-# Item and signal of each value that we send, by code.
+_HOLE = Wits(711, "DMEA", 2)  # hole depth, also sent in the record of a survey
+# Item and signal of each value that is sent, by code.
 SENT: dict[int, tuple[Wits, Signal]] = {item.code: (item, s) for item, s in _ITEMS} | {
     _HOLE.code: (_HOLE, BY_NAME["hole_depth"])
 }
-# Items taken from the accepted survey; spare items follow the agreed profile.
+# Name of the signal of each standard item that is taken from the accepted survey, by code.
 _OF_SURVEY = {item.code: s.name for item, s in _ITEMS if item.name and s.source == SURVEY}
 # Codes and names of the live values, by record number.
 _LIVE_ITEMS = {
     record: sorted((item.code, s.name) for item, s in _ITEMS if item.code // 100 == record) for record in (8, 9)
 }
-_SAME_TIME_NS = 600 * NANOSECONDS
+_SAME_TIME_NS = 600 * NANOSECONDS  # longest time between a survey and a hole depth that is sent with the survey
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
-# Sequence numbers count seconds from this time, so that they grow over a restart without being stored.
+# Sequence numbers count seconds from this time, so that they continue to grow after a restart without being stored.
 _SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0Format:
-    """Format of records; both sides must agree on all of it."""
+    """Format of the records; both sides must use the same settings."""
 
     units: str = setting("metric", "System of units of all records.", choices=SYSTEMS, fixed=True)
     spares: str = setting(
@@ -88,7 +88,7 @@ Items = list[tuple[int, str]]
 
 
 class RecordWriter:
-    """Writer of records from values; it remembers the last sequence number of each record."""
+    """Writer of records from values; the last sequence number of each record is stored."""
 
     def __init__(self, form: Wits0Format) -> None:
         self.form = form
@@ -97,7 +97,7 @@ class RecordWriter:
     def survey(self, values: RigValues, survey: AcceptedSurvey) -> Items:
         """Return record 7 of an accepted survey, with the time of its measurement."""
         known = survey_values(survey, survey.stamp_ns)
-        # WITS numbers carry no quality, so a number that rests on an assumption is not sent.
+        # A WITS number has no quality flag, so a number that is based on an assumption is not sent.
         numbers: dict[int, float | None] = {
             code: None
             if known[name].condition == Condition.WAITING or BY_NAME[name].field in survey.assumed
@@ -105,7 +105,7 @@ class RecordWriter:
             for code, name in _OF_SURVEY.items()
         }
         hole = values.values["hole_depth"]
-        # The present hole depth does not belong to an old survey.
+        # Send the hole depth only if it was measured at the time of the survey.
         if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
             numbers[_HOLE.code] = hole.value
         items = self._head(7, values, survey.stamp_ns, None)
@@ -116,7 +116,7 @@ class RecordWriter:
         return items + self._spares(survey)
 
     def toolface(self, values: RigValues) -> Items:
-        """Return record 7 with the toolface in force; empty if there is no usable toolface and nulls are left out."""
+        """Return record 7 with the toolface in force; empty if no toolface is usable and there is no null text."""
         value = values.toolface
         code = 717 if values.mode == GRAVITY else 716
         usable = value.condition.usable and (self.form.toolface_while_rotating or not values.rotating)
@@ -170,14 +170,14 @@ class RecordWriter:
         return number
 
     def _number(self, code: int, value: float | None) -> Items:
-        """Return the item of an SI value in the session's unit; for None nothing, or the session's null text."""
+        """Return the item of an SI value in the session's unit; for None no item, or the session's null text."""
         item, signal = SENT[code]
         scale = _scale(signal, self.form.units)
         # An angle that rounds to 360 deg is written as 0.
         return self._item(code, fixed(None if value is None else scale.of(value), item.decimals, signal.wrap))
 
     def _item(self, code: int, text: str) -> Items:
-        """Return the item of a text; for an empty text nothing, or the session's null text."""
+        """Return the item of a text; for an empty text no item, or the session's null text."""
         text = text or self.form.null_text
         return [(code, text)] if text else []
 
@@ -189,7 +189,8 @@ class RecordWriter:
                 items += self._number(code, value)
             rows = ((725, float(s.verdict), 0), (726, s.temperature, 2))
         elif self.form.spares == "mwdstd-raw6":
-            # Gravity as it points, in thousandths of standard gravity; specific force has the opposite sign.
+            # The profile sends gravity, which points down, in thousandths of standard gravity; specific force has the
+            # opposite sign.
             g = [-v / STANDARD_GRAVITY * 1e3 for v in s.specific_force]
             b: list[float | None] = [None] * 3 if s.magnetic_field is None else [v * 1e9 for v in s.magnetic_field]
             rows = tuple((722 + k, v, 2) for k, v in enumerate(g)) + tuple((725 + k, v, 1) for k, v in enumerate(b))
@@ -209,7 +210,7 @@ def _survey_type(source: AzimuthSource) -> str:
 
 def activity_code(values: RigValues) -> int | None:
     """
-    Return the rig activity as far as its data show it: 2 drilling, 3 connection, 7 circulating; None otherwise.
+    Return the code of the rig activity: 2 drilling, 3 connection, 7 circulating; None if the rig's data do not show it.
 
     The codes are those of the specification's table as printed in DigiDrill's WITS quick reference.
     """

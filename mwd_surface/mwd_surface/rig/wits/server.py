@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""WITS level 0 server over TCP: recorders and collectors connect, and each gets every packet."""
+"""WITS level 0 server over TCP: recorders and collectors connect, and each receives every packet."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 """
 Client that pushes the definitive survey to a WITSML 1.4.1.1 store: AddToStore first, then UpdateInStore.
 
-An update does not remove stations that are no longer in the survey, so those are deleted with DeleteFromStore. The
-store interface is SOAP 1.1 over HTTP(S): the text of a trajectory goes out, a number and a message come back. Answers
-are parsed without entities, limited in size, and never cause another request.
+An update does not remove stations that are no longer in the survey, so they are deleted with DeleteFromStore. The store
+interface is SOAP 1.1 over HTTP(S): a request contains the text of a trajectory, the answer a number and a message.
+Answers are parsed without entities, limited in size, and never cause another request.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _SHOWN = 300
 
 
 class StoreRefusedError(RuntimeError):
-    """Raised if the store does not answer with success; the message has its number and text."""
+    """Raised if the store does not answer with success; the message has the number and text of the answer."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +104,7 @@ class WitsmlStore(LoopInterface):
         self._clock = clock
         self._document = ""
         self._sent_document = ""
-        # Stations of each trajectory that we have written to the store.
+        # Identifiers of the stations of each trajectory that were written to the store.
         self._stations_of: dict[str, set[str]] = {}
         self._sent = self._failures = 0
         self._reason = self._last = ""
@@ -112,7 +112,7 @@ class WitsmlStore(LoopInterface):
         self._version = ""
 
     def push(self, document: str) -> None:
-        """Set the newest trajectory (`export_witsml.witsml`) for sending; never blocks, a newer one replaces it."""
+        """Set the newest trajectory (from `export_witsml.witsml`) for sending, in place of the last; never blocks."""
         self._document = document
         # If the loop has just ended, the document waits for the next start.
         self.rouse()
@@ -210,7 +210,7 @@ class WitsmlStore(LoopInterface):
         self._stations_of[uid] = stations
 
     def _order(self, order: str, arguments: dict[str, str]) -> tuple[int, str]:
-        """Call the store; return its result number and message."""
+        """Call a function of the store, such as AddToStore; return the result number and message of the answer."""
         answer = self._ask(order, arguments)
         try:
             result = int(answer.get("Result", ""))
@@ -221,7 +221,7 @@ class WitsmlStore(LoopInterface):
 
     @functools.cached_property
     def _opener(self) -> urllib.request.OpenerDirector:
-        # Read the system's certificates only once, because that takes longer than a call.
+        # Read the system's certificates only once, because reading them takes longer than a call.
         return urllib.request.build_opener(
             urllib.request.HTTPSHandler(context=ssl.create_default_context()), _NoRedirect()
         )
@@ -280,12 +280,12 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
 
 def answer_texts(answer: bytes) -> dict[str, str]:
     """
-    Return the text of each element of an answer by its local name; for repeated names the last one.
+    Return the text of each element of an answer by its local name; for repeated names the last text.
 
     Raises
     ------
     ValueError
-        The answer is not XML, or declares a document type, which no store answer needs.
+        The answer is not XML, or declares a document type, which is not needed and could define entities.
     """
     texts: dict[str, str] = {}
     path: list[tuple[str, list[str]]] = []
@@ -325,7 +325,7 @@ def _stations(document: str) -> set[str]:
 
 
 def _without(document: str, stations: set[str]) -> str:
-    """Return the query that names the stations to delete, with the head of the document."""
+    """Return the DeleteFromStore query that names the stations, with the opening elements of the document."""
     head = re.search(r"<trajectorys\b[^>]*>\s*<trajectory\b[^>]*>", document)
     names = "".join(f'<trajectoryStation uid="{uid}"/>' for uid in sorted(stations))
     return f"{head[0] if head else ''}{names}</trajectory></trajectorys>"
