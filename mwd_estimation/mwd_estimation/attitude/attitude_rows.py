@@ -20,7 +20,7 @@ from mwd_sensors.core.records import dtype_of
 _REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
 _DISTURBED, _AIDED = int(Status.MAG_DISTURBED), int(Status.GYRO_AIDED)
 _SUSPECT = int(Status.SENSOR_SUSPECT)
-# Sensors that inclination and gravity toolface depend on.
+# Sensors from which inclination and gravity toolface are computed.
 _LEVEL_SENSORS = GYRO | ACCEL
 
 
@@ -34,9 +34,9 @@ class LastMagnetic:
 class Stretch(NamedTuple):
     """Properties shared by all samples of a stretch (a part of a block with one field model)."""
 
-    start: int  #: index of its first sample in the block
-    north: int  #: code of the north reference
-    status: int  #: bits of `Status` to add
+    start: int  #: index in the block of the first sample of the stretch
+    north: int  #: code of the north reference, as in `core.north.North`
+    status: int  #: bits of `Status` that are added to every sample
     gyro_only: bool  #: omit azimuths that are not propagated by the gyros alone
 
 
@@ -92,7 +92,7 @@ def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
 
 @compiled
 def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: float) -> tuple[bool, float, float]:
-    """Return whether there is an azimuth, the azimuth and its sigma, rad."""
+    """Return whether there is an azimuth, the azimuth, rad, and 1 sigma, rad."""
     if math.isfinite(azimuth.azimuth):
         return True, azimuth.azimuth, azimuth.sigma
     # If no azimuth is propagated (at the start, near vertical), use the plain magnetic one.
@@ -105,10 +105,11 @@ def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: f
 def _magnetic_toolface(
     plain: AttitudeRow, azimuth: AzimuthRow, down_x: float, near_vertical: bool
 ) -> tuple[float, float]:
-    """Return the angle of the scribe line from north and its sigma, rad; down_x: axial part of the unit vector down."""
+    """Return the angle of the scribe line from north and 1 sigma, rad; down_x: x component of the unit vector down."""
     if near_vertical or not math.isfinite(azimuth.azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
-    # Shift the magnetic toolface like the azimuth, by the same geometry as for the high side.
+    # Add to the magnetic toolface the difference of the propagated from the plain azimuth. Without a plain azimuth,
+    # compute the magnetic toolface from the propagated azimuth and the gravity toolface.
     if math.isfinite(plain.azimuth):
         toolface = plain.magnetic_toolface + (azimuth.azimuth - plain.azimuth)
     else:
@@ -128,9 +129,9 @@ def _write_attitude(
     azimuth: AzimuthRow,
     row: Samples,
 ) -> int:
-    """Fill the attitude of one sample; return its status."""
+    """Fill the attitude message of one sample; return its status bits."""
     has_gravity = math.isfinite(plain.inclination)
-    # The settings of the attitude decide what is near vertical, not those of the gravity method.
+    # NEAR_VERTICAL follows the inclination limits of the attitude settings, not those of the gravity method.
     status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
     status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0
@@ -171,7 +172,7 @@ def _sigma(sigma: float, known: bool, unsure: bool) -> float:
 
 @compiled
 def _write_gravity(sample: Sample, status: int, row: Samples) -> None:
-    """Fill the gravity of one sample."""
+    """Fill the gravity message of one sample; status: bits of `Status`."""
     down, vector = sample.down, row["gravity"]
     known = math.isfinite(down[0] + down[1] + down[2]) and sample.turned < math.inf
     for i in range(3):

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Integrals of the azimuth rate over bins of time from the rates of two units, and the samples to pair them with.
+Integrals of the azimuth rate over bins of time, from the gyros of the conventional and of the precision unit.
 
     azimuth' = (w - w_ie) . (d - (d.x) x) / sin^2 I        d: unit vector down in tool axes, from any gravity method
 
-The x rate drops out, except for its leakage into the cross-axis gyros. If the speed varies in step with the rotation,
-the leakage does not average out (2 % of 120 r/min and .2 mrad give 10 deg/h at 30 deg inclination). The sums of a bin
-contain everything that a filter needs to propagate an azimuth and its covariance through the bin and to estimate the
-leakage.
+The x rate drops out, except for its leakage into the cross-axis gyros. If the rotary speed varies in step with the
+rotation, the leakage does not average out (a variation of 2 % of 120 r/min and a leakage of 0.2 mrad give 10 deg/h at
+30 deg inclination). The sums of a bin contain everything that a filter needs to propagate an azimuth and its covariance
+through the bin and to estimate the leakage.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from mwd_estimation.core import ring
 from mwd_estimation.core.track import GAP_NS
 from mwd_sensors.core.compiled import compiled
 
-# A bin uses the gyros of the conventional unit if the precision unit has a gap longer than the first of these shares of
-# the bin, or if its valid samples cover less than the second share of the bin.
+# A bin uses the gyros of the conventional unit instead of the precision unit if the precision unit has a gap longer
+# than the share _MAX_STEP of the bin, or if its valid samples cover less than the share _MIN_COVERED of the bin.
 _MAX_STEP, _MIN_COVERED = 0.5, 0.8
 
 
@@ -44,7 +44,11 @@ def clear_sums(sums: BinSums, bin_index: int) -> None:
 
 @compiled
 def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: float, wy: float, wz: float) -> float:
-    """Add a rate that held for dt to the sums of its unit, share = dt / across^2; return the rotation of the axis."""
+    """
+    Add a rate that lasted for dt to the sums of its unit; return the rotation of the axis in this time, rad.
+
+    dt: s; share: dt / across^2, s; dy, dz: unit vector down across the tool; wx, wy, wz: rate, rad/s.
+    """
     turn = (wy * dy + wz * dz) * share
     y, z = dy * share, dz * share
     sums.turn += turn
@@ -62,16 +66,17 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
 
 @compiled
 def _spin(sample: Sample) -> float:
-    """Return the rate about the axis, rad/s, or 0 if the x gyro has none: it only matters through its leakage."""
+    """Return the rate about the axis, rad/s; 0 if the x gyro has no value, because only the leakage needs this rate."""
     return sample.gyro[0] if math.isfinite(sample.gyro[0]) else 0.0
 
 
 @compiled
 def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
     """
-    Add a sample of the conventional unit that is later than the last and has finite y and z rates and vertical.
+    Add a sample of the conventional unit to the open bin and to the ring of samples.
 
-    earth_north is the azimuth rate due to the Earth's northward rotation per unit of `BinSums.earth`, rad/s.
+    The sample must be later than the last one, with finite y and z rates and a known vector down. earth_north:
+    northward component of the Earth's rotation times the cosine of the azimuth, rad/s.
     """
     stamp, wx, wy, wz = sample.stamp_ns, _spin(sample), sample.gyro[1], sample.gyro[2]
     dx, dy, dz = sample.down[0], sample.down[1], sample.down[2]
@@ -105,7 +110,7 @@ def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
 
 @compiled
 def gyro_turn_at(s: State, at: int) -> float:
-    """Return the axis rotation by the conventional gyros at a time, rad, constant beyond the ends of the ring."""
+    """Return `State.gyro_turn` interpolated at a time, ns, rad; before and after the stored samples it is constant."""
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].gyro_turn + share * s.recent.rows[later].gyro_turn
     return turn
@@ -114,16 +119,26 @@ def gyro_turn_at(s: State, at: int) -> float:
 @compiled
 def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates, start: int) -> tuple[bool, int]:
     """
-    Fill `s.precision_sums` for the bin of `sums`, with gravity and x rate of the sample at or after each rate.
+    Fill `s.precision_sums` for the bin of `sums`; return whether these sums can be used.
 
-    A rate is the mean over the interval that ends at its stamp.
+    Each rate of the precision unit is combined with gravity and x rate of the first conventional sample at or after its
+    stamp. A rate is the mean over the interval that ends at its stamp.
+
+    Parameters
+    ----------
+    p, s : Params, State
+    sums : BinSums
+        Sums of the closed bin from the conventional unit.
+    precision : PrecisionRates
+    start : int
+        Index of the first rate of this bin or of an earlier one.
 
     Returns
     -------
     usable : bool
-        Whether the unit covers the bin and stays within its range.
+        Whether the precision unit covers the bin and stays within its range.
     next : int
-        First rate of a later bin. `start` is the first rate of this bin or of an earlier one.
+        Index of the first rate of a later bin.
     """
     stamps, rates, fine = precision.stamp_ns, precision.rate_t, s.precision_sums
     begin = sums.bin * p.bin_ns
@@ -160,14 +175,14 @@ def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates
         covered += dt
     usable = usable and covered > _MIN_COVERED * sums.time and sums.time > 0.0
     if usable:
-        # If a sample or two are missing in the bin, scale up the rest.
+        # If samples are missing in the bin, scale the sums up to the full duration.
         _scale(fine, sums.time / covered)
     return usable, start
 
 
 @compiled
 def _scale(sums: BinSums, factor: float) -> None:
-    """Multiply the sums that depend on the unit."""
+    """Multiply the sums that contain rates of the precision unit."""
     sums.turn *= factor
     sums.noise *= factor
     sums.spin *= factor

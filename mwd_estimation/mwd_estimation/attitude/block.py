@@ -15,8 +15,8 @@ from mwd_sensors.core.arrays import Array, Samples
 class Block:
     """Samples of the conventional unit with their gravity, and faults that concern all of them."""
 
-    samples: Samples  #: dtype `sample.SAMPLE`, shape (n,)
-    unusable: int = 0  #: sensors that are faulty throughout the block, bits of `core.sensor_fault`
+    samples: Samples  #: samples, dtype `sample.SAMPLE`, shape (n,)
+    unusable: int = 0  #: sensors that are faulty throughout the block, as bits of `core.sensor_fault`
     contaminated: bool = False  #: whether the azimuth contains wrong values of a faulty sensor
 
 
@@ -24,8 +24,8 @@ class Block:
 class StationUpdate:
     """Results of a survey station that the continuous estimate uses."""
 
-    #: (ndarray (8,), ndarray (8, 8)) or None; state and covariance of the interference filter from many stations
-    #: together, from which the continuous filter continues.
+    #: State, shape (8,), and covariance, shape (8, 8), of the interference filter from the stations of the run; the
+    #: continuous filter takes them over. None if there is no result.
     interference: tuple[Array, Array] | None
     #: `down`, `field`: shape (3,); unit vector down and field, T, at the station.
     down: Array
@@ -34,16 +34,16 @@ class StationUpdate:
     azimuth: float = math.nan
     sigma: float = math.nan
     accepted: bool = False  #: whether the station passed its checks
-    axial: tuple[float, float] = (0.0, 0.0)  #: axial interference that the station was corrected for, and 1 sigma, T
+    axial: tuple[float, float] = (0.0, 0.0)  #: axial interference removed from the station's field, and 1 sigma, T
 
 
 @dataclasses.dataclass(frozen=True)
 class MagneticModelInForce:
-    """Field model in force from a certain sample on, and what is known about its azimuth."""
+    """Field model that holds from a certain sample on, and findings about its magnetic azimuth."""
 
     model: FieldModel
-    north: int  #: code of its north reference
-    corrected: bool  #: whether the model subtracts interference that a station showed
+    north: int  #: code of the north reference of the model
+    corrected: bool  #: whether the model subtracts interference that was found at a station
     update: StationUpdate | None = None  #: results of the station with which this model came into force
     #: True if a gyro has shown that the magnetic azimuth is wrong although the field passes its checks. The azimuth is
     #: then not used until a gyro shows otherwise.
@@ -54,12 +54,12 @@ class MagneticModelInForce:
 
 
 class StationAzimuth(NamedTuple):
-    """Azimuth of an accepted station from the reference north, to be propagated to the next; NaN if there is none."""
+    """Azimuth of an accepted station from the reference north, to propagate to the next station; NaN if none."""
 
     #: `azimuth`, `sigma`: azimuth of the tool axis and 1 sigma, rad, without the tool's misalignment in the hole.
     azimuth: float = math.nan
     sigma: float = math.nan
-    constant_sigma: float = math.nan  #: part of that sigma which is common to all magnetic azimuths
+    constant_sigma: float = math.nan  #: 1 sigma of the error common to all magnetic azimuths, rad; contained in `sigma`
     by_gyro: bool = False  #: whether a gyro found north at the station
 
 
@@ -67,11 +67,11 @@ NO_STATION = StationAzimuth()
 
 
 class BinEvent(NamedTuple):
-    """A bin evaluated before the sample at `place`: its index, its end, and the azimuths found in it."""
+    """A closed bin of time, and the azimuths found in it."""
 
-    place: int
-    bin: int
-    end_ns: int
+    place: int  #: index in the block of the sample before which the bin is evaluated
+    bin: int  #: index of the bin: its start divided by its length
+    end_ns: int  #: end of the bin, ns
     #: `seek_azimuth`, `seek_sigma`: result of a north seek, rad; NaN if there is none.
     seek_azimuth: float = math.nan
     seek_sigma: float = math.nan

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Attitude of every IMU sample, interference of the tool and azimuth, from gravity and magnetic samples.
+Attitude of every IMU sample, and magnetic interference of the tool, from gravity, rates and magnetic samples.
 
 A block is processed in five steps, each compiled over all samples. Gravity of rejected samples is propagated to their
 stamps (`rejected_samples`). Magnetic samples are paired with gravity at their own stamps (`time_alignment`). One pair
 per interval updates the interference filter, which removes the tool's own field from the azimuth (`magnetic_azimuth`).
-The gyros propagate the azimuth, which these magnetic azimuths correct (`gyro_azimuth`). The messages are written
-(`attitude_rows`). If no azimuth can be propagated (at the start, near vertical), the plain magnetic one is given.
+The gyros propagate the azimuth, and the magnetic azimuths correct it (`gyro_azimuth`). The messages are written
+(`attitude_rows`). If no azimuth can be propagated (at the start, near vertical), the messages contain the magnetic
+azimuth of the second step, without the interference filter.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 _NO_REFERENCE, _FAULT = int(Status.NO_REFERENCE), int(Status.SENSOR_FAULT)
-# If the vertical is less certain than this, rad, a magnetic sample does not update the interference filter.
+# Largest 1 sigma of the vertical, rad, with which a magnetic sample updates the interference filter.
 _MAX_TILT = 0.1
 
 
@@ -99,13 +100,13 @@ class AttitudeStream:
         self._azimuths_read = 0
         self._waiting = np.zeros(0, dtype=MAGNETIC_AZIMUTH)
         self._last = np.zeros(1, dtype=LAST_MAGNETIC)
-        # Last magnetic azimuth, which gives the interference for bins before the next one.
+        # Last magnetic azimuth; its interference is valid for all bins before the next magnetic azimuth.
         self._last_magnetic = np.zeros(1, dtype=MAGNETIC_AZIMUTH)
         self._last_magnetic["interference"] = self._last_magnetic["sigma_interference"] = np.nan
         time_alignment.restart_smoothing(self._alignment_state)
 
     def restart_field(self) -> None:
-        """Restart the estimate of the interference; its first azimuths are then tested against the carried azimuth."""
+        """Restart the estimate of the interference; test its first azimuths against the gyro-propagated azimuth."""
         self._magnetic.start_anew()
         self._azimuths_read -= len(self._waiting)
         self._waiting = self._waiting[:0]
@@ -129,17 +130,25 @@ class AttitudeStream:
         return [self._magnetic.innovation, azimuth]
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Accept magnetic samples, T; they wait for gravity at their time."""
+        """Accept magnetic samples: stamps, ns, shape (m,), and field, T, shape (m, 3); they wait for gravity."""
         waiting = self._mag
         self._mag = MagBlock(np.concatenate([waiting.stamp_ns, stamps]), np.concatenate([waiting.b_t, b_t]))
 
     def shift_mag(self, late_ns: int, wait_ns: int) -> None:
-        """Correct the stamps of waiting magnetic samples, which are late_ns late; later ones wait wait_ns longer."""
+        """
+        Correct the stamps of waiting magnetic samples, and let all magnetic samples wait longer for gravity.
+
+        late_ns: delay of the stamps that is removed, ns; wait_ns: time added to the set `mag_lag_ns`, ns.
+        """
         self._mag = self._mag._replace(stamp_ns=self._mag.stamp_ns - late_ns)
         self._alignment = self._alignment._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
     def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
-        """Invalidate waiting magnetic samples that would be used at one of these IMU samples, ns, that is `out`."""
+        """
+        Invalidate the waiting magnetic samples that would be used at IMU samples marked in `out`.
+
+        stamps: stamps of the IMU samples, ns, shape (n,); out: shape (n,).
+        """
         MagneticSamples(*self._mag, self._alignment.mag_lag_ns, stamps).leave_out(out)
 
     def follow(
@@ -152,7 +161,7 @@ class AttitudeStream:
         gravity: Samples,
     ) -> tuple[Samples, int]:
         """
-        Fill attitude and gravity of a block.
+        Fill the attitude and gravity messages of a block.
 
         Parameters
         ----------
@@ -164,16 +173,16 @@ class AttitudeStream:
         events : list of BinEvent
             Bins evaluated within the block.
         precision : PrecisionRates
-            Rates of the precision unit in the time of those bins.
-        attitude, gravity : ndarray
-            Output, as long as the block, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
+            Rates of the precision unit in the time of these bins.
+        attitude, gravity : ndarray, shape (n,)
+            Output, one message for each sample, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
 
         Returns
         -------
         interference : ndarray of dtype `wire.INTERFERENCE`
             One sample for each bin event.
         rejected : int
-            Number of samples not used.
+            Number of rejected samples.
         """
         stops = [place for place, _ in models[1:]] + [len(block.samples)]
         stretches = [(slice(start, stop), model) for (start, model), stop in zip(models, stops, strict=True)]
@@ -235,13 +244,17 @@ class AttitudeStream:
 
     def _stretch(self, block: Block, start: int, model: MagneticModelInForce) -> Stretch:
         status = (0 if self._magnetic.has_reference else _NO_REFERENCE) | (_FAULT if block.unusable else 0)
-        # An azimuth that contains wrong values is given only as propagated by the gyros since the fault.
+        # If the magnetic azimuth contains wrong values of a sensor, write only azimuths propagated by the gyros.
         return Stretch(start, model.north, status, block.contaminated or block.unusable & ACCEL != 0)
 
     def _interference(
         self, events: list[BinEvent], magnetic: Samples, plain: Samples, before: tuple[float, float]
     ) -> Samples:
-        """Return the interference messages of bins, each with what was known before the sample that closed the bin."""
+        """
+        Return the interference messages of bins, each with the estimate before the sample that closed the bin.
+
+        before: total field, T, and dip, rad, before the block; NaN if unknown.
+        """
         samples = wire.INTERFERENCE.empty(len(events))
         if not events:
             return samples

@@ -2,12 +2,12 @@
 """
 Drilling dynamics in the field's usual numbers, from IMU samples and their gravity.
 
-They are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed), rms
+The numbers are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed), rms
 vibration along and across the axis without gravity, peaks, and shocks counted as separate excursions above a threshold.
-They cover the last ten seconds and are given every second. With strapdown-integrated samples they are averages over the
-sample interval and do not include vibration above half the sample rate.
+A summary is computed every second over the last ten seconds. If the unit sends strapdown-integrated samples, a sample
+is the average over its interval, and vibration above half the sample rate is not included.
 
-Time is cut at full seconds since 1970, so that the result does not depend on how the stream is cut into blocks.
+Summaries end at full seconds since 1970, so that the result does not depend on how the stream is cut into blocks.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
 
-PERIOD_NS, PERIODS = 1_000_000_000, 10  # one summary per period, each over this number of periods
+PERIOD_NS, PERIODS = 1_000_000_000, 10  # interval between summaries, ns; and number of these intervals in a summary
 SLOT_NS = 50_000_000  # averaging time of the rotary speed, ns
 _PER_PERIOD = PERIOD_NS // SLOT_NS
 SLOTS = PERIODS * _PER_PERIOD
@@ -45,12 +45,13 @@ class Slot:
     """Sums over one slot of time."""
 
     index: int  #: start of the slot divided by its length; _NONE for an empty slot
-    samples: int
+    samples: int  #: number of samples
     rate: float  #: sum of the rates about the axis, rad/s
     #: `axial2`, `lateral2`: sums of the squared non-gravity acceleration, (m/s^2)^2.
     axial2: float
     lateral2: float
-    #: `axial_peak2`, `lateral_peak2`, `whole_peak2`: largest squares, along, across and of the vector.
+    #: `axial_peak2`, `lateral_peak2`, `whole_peak2`: largest squared non-gravity acceleration along the axis, across
+    #: the axis, and of the vector, (m/s^2)^2.
     axial_peak2: float
     lateral_peak2: float
     whole_peak2: float
@@ -62,7 +63,8 @@ class State:
 
     index: int  #: index of the open slot; _NONE before the first
     slots: Annotated[MutableSequence[Slot], SLOTS]  #: last slots, each stored at its index modulo SLOTS
-    #: `last_ns`, `shock_ns`: stamp of the last sample and of the last above the threshold; _NONE before the first.
+    #: `last_ns`, `shock_ns`: stamp of the last sample, and of the last sample above the shock threshold, ns; _NONE
+    #: before the first.
     last_ns: int
     shock_ns: int
     above: bool  #: whether the last sample was above the threshold
@@ -92,7 +94,7 @@ def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> 
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Samples; those whose stamp does not advance, or whose rate, force or gravity is not finite, are ignored.
     attitude : ndarray of dtype `wire.ATTITUDE`, shape (n,)
-        Attitude of these samples, of which the status is used.
+        Attitude of these samples; only the status is used.
 
     Returns
     -------
@@ -109,7 +111,7 @@ def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> 
 
 @compiled
 def _open(s: State, index: int) -> None:
-    """Begin a slot."""
+    """Clear the sums of a new slot, and make it the open one."""
     slot, s.index = s.slots[index % SLOTS], index
     slot.index, slot.samples, slot.shocks = index, 0, 0
     slot.rate = slot.axial2 = slot.lateral2 = slot.axial_peak2 = slot.lateral_peak2 = slot.whole_peak2 = 0.0
@@ -117,7 +119,7 @@ def _open(s: State, index: int) -> None:
 
 @compiled
 def _sticking(s: State, first: int, mean: float) -> float:
-    """Return the share of slots, from `first` on, in which the string turns slower than a tenth of the mean, rad/s."""
+    """Return the share of slots from index `first` on with a speed below a tenth of `mean`, the mean speed, rad/s."""
     slots, sticking = 0, 0
     for slot in s.slots:
         if slot.index >= first:
@@ -128,14 +130,14 @@ def _sticking(s: State, first: int, mean: float) -> float:
 
 @compiled
 def _summarise(s: State, row: Samples) -> None:
-    """Write the window that ends with the period of the open slot to one output sample."""
+    """Write the summary of the last PERIODS periods to one output sample; the period of the open slot is the last."""
     periods, count, shocks, least, most = 0, 0, 0, math.inf, -math.inf
     rate, axial2, lateral2, axial_peak2, lateral_peak2, whole_peak2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     end = s.index // _PER_PERIOD + 1
     first, period = (end - PERIODS) * _PER_PERIOD, _NONE
     for one in s.slots:
         if one.index >= first:
-            # The slots of one period are next to each other.
+            # Count the periods with samples: the slots of one period are next to each other.
             periods += int(one.index // _PER_PERIOD != period)
             period = one.index // _PER_PERIOD
             count, shocks = count + one.samples, shocks + one.shocks
@@ -169,7 +171,11 @@ def _summarise(s: State, row: Samples) -> None:
 
 @compiled
 def _count_shock(p: Params, s: State, stamp: int, whole2: float) -> None:
-    """Count each excursion above the threshold once; two samples in a row are one shock at any sample rate."""
+    """
+    Count each excursion above the shock threshold once; samples in a row above it are one shock at any sample rate.
+
+    whole2: squared magnitude of the non-gravity acceleration, (m/s^2)^2.
+    """
     if whole2 < p.shock_threshold * p.shock_threshold:
         s.above = False
         return
@@ -196,7 +202,7 @@ def _add(slot: Slot, rate: float, axial2: float, lateral2: float) -> None:
 def _run(p: Params, s: State, samples: Samples, attitude: Samples, out: Samples) -> int:
     """Fill `out` with the summaries of closed periods and return their number; arguments as in `run`."""
     closed = 0
-    # End of the open slot, kept because a division for each sample would cost more than its sums.
+    # End of the open slot, ns, computed once a slot: a division for each sample would cost more than its sums.
     end_ns = (s.index + 1) * SLOT_NS if s.index != _NONE else _NONE
     for i in range(len(samples)):
         sample = samples[i]

@@ -4,13 +4,14 @@ Azimuth while drilling: propagated by the gyros and corrected by the magnetic az
 
 The filter (`gyro_azimuth_filter`) estimates the azimuth of the hole axis; bias and leakage of the cross-axis gyros of
 both units; the slowly changing error of the magnetic azimuth (interference), which does not average out while the tool
-stays in place; and its constant error (declination), which never averages out. Only the cross-axis rates are used, so
-the x gyro may clip, and a rotating tool averages the biases out. A magnetic azimuth beyond the innovation gate is not
-used; if good ones stay beyond it, the azimuth is reset to them and this is reported.
+stays in place; and the constant error of the magnetic azimuth (declination), which never averages out. Only the
+cross-axis rates are used, so the x gyro may clip, and a rotating tool averages the biases out. A magnetic azimuth
+beyond the innovation gate is not used. If magnetic azimuths that pass the field check stay beyond the gate, the azimuth
+is reset to them, and the reset is counted.
 
-The azimuth rate (`azimuth_rate`) is integrated sample by sample. The filter steps once per closed bin of time, one bin
-late, when the other streams of that time have arrived. Every sample gets the filter's azimuth propagated to its own
-time by the conventional gyro. The azimuth of the last accepted station is propagated without the magnetometer, for the
+The azimuth rate (`azimuth_rate`) is integrated sample by sample. The filter makes one step per closed bin of time, one
+bin late, when the other streams of that time have arrived. Every sample gets the filter's azimuth propagated to its
+stamp by the conventional gyro. The azimuth of the last accepted station is propagated without the magnetometer, for the
 continuity check at the next station. Derivation and limits: ``docs/methods/continuous_attitude.md``.
 """
 
@@ -67,11 +68,12 @@ def run(
     magnetic : ndarray of dtype MAGNETIC_AZIMUTH, shape (k,)
         Magnetic azimuths in order of their stamps: all in the bins' time, and possibly later ones.
     precision : PrecisionRates
-        Rates of the precision unit, likewise.
+        Rates of the precision unit in order of their stamps: all in the bins' time, and possibly later ones.
 
     Returns
     -------
     rows : ndarray of dtype AZIMUTH_ROW, shape (n,)
+        Azimuth of each sample.
     propagated : ndarray of dtype PROPAGATED_AZIMUTH, shape (m,)
         Propagated azimuths at each bin.
     used : int
@@ -79,8 +81,8 @@ def run(
     """
     rows = np.zeros(len(samples), dtype=AZIMUTH_ROW)
     propagated = np.full(len(steps), np.nan, dtype=PROPAGATED_AZIMUTH)
-    # Make the array contiguous, so that numba compiles only one layout: a slice of columns is contiguous for one row
-    # only.
+    # Make the array contiguous, so that numba compiles one layout only: a slice of columns is contiguous if it has one
+    # row, and not contiguous if it has more.
     precision = PrecisionRates(precision.stamp_ns, np.ascontiguousarray(precision.rate_t))
     used: int = _run(p, state[0], samples, steps, magnetic, precision, rows, propagated)
     return rows, propagated, used
@@ -104,7 +106,7 @@ def _write_propagated(s: State, row: Any) -> None:
 
 @compiled
 def _find_sums(s: State, bin_index: int) -> int:
-    """Return the index of a bin's sums, or that of another bin's if it has none."""
+    """Return the index in `s.sums` of the sums of a bin; if the bin has no sums, an index with another bin's sums."""
     found = 0
     for j in range(BINS):
         if s.sums[j].bin == bin_index:
@@ -114,7 +116,12 @@ def _find_sums(s: State, bin_index: int) -> int:
 
 @compiled
 def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precision_used: int) -> tuple[bool, int]:
-    """Propagate through one closed bin; return whether it has an azimuth, and the first precision rate after it."""
+    """
+    Propagate the azimuth through one closed bin.
+
+    Return whether the bin can have an azimuth (it has samples and the hole is not vertical), and the index of the first
+    precision rate after the bin.
+    """
     sums = s.sums[_find_sums(s, step.bin)]
     if sums.bin != step.bin:
         return False, precision_used
@@ -144,7 +151,7 @@ def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precis
 
 @compiled
 def _take_magnetic(p: Params, s: State, measured: MagneticAzimuth) -> None:
-    """Update with a magnetic azimuth of the last bin, propagated to the end of the bin."""
+    """Update the filter with a magnetic azimuth of the last bin, propagated to the end of the bin."""
     sigma = measured.sigma_slow + measured.sigma_held + measured.sigma_noise + measured.sigma_constant
     if math.isfinite(measured.azimuth + sigma) and sigma > 0.0:
         since = s.bin_gyro_turn - azimuth_rate.gyro_turn_at(s, measured.stamp_ns)
@@ -163,7 +170,7 @@ def _correct(p: Params, s: State, step: BinEvent, propagated: Any, has_azimuth: 
 
 @compiled
 def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -> None:
-    """Write the azimuth of the last sample; across2: squared sine of its inclination."""
+    """Write the azimuth of a sample; sigma: of the filter's azimuth, rad; across2: squared sine of the inclination."""
     row.status = np.uint32(0)
     if not s.have_azimuth or not across2 >= p.vertical_sin2:
         row.azimuth, row.sigma = math.nan, math.inf
@@ -173,7 +180,7 @@ def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -
         row.status = np.uint32(_AIDED)
         return
     tau = 2.0 * math.pi
-    # Usually within one turn of the range, where a comparison is cheaper than the remainder.
+    # Wrap to [0, 2 pi). The angle is usually within one turn of this range, where a comparison is cheaper than `%`.
     now = s.x[Error.AZIMUTH] + (s.gyro_turn - s.bin_gyro_turn)
     now = now - tau if now >= tau else (now + tau if now < 0.0 else now)
     row.azimuth = now if 0.0 <= now < tau else now % tau
@@ -214,7 +221,7 @@ def _run(
         fresh = s.recent.length == 0 or stamp > s.last_ns
         if fresh and math.isfinite(sample.gyro[1] + sample.gyro[2] + down[0] + across2):
             if stamp >= end:
-                # Recomputed per bin, because a division for each sample would cost more than its sums.
+                # Compute the end once a bin: a division for each sample would cost more than its sums.
                 end = (stamp // p.bin_ns + 1) * p.bin_ns
                 s.bins_opened += 1
                 azimuth_rate.clear_sums(s.sums[s.bins_opened % BINS], stamp // p.bin_ns)

@@ -3,7 +3,7 @@
 Kalman filter of the gyro-propagated azimuth, with one compiled step per bin of time.
 
 The azimuth of the last station is not corrected by magnetic azimuths (a Schmidt-Kalman state: no gain, full
-covariance), so that it is an independent opinion at the next station. The leakage of the x rate is seen directly in the
+covariance), so that it is an independent check at the next station. The leakage of the x rate is measured from the mean
 cross-axis rates of a rotating tool (`estimate_leakage`). Derivation: ``docs/methods/continuous_attitude.md``.
 """
 
@@ -28,20 +28,22 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle
 
-# Number of turns in a bin below which it does not show the leakage. True rate across the axis (a fast curve, whirl),
-# rad/s, of which the incomplete turn in a bin leaves a part.
+# Smallest number of turns in a bin from which the leakage is estimated. And 1 sigma of the true rate across the axis (a
+# fast curve, whirl), rad/s, which does not average out over the incomplete turn of a bin.
 _MIN_TURNS, _ACROSS_RATE = 0.5, math.radians(0.05)
 # Innovation over its sigma above which a magnetic azimuth is not used.
 GATE = 4.0
-# Difference over sigma above which an azimuth of a station or gyro disagrees with the propagated one.
+# Difference, in sigmas, above which an azimuth of a station or of a north seek disagrees with the propagated azimuth.
 _DISAGREES = 3.0
-# If the mean innovation of good magnetic azimuths over the second number, s, is above the first, sigma, the gyro bias
-# is changing (for example while warming up). The biases then walk as if they lost all their information in that time.
+# If the mean innovation of good magnetic azimuths exceeds _BIASED_MEAN sigmas, the gyro bias is changing (for example
+# while warming up). The variance of the biases then grows by their prior variance in each _MEAN_TIME, s, which is also
+# the averaging time of the innovation.
 _BIASED_MEAN, _MEAN_TIME = 1.5, 5.0
-# If good magnetic azimuths are rejected for this time, s, they are as probable as the carried azimuth. A tool joint
-# passes the sensor in less time.
+# If good magnetic azimuths are rejected for this time, s, they count as equally probable as the propagated azimuth. The
+# field of a tool joint disturbs the sensor for less time.
 _BELIEVED = 10.0
-# A magnetic sigma within this share of the last one belongs to the same slow error.
+# If the smaller of the new and the last magnetic sigma is at least this share of the larger, the slow error is the
+# same.
 _SAME_SIGMA = 0.9
 
 _DISTURBED = int(Status.MAG_DISTURBED)
@@ -49,7 +51,7 @@ _DISTURBED = int(Status.MAG_DISTURBED)
 
 @compiled
 def begin(p: Params, s: State) -> None:
-    """Restart the filter; keep the leakage, which is estimated from the rotation itself."""
+    """Restart the filter; keep the estimated leakage, because it does not depend on the azimuth."""
     for i in range(STATES):
         known = Error.LEAKAGE <= i < Error.DRIFT and s.P[i, i] > 0.0
         reset_state(s.P, i, s.P[i, i] if known else 0.0)
@@ -72,7 +74,11 @@ def begin(p: Params, s: State) -> None:
 
 @compiled
 def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
-    """Update with one number; ph is its covariance with the states. The station's azimuth has no gain."""
+    """
+    Update the states with one measured number; the station's azimuth has no gain.
+
+    ph, shape (STATES,): covariance of the number with the states; variance: variance of the innovation.
+    """
     # The gains of the other states change the station azimuth's covariances, not its variance (Joseph form, zero gain).
     azimuth, own = s.x[Error.STATION], s.P[Error.STATION, Error.STATION]
     scalar_update(s.P, s.x, ph, variance, innovation)
@@ -85,8 +91,8 @@ def correct(s: State, azimuth: float, slow: float, constant: float, variance: fl
     """
     Update with an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
 
-    variance is that of the noise; extra is added once the azimuth has passed the gate, for noise that the next azimuths
-    repeat. Returns False, with the state unchanged, beyond the gate.
+    variance: variance of the noise, rad^2; extra: variance, rad^2, that is added after the test against the gate, for
+    noise that the next azimuths repeat. Returns False, with the state unchanged, for an azimuth beyond the gate.
     """
     h, ph = np.zeros(STATES), np.empty(STATES)
     h[Error.AZIMUTH], h[Error.SLOW_ERROR], h[Error.CONSTANT_ERROR] = 1.0, slow, constant
@@ -108,7 +114,7 @@ def _innovation(s: State, azimuth: float, slow: float, constant: float) -> float
 
 @compiled
 def fade_slow_error(s: State, share: float) -> None:
-    """Keep only a share of the slow magnetic error, and let the rest be a new error; its variance tends to 1."""
+    """Replace part of the slow magnetic error by a new, independent error; share: part that is kept, 0 to 1."""
     s.x[Error.SLOW_ERROR] *= share
     for j in range(STATES):
         if j != Error.SLOW_ERROR:
@@ -123,8 +129,9 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
     Propagate the azimuth and the station's azimuth through one bin with the sums of one unit.
 
     azimuth += turn - bias . across - leakage . leakage sums - lag * lag sum - drift time - earth_down time
-               + earth_north cos(azimuth) earth:
-    the part of the rate about the vertical that moves the axis, (w - w_ie) . (d - (d.x) x) / sin^2(I), over the bin.
+               + earth_north cos(azimuth) earth,
+    with the names of `BinSums` and `Params`. It is the integral over the bin of the azimuth rate of the hole axis,
+    (w - w_ie) . (d - (d.x) x) / sin^2(I).
     """
     slopes, rows = np.zeros((2, STATES)), np.zeros((2, STATES))
     turn = sums.turn - p.earth_down * sums.time
@@ -144,7 +151,8 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
             if slopes[n, i] != 0.0:
                 for j in range(STATES):
                     rows[n, j] += slopes[n, i] * s.P[i, j]
-    # Noise of the gyros, of the rate mistaken for azimuth due to an error of the gravity direction, and of data gaps.
+    # Variance of the azimuth from gyro noise, from rates mistaken for an azimuth rate because of an error of the
+    # gravity direction, and from data gaps.
     gyros = p.units[unit]
     noise = gyros.noise**2 * sums.noise + 2.0 * p.tilt_memory_s * sums.tilt
     noise += (p.gap_rate * sums.gap) ** 2
@@ -166,10 +174,10 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
 @compiled
 def open_bias(s: State, sums: BinSums) -> None:
     """
-    Increase the bias variances of the conventional unit if gravity has shown in this bin that the biases stepped.
+    Increase the bias variances of the conventional unit if the gravity estimate found a step of the biases in this bin.
 
-    Gravity shows only the part of a step across the vertical, and the azimuth needs the part along the vertical. From
-    the step to the end of the bin the unknown part has turned both azimuths.
+    Gravity shows only the component of a step across the vertical, and the azimuth needs the component along the
+    vertical. From the step to the end of the bin this unknown component has turned both azimuths.
     """
     if sums.gyro_step <= 0.0 or sums.time <= 0.0:
         return
@@ -189,8 +197,8 @@ def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
     """
     Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool rotated.
 
-    A true rotation of the axis appears in turning tool axes and averages out over whole turns. The remaining mean rate
-    is bias time + leakage spin.
+    In axes of the rotating tool, a true rotation of the hole axis averages out over whole turns. The remaining integral
+    of a cross-axis rate is bias * time + leakage * spin.
     """
     turns = abs(sums.spin) / (2.0 * math.pi)
     if turns < _MIN_TURNS:
@@ -210,7 +218,11 @@ def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
 
 @compiled
 def _follow_innovations(p: Params, s: State, dt: float) -> None:
-    """Follow the mean innovation of good magnetic azimuths, dt after the last, and let it raise the bias variances."""
+    """
+    Update the mean innovation of good magnetic azimuths; increase the bias variances if the mean is too large.
+
+    dt: time since the last magnetic azimuth, s.
+    """
     s.innovation_mean += min(dt / _MEAN_TIME, 1.0) * (min(max(s.innovation_ratio, -GATE), GATE) - s.innovation_mean)
     if abs(s.innovation_mean) > _BIASED_MEAN:
         for u in range(2):
@@ -227,17 +239,22 @@ def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
     share = min(slow / s.slow_sigma, s.slow_sigma / slow) if kept else 0.0
     if measured.usable and share < _SAME_SIGMA:
         if kept:
-            # A better estimate of the interference keeps only this share of the earlier error, in units of the new
-            # sigma. A sigma that merely varies with noise is not an improvement.
+            # A better estimate of the interference keeps only the part `share` of the earlier error, in units of the
+            # new sigma. A small change of sigma is noise and not a better estimate.
             fade_slow_error(s, share)
         s.slow_sigma = slow
-    # Use the sigma from when the error was estimated: noise in it would let the filter separate error and azimuth.
+    # Use the sigma of the time at which the slow error was estimated: if the sigma varied with noise, the filter would
+    # wrongly separate slow error and azimuth.
     return s.slow_sigma if kept else slow
 
 
 @compiled
 def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: float, variance: float) -> None:
-    """Start at a magnetic azimuth = azimuth + slow x error + constant x error + noise, with minus these errors."""
+    """
+    Start the filter at a magnetic azimuth; the error of the state is minus the errors of this magnetic azimuth.
+
+    slow, constant: 1 sigma of the slow and the constant error, rad; variance: variance of the noise, rad^2.
+    """
     begin(p, s)
     s.innovation_mean = 0.0
     s.x[Error.AZIMUTH] = azimuth % (2.0 * math.pi)
@@ -251,9 +268,9 @@ def _doubt(s: State, innovation: float) -> float:
     """
     Return the variance, rad^2, to add to the azimuth because a good magnetic azimuth differs by `innovation`, rad.
 
-    If the two azimuths differ by more than their sigma, either may be right. A single rejected sample is probably
-    wrong. The magnetic azimuth is as probable as the carried azimuth if the tool's own field was estimated anew, or if
-    good magnetic azimuths have differed for `_BELIEVED` seconds.
+    If the two azimuths differ by more than their sigma, either may be right. A single rejected magnetic azimuth is
+    probably wrong. The magnetic azimuth is as probable as the propagated azimuth if the estimate of the tool's own
+    field was restarted, or if good magnetic azimuths have differed for `_BELIEVED` seconds.
     """
     share = 1.0 if s.contested else min(s.rejected_s / _BELIEVED, 1.0)
     return 0.5 * share * innovation * innovation * max(1.0 - 1.0 / max(s.innovation_ratio**2, 1e-9), 0.0)
@@ -274,11 +291,11 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
         s.have_azimuth = s.have_station = False
         s.innovation_mean = 0.0
     if measured.new_start:
-        # The new magnetic azimuth and the carried azimuth are two hypotheses; neither replaces the other yet.
+        # The new magnetic azimuth and the propagated azimuth are two hypotheses; neither replaces the other yet.
         fade_slow_error(s, 0.0)
         s.slow_sigma, s.contested = 0.0, True
     slow = _scale_of_slow_error(s, measured)
-    # A data gap is not evidence: between two azimuths at most the time-out counts.
+    # A data gap is not evidence against the azimuth, so count at most the time-out between two magnetic azimuths.
     since = min(s.since_seen_s, p.mag_timeout_s)
     used, off = False, _innovation(s, azimuth, slow, constant)
     if not measured.usable:
@@ -289,8 +306,8 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
         used = True
     elif correct(s, azimuth, slow, constant, variance, extra):
         used = True
-        # After a new start the additional variance is computed for each azimuth. Otherwise it decays, because the
-        # magnetic azimuths agree with the carried azimuth again.
+        # After a restart of the interference estimate, compute the added variance anew for each azimuth. Otherwise let
+        # it decay, because the magnetic azimuths agree with the propagated azimuth again.
         decayed = s.doubt * math.exp(-since / p.reset_time_s) if s.rejected_s == 0.0 else 0.0
         s.doubt = _doubt(s, off) if s.contested else decayed
     else:
@@ -316,10 +333,10 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
 @compiled
 def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
     """
-    Process an azimuth measured without the magnetometer, rad; if it disagrees, the azimuth restarts from it.
+    Process the azimuth of a north seek and its 1 sigma, rad; if it disagrees, the azimuth restarts from it.
 
-    North seeks of one gyro share their error. If the azimuth already rests on an earlier seek, the better of the two is
-    used and not their mean.
+    North seeks of one gyro have a common error. If the azimuth already comes from an earlier seek, use the more
+    accurate of the two and not their mean.
     """
     if not s.have_azimuth:
         begin(p, s)
@@ -341,10 +358,10 @@ def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
 @compiled
 def station(s: State, accepted: StationAzimuth) -> None:
     """
-    Propagate the azimuth of an accepted station from here on.
+    Begin to propagate the azimuth of an accepted station.
 
-    A station that disagrees with the propagated azimuth of the previous station, and that no gyro confirms, replaces it
-    only if the next station disagrees too.
+    A station without a gyro azimuth that disagrees with the propagated azimuth of the previous station is not used at
+    first; only if the next station disagrees too, the azimuth of that next station is propagated.
     """
     if not s.have_azimuth:
         return

@@ -27,7 +27,7 @@ from mwd_sensors.core.records import dtype_of
 
 class ErrorOrder(NamedTuple):
     """
-    Order of `State.x` and `State.P`: the first index of each quantity; STATES in total.
+    Index of the first entry of each quantity in `State.x` and `State.P`; there are STATES entries.
 
     BIAS and LEAKAGE have y and z of unit 0, then of unit 1; DRIFT and LAG have one entry for each unit.
     """
@@ -45,8 +45,8 @@ class ErrorOrder(NamedTuple):
 Error = ErrorOrder()
 STATES = 16
 BINS = 4  # bins whose sums are kept: the open one, those waiting for other streams, and one spare
-# Number of samples kept for pairing with other streams: 1.6 s at 5 kHz. They are most of a state's 1.4 MB. Pairing
-# reads only a third of each record, but one record type for all steps is simpler.
+# Number of samples kept for pairing with other streams: 1.6 s at 5 kHz. They take most of the 1.4 MB of a state.
+# Pairing reads only a third of each record, but one record type for all steps is simpler.
 RING = 8192
 NO_BIN = np.iinfo(np.int64).min
 _HELD_S = 10.0  # correlation time of an error of the vertical in magnetic azimuths, s
@@ -56,7 +56,7 @@ class GyroUnit(NamedTuple):
     """Error model of the y and z gyros of one unit, each 1 sigma."""
 
     noise: float  #: white noise, rad/sqrt(s)
-    bias: float  #: rad/s
+    bias: float  #: bias of each axis, rad/s
     walk: float  #: random walk of the bias, rad/s per sqrt(s)
     leakage: float  #: share of the x rate that y and z read
     drift: float  #: rate about the vertical due to g-sensitivity (and an unknown latitude), rad/s
@@ -82,7 +82,7 @@ def gyro_unit(
         bias=bias_deg_h * DEG_PER_HOUR,
         walk=walk_deg_h_rth * DEG_PER_HOUR / 60.0,
         leakage=leak_urad * 1e-6,
-        # At any toolface the effect is the mean of the sensitivities of y to y and of z to z.
+        # The drift about the vertical is the mean of the sensitivities of y and of z, weighted by the toolface.
         drift=g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5),
         lag=lag_ms * 1e-3,
     )
@@ -97,18 +97,18 @@ class Params(NamedTuple):
         gyro_unit(0.05, 5.0, 0.3),
     )
     precision_range: float = 0.98 * math.radians(100.0)  #: rate above which the precision unit clips, rad/s
-    bin_ns: int = 500_000_000  #: length of a bin
-    #: `earth_north`, `earth_down`: the Earth's rotation, rad/s; 0 if the latitude is not known.
+    bin_ns: int = 500_000_000  #: length of a bin, ns
+    #: `earth_north`, `earth_down`: components of the Earth's rotation, rad/s; 0 if the latitude is not known.
     earth_north: float = 0.0
     earth_down: float = 0.0
-    #: Number of magnetic azimuths with the same error of the vertical: those within twice its correlation time.
+    #: Number of magnetic azimuths that share the error of the vertical: those within twice its correlation time.
     held_repeats: float = 2.0 * _HELD_S / (time_alignment_state.Params().interval_ns * 1e-9)
-    slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth
-    reset_time_s: float = 60.0  #: time of rejected good azimuths after which the filter accepts the next one
-    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth above which the azimuth is called gyro-aided
-    vertical_sin2: float = math.sin(math.radians(3.0)) ** 2  #: squared sine of the least inclination with an azimuth
-    gap_rate: float = math.radians(0.05)  #: rate at which the axis may turn during a data gap, rad/s, 1 sigma
-    tilt_memory_s: float = 5.0  #: correlation time of the error of the gravity direction
+    slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth, s
+    reset_time_s: float = 60.0  #: time of rejecting good magnetic azimuths after which the next one is accepted, s
+    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth above which the azimuth is called gyro-aided, s
+    vertical_sin2: float = math.sin(math.radians(3.0)) ** 2  #: squared sine of the smallest inclination with an azimuth
+    gap_rate: float = math.radians(0.05)  #: 1 sigma of the rate at which the axis turns during a data gap, rad/s
+    tilt_memory_s: float = 5.0  #: correlation time of the error of the gravity direction, s
     max_sigma: float = math.radians(45.0)  #: an azimuth with a larger sigma is not published, rad
 
 
@@ -122,7 +122,7 @@ def at_latitude(params: Params, latitude_deg: float | None) -> Params:
 
 
 class BinSums:
-    """Integrals over a bin of time; d is the unit vector down, across^2 = d_y^2 + d_z^2, w the rate."""
+    """Integrals over a bin of time; d: unit vector down; across^2 = d_y^2 + d_z^2; w: rate, rad/s; tool axes."""
 
     bin: int  #: index of the bin; NO_BIN if empty
     turn: float  #: rotation of the axis according to the gyros, rad
@@ -130,7 +130,7 @@ class BinSums:
     time: float  #: duration, s
     earth: float  #: integral of d_x / across, s: rotation per northward Earth rate
     noise: float  #: integral of 1 / across^2, s
-    tilt: float  #: integral of the squared rate that a tilt of the vertical mistakes for azimuth, rad^2/s
+    tilt: float  #: integral of the squared error of the azimuth rate from 1 sigma of tilt of the vertical, rad^2/s
     gap: float  #: duration of data gaps, s
     gyro_turn: float  #: `State.gyro_turn` at the end of the bin, rad
     vertical: bool  #: whether the hole was vertical in the bin
@@ -142,7 +142,7 @@ class BinSums:
 
 
 class GyroRing(Ring):
-    """The last samples whose gravity and rates are known."""
+    """Ring buffer of the last samples with known gravity and rates."""
 
     rows: Annotated[MutableSequence[Sample], RING]
 
@@ -150,21 +150,23 @@ class GyroRing(Ring):
 class State:
     """State of the gyro-propagated azimuth."""
 
-    #: `last_ns`, `bins_opened`: stamp of the last sample, and number of bins opened.
+    #: `last_ns`, `bins_opened`: stamp of the last sample, ns, and number of bins opened since the start.
     last_ns: int
     bins_opened: int
     gyro_turn: float  #: rotation of the axis integrated from the conventional gyros, rad
     #: `x`, `P`: Kalman states and covariance.
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]
-    have_azimuth: bool  #: whether there is an azimuth
-    #: `since_used_s`, `since_seen_s`: time since the last magnetic azimuth used, and since the last received.
+    have_azimuth: bool  #: whether the filter has an azimuth
+    #: `since_used_s`, `since_seen_s`: time since the last magnetic azimuth used, and since the last one received, s.
     since_used_s: float
     since_seen_s: float
-    rejected_s: float  #: time for which good magnetic azimuths have been rejected
-    contested: bool  #: whether the tool's own field was estimated anew and has not yet agreed with the azimuth
+    rejected_s: float  #: time for which good magnetic azimuths have been rejected, s
+    #: True after a restart of the interference estimate, until a magnetic azimuth is used or a north seek replaces it.
+    contested: bool
     doubt: float  #: variance added to the azimuth because good magnetic azimuths disagree with it, rad^2
-    #: `innovation_ratio`, `innovation_mean`: last innovation over its sigma, and its running mean over good azimuths.
+    #: `innovation_ratio`, `innovation_mean`: last innovation divided by its sigma, and running mean of this ratio over
+    #: good magnetic azimuths.
     innovation_ratio: float
     innovation_mean: float
     #: `rejected`, `disturbed`, `resets`: number of magnetic azimuths beyond the gate, of those that failed the field
@@ -173,34 +175,34 @@ class State:
     disturbed: int
     resets: int
     mag_status: int  #: status bits of the last magnetic azimuth
-    last_bin: int  #: last processed bin; NO_BIN before the first
-    bin_gyro_turn: float  #: `gyro_turn` at the end of that bin, rad
+    last_bin: int  #: index of the last processed bin; NO_BIN before the first
+    bin_gyro_turn: float  #: `gyro_turn` at the end of the last processed bin, rad
     slow_sigma: float  #: 1 sigma that is the unit of the state Error.SLOW_ERROR, rad
-    by_gyro_only: bool  #: whether the azimuth rests only on a north seek and the gyros
+    by_gyro_only: bool  #: whether the azimuth comes from a north seek and the gyros only
     have_station: bool  #: whether a station's azimuth is propagated
-    station_constant_sigma: float  #: part of its sigma that is common to all magnetic azimuths, rad
-    station_disagreed: bool  #: whether the last station disagreed with it
+    station_constant_sigma: float  #: 1 sigma of the error of this azimuth common to all magnetic azimuths, rad
+    station_disagreed: bool  #: whether the last station disagreed with the propagated azimuth of an earlier station
     sums: Annotated[Sequence[BinSums], BINS]  #: sums of the last bins
     precision_sums: BinSums  #: sums of the last closed bin from the precision unit
-    recent: GyroRing
+    recent: GyroRing  #: last samples, for pairing with other streams
 
 
 class MagneticAzimuth:
     """A magnetic azimuth from the reference north, and the interference that was removed from it."""
 
-    place: int  #: IMU sample of the block at which it was evaluated
-    stamp_ns: int  #: its own stamp
-    azimuth: float  #: rad
-    #: `sigma_slow`, `sigma_held`, `sigma_noise`, `sigma_constant`: 1 sigma, rad, of the lasting error (the tool's own
-    #: field), of the error that lasts for a while (the vertical's), of the error that is new in each sample (noise),
-    #: and of the error that never changes (declination).
+    place: int  #: index in the block of the IMU sample at which the magnetic sample was evaluated
+    stamp_ns: int  #: stamp of the magnetic sample, ns
+    azimuth: float  #: azimuth, rad
+    #: `sigma_slow`, `sigma_held`, `sigma_noise`, `sigma_constant`: 1 sigma, rad, of the slowly changing error (the
+    #: tool's own field), of the error that lasts for seconds (error of the vertical), of the error that is new in each
+    #: sample (noise), and of the error that never changes (declination).
     sigma_slow: float
     sigma_held: float
     sigma_noise: float
     sigma_constant: float
-    usable: bool  #: whether its field passes the check; otherwise it is never used
-    restart: bool  #: True if earlier rows are withdrawn, so that the azimuth restarts
-    new_start: bool  #: True if the tool's own field is estimated anew from here on; its error is then independent
+    usable: bool  #: whether the field passes the check; otherwise the azimuth is never used
+    restart: bool  #: True if earlier magnetic azimuths are withdrawn, so that the filter restarts
+    new_start: bool  #: True if the interference estimate restarts here, with an error independent of the earlier one
     status: np.uint32  #: bits of `Status`
     #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; NaN if it is not known.
     interference: Annotated[Array, 3]
@@ -213,8 +215,8 @@ class PropagatedAzimuth(NamedTuple):
     #: `station_azimuth`, `station_sigma`: azimuth of the last accepted station, propagated by the gyros alone.
     station_azimuth: float
     station_sigma: float
-    station_constant_sigma: float  #: part of that sigma which is common to all magnetic azimuths
-    #: `azimuth`, `sigma`: azimuth of the samples.
+    station_constant_sigma: float  #: 1 sigma of its error common to all magnetic azimuths; contained in `station_sigma`
+    #: `azimuth`, `sigma`: azimuth of the filter, and 1 sigma.
     azimuth: float
     sigma: float
 
@@ -230,7 +232,7 @@ class AzimuthRow:
 
 
 class PrecisionRates(NamedTuple):
-    """Rates of the precision unit: stamp_ns, shape (q,), and rate_t in tool axes, rad/s, shape (q, 3)."""
+    """Rates of the precision unit: stamp_ns, ns, shape (q,), and rate_t in tool axes, rad/s, shape (q, 3)."""
 
     stamp_ns: Stamps
     rate_t: Array

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sigmas of the continuous attitude while the tool is outside the temperatures of its calibration."""
+"""Sigmas of the continuous attitude while the tool is outside the temperature range of its calibration."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 class HeatedSigmas:
     """
-    Widen the sigmas of attitude rows by the biases to expect at the temperatures of the tool.
+    Increase the sigmas of attitude rows by the biases that are expected at the temperature of the tool.
 
-    The temperature of a row is the last one measured before it. If there is none, the sigmas stay as they are.
+    The temperature of a row is the last one measured before it. Without a temperature the sigmas stay unchanged.
 
     Parameters
     ----------
@@ -40,16 +40,17 @@ class HeatedSigmas:
 
     def widen(self, attitude: Samples, gravity: Samples, reference: Reference | None) -> None:
         """
-        Widen the sigmas of rows in place.
+        Increase the sigmas of rows in place.
 
-        While the tool turns, part of the error averages out. The sigmas do not become smaller for that.
+        While the tool turns, part of the error averages out. This effect is ignored: the sigmas are then too large.
 
         Parameters
         ----------
         attitude, gravity : ndarray, shape (n,)
             Rows of the same samples, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
         reference : Reference or None
-            Field; without it the azimuth is not widened, because the horizontal field is unknown.
+            Reference field. Without it the sigmas of azimuth and magnetic toolface stay unchanged, because the
+            horizontal field is unknown.
         """
         # A row whose stamp goes back gets the temperature of the newest stamp so far, so that the result does not
         # depend on how the stream is cut into blocks.
@@ -75,5 +76,5 @@ class HeatedSigmas:
 
 
 def _widen(rows: Samples, name: str, sigma: Array) -> None:
-    """Add a sigma, rad, shape (n,), to that of rows in quadrature, up to pi; a NaN in the rows stays NaN."""
+    """Add a sigma, rad, shape (n,), in quadrature to the column `name`, up to pi; a NaN in the column stays NaN."""
     rows[name] = np.minimum(np.hypot(rows[name], np.where(np.isnan(sigma), 0.0, sigma)), math.pi)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Magnetic azimuths that correct the gyro-propagated azimuth, without the tool's own field if there is a reference.
+Magnetic azimuths that correct the gyro-propagated azimuth; with a reference, the tool's own field is removed.
 
-Each magnetic sample selected by the time alignment passes the interference filter. The filter removes bias and scale as
-far as they are known, and splits the sigma into parts by the duration of their errors.
+Each magnetic sample selected by the time alignment passes the interference filter. The filter removes bias and scale
+errors as far as they are known, and splits the sigma into parts by the time for which the errors last.
 """
 
 from __future__ import annotations
@@ -25,20 +25,22 @@ from mwd_sensors.core.arrays import Samples
 
 _DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)
 _REFUSED = int(Status.CORRECTION_REFUSED)
-# An error whose sigma is still above this share of its prior counts as not observed.
+# Interference counts as not observed while its sigma is above this share of its prior sigma.
 _UNOBSERVED = 0.7
-# An axial field that is not observed and may turn the azimuth by more than this, rad, is reported as not corrected.
+# If the axial interference is not observed and its sigma turns the azimuth by more than this, rad, the correction is
+# reported as refused.
 _MAX_UNOBSERVED = math.radians(3.0)
-# Share of the magnetic sigma that lasts from sample to sample, if no reference separates the parts.
+# Without a reference: share of the magnetic sigma that belongs to slowly changing errors; the rest is noise.
 _SLOW_SHARE = 0.95
-# Tilt error of a station, rad; and chi-square over the gate above which a station contradicts the learnt interference.
+# 1 sigma of the tilt of a station, rad; and ratio of chi-square to the gate above which a station contradicts the
+# estimated interference.
 _STATION_TILT = math.radians(0.1)
 _CONTRADICTED = 4.0
-# Time for which the field must be in order after a disturbed sample before it is used again, ns: on the way out of a
-# casing it passes through values that drill-string interference could explain.
+# Time for which the field must pass the check after a disturbed sample before it is used again, ns: when the sensor
+# leaves a casing, the field passes through values that drill-string interference could explain.
 _SETTLED_NS = 3_000_000_000
-# After external interference was seen, its undetected part across the two checked directions still turns the azimuth:
-# by this field, T, decaying with this time, ns.
+# 1 sigma of external interference after a disturbed sample, T, and its decay time, ns: the check does not detect the
+# component across its two directions, and this component turns the azimuth.
 _EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
 
 
@@ -55,6 +57,8 @@ class MagneticAzimuths:
     ----------
     innovation : Innovation
         Innovation of the field against the reference, since the reference was set.
+    withdrawn : bool
+        Set to True to withdraw the earlier azimuths; the next one then restarts the propagated azimuth.
     """
 
     def __init__(self, params: interference_state.Params, errors: SensorErrors) -> None:
@@ -72,13 +76,13 @@ class MagneticAzimuths:
         self._disturbed_ns = -_SETTLED_NS
 
     def start_anew(self) -> None:
-        """Restart the estimate of the interference; its azimuth and the carried azimuth are then two hypotheses."""
+        """Restart the interference estimate; its azimuth and the propagated azimuth are then two hypotheses."""
         self.set_reference(self._reference)
         self._new_start = True
 
     @property
     def has_reference(self) -> bool:
-        """Return whether there is a reference field."""
+        """Whether there is a reference field."""
         return self._state is not None
 
     def update(self, station: StationUpdate | None) -> None:
@@ -87,13 +91,14 @@ class MagneticAzimuths:
         if station is None or state is None or self._reference is None:
             return
         if station.accepted and self._contradicts(state, station):
-            # The station passes its checks, but its field is not the one that was learnt, or is beyond what the prior
-            # allows.
+            # The station passes its checks, but its field contradicts the estimated interference, or the prior if there
+            # is no estimate yet.
             state = interference_filter.initial(self._params, self._reference, self._errors, station.axial)
             self._state, self._new_start = state, True
         s = state[0]
         if station.interference is not None and station.interference[1][0, 0] < s.P[0, 0]:
-            # The same field, measured at rest and at more attitudes: it replaces what was learnt while drilling.
+            # The stations measured the same interference at rest and at more attitudes: replace the estimate from
+            # drilling.
             s.x[:], s.P[:] = station.interference
         if math.isfinite(station.azimuth):
             interference_filter.aid_azimuth(
@@ -127,7 +132,7 @@ class MagneticAzimuths:
         return rows
 
     def _read_plain(self, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
-        """Fill the rows without a reference: azimuths as measured."""
+        """Fill the rows if there is no reference: azimuths as measured."""
         constant = min(in_force.model.sigma_north, math.pi)
         rest = np.sqrt(np.maximum(pairs["sigma"] ** 2 - constant**2, 0.0))
         rows["azimuth"], rows["sigma_constant"] = pairs["azimuth"], constant
@@ -136,7 +141,7 @@ class MagneticAzimuths:
         rows["interference"] = rows["sigma_interference"] = np.nan
 
     def _read_corrected(self, state: Samples, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
-        """Fill the rows with azimuths corrected for the interference that the samples so far have shown."""
+        """Fill the rows with azimuths corrected for the interference estimated from the samples so far."""
         n, s = len(pairs), state[0]
         samples = FieldSamples(pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"])
         found = interference_filter.run(self._params, state, samples)
@@ -172,7 +177,7 @@ class MagneticAzimuths:
 def _correction_status(
     found: Samples, samples: FieldSamples, corrected: NDArray[np.bool_], horizontal: float
 ) -> NDArray[np.uint32]:
-    """Return status bits: whether the azimuth is corrected, and whether it should be but is not."""
+    """Return status bits: CORRECTED; else UNCORRECTED, with CORRECTION_REFUSED if the interference matters."""
     sine = np.sqrt(np.maximum(1.0 - samples.g_t[:, 0] ** 2, 0.0))
     unobserved = found["sigma"][:, 0] * sine * np.abs(np.sin(found["azimuth"])) / horizontal
     bits = np.where(unobserved > _MAX_UNOBSERVED, _UNCORRECTED | _REFUSED, _UNCORRECTED)

@@ -5,11 +5,11 @@ Delay of the magnetometer's stamps relative to the IMU, estimated from changes o
 Gravity and field across the tool rotate together: seen from the tool, the angle between them depends only on the
 attitude of the hole. If the field is stamped late by L, it belongs to an earlier toolface, and the angle is wrong by
 the rotary speed times L. A filter with two states, angle and delay, follows the mean angle of each half second. At one
-speed the two cannot be separated; with two speeds they can. Errors of the field that rotate with the tool average out
-over turns.
+speed, angle and delay cannot be separated; with two speeds they can. Errors of the field that rotate with the tool
+average out over turns.
 
-The speed is taken from the gyro, because the toolface also moves while a filter settles or an accelerometer fails. If
-the gyro has no value, the speed of the toolface is used.
+The speed is taken from the gyro, because the toolface also changes while a filter settles or an accelerometer fails. If
+the gyro has no value, the rate of change of the toolface is used.
 """
 
 from __future__ import annotations
@@ -22,36 +22,37 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Array, Stamps
 
 SPAN_NS = 5_000_000_000
-"""Duration of a span that is evaluated at once, ns."""
+"""Duration of the span of samples that is evaluated at once, ns."""
 _BIN_NS = 500_000_000
-# The newest samples of a span wait for the next span, because their fields may not have arrived yet.
+# Length of the end of a span that waits for the next span, ns, because its magnetic samples may not have arrived yet.
 _OPEN_NS = _BIN_NS
-# If samples of gravity are farther apart than this, ns, the toolface between them is not known.
+# Longest step between gravity samples, ns, over which the toolface is interpolated.
 _GAP_NS = 100_000_000
-# Cross-axis gravity, as a share of gravity, and field, T, below which they have no direction.
+# Smallest cross-axis gravity, as a share of gravity, and smallest cross-axis field, T, with a usable direction.
 _LEAST_GRAVITY, _LEAST_FIELD = 0.1, 5e-6
-# Resultant of the angles of a bin below which their mean is meaningless, and least number of samples.
+# Smallest resultant length of the angles of a bin, 0 to 1, with a meaningful mean; and smallest number of samples.
 _LEAST_RESULTANT, _FEW = 0.7, 5
-# 1 sigma of a bin's angle, rad (an incomplete turn of a biased magnetometer does not average out); of the change of the
-# angle from bin to bin, rad; and of the delay beforehand, s.
+# 1 sigma of the angle of a bin, rad (the bias of a magnetometer does not average out over an incomplete turn); of the
+# change of the angle from bin to bin, rad; and of the delay before any measurement, s.
 _ANGLE, _WALK, _PRIOR_S = math.radians(2.0), math.radians(0.3), 0.2
-# At rest, rad/s, a biased magnetometer has the same error in all bins: ten seconds count as one bin, with this sigma,
-# rad.
+# Rotary speed below which the string counts as at rest, rad/s; and 1 sigma of the angle of a bin at rest, rad. At rest
+# the bias of a magnetometer gives the same error in all bins: 20 bins (ten seconds) count as one with a sigma of 5 deg.
 _RESTS, _REST_ANGLE = 0.5, math.radians(5.0) * math.sqrt(20.0)
 # Rotation of the string, rad, over which an unchanged reading shows that the magnetometer is stuck.
 _HANGS = 0.5
-# A delay is reported above this, s, and above this number of sigmas: at 120 r/min 5 ms turn the field by 3.6 deg.
+# Smallest delay that is corrected, s, and smallest number of its sigmas: at 120 r/min, 5 ms turn the field by 3.6 deg.
 _LEAST_S, _SIGMAS = 0.005, 4.0
-# A long delay is corrected as soon as its relative error is below this; the rest is corrected later.
+# A long delay is corrected as soon as its relative error is below this share; the rest is corrected later.
 _SHARE = 0.05
-# Number of passes over a span. Each uses the rotation over the delay found by the last: while speeding up it is less.
+# Number of passes over a span. Each pass uses the mean speed over the delay that the previous pass found, because the
+# speed may change within the delay.
 _PASSES = 3
 LONGEST_S = 0.5
-"""Longest plausible delay, s; a longer one means other clocks or no delay at all."""
+"""Longest plausible delay, s; a longer one is not corrected, because two different clocks are a more likely cause."""
 
 
 def in_words(late_ns: int) -> str:
-    """Describe the delay found in one sentence; empty if the stamps agree with the IMU's."""
+    """Return a sentence about the delay, ns, that was corrected; empty if the delay is 0."""
     way = "late" if late_ns > 0 else "early"
     found = f"the magnetometer is stamped {abs(late_ns) * 1e-6:.0f} ms {way}, as the rotating string shows: corrected"
     return found if late_ns else ""
@@ -59,12 +60,12 @@ def in_words(late_ns: int) -> str:
 
 class MagneticDelay:
     """
-    Measures the delay from gravity and field in tool axes; the result does not depend on how the streams are cut.
+    Estimator of the delay from gravity and field in tool axes; it does not depend on how the streams are cut.
 
     Attributes
     ----------
     delay_s, sigma_s : float
-        Remaining delay of the stamps as they are given, and its 1 sigma.
+        Delay that remains in the corrected stamps, and 1 sigma, s.
     """
 
     def __init__(self) -> None:
@@ -74,7 +75,7 @@ class MagneticDelay:
         self._last_b, self._hangs = np.full(2, np.nan), False
 
     def begin_anew(self) -> None:
-        """Discard what was found with wrong rates; keep the waiting fields."""
+        """Discard the estimate and the waiting gravity, as after wrong rates; keep the waiting magnetic samples."""
         self._angle, self._begun = 0.0, False
         self._field = np.full(2, np.nan)
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
@@ -88,27 +89,27 @@ class MagneticDelay:
 
     def take(self, stamps: Stamps, g_t: Array, rate_x: Array) -> None:
         """
-        Accept gravity in tool axes, shape (n, 3), and the rate about x, rad/s, shape (n,); NaN if unknown.
+        Accept unit vectors down in tool axes, shape (n, 3), and rates about x, rad/s, shape (n,); NaN if unknown.
 
-        Each stamp is later than all before.
+        stamps: ns, shape (n,); each must be later than all stamps before.
         """
         if len(stamps):
             self._imu.append((stamps, np.column_stack([g_t[:, 1:], rate_x])))
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Accept samples of the field, T, shape (n, 3)."""
+        """Accept stamps, ns, shape (n,), and samples of the field in tool axes, T, shape (n, 3)."""
         self._mag.append((stamps, np.roll(b_t, -1, axis=1)))
 
     def shift(self, late_ns: int) -> None:
-        """Correct the stamps of waiting samples by late_ns; the caller corrects later samples."""
+        """Subtract late_ns from the stamps of waiting magnetic samples; the caller must correct later samples."""
         self._mag = [(stamps - late_ns, b) for stamps, b in self._mag]
         self.delay_s -= 1e-9 * late_ns
 
     def judge(self, end_ns: int) -> int:
         """
-        Evaluate all samples up to shortly before a stamp.
+        Evaluate all samples up to half a second before a stamp; end_ns: stamp, ns.
 
-        Returns the delay to correct, ns, or 0.
+        Returns the delay to correct, ns; 0 if it is too small, too uncertain or implausible.
         """
         if self._imu and self._mag:
             self._follow(end_ns - _OPEN_NS)
@@ -119,7 +120,7 @@ class MagneticDelay:
         return round(self.delay_s * 1e9) if sure and late_s < LONGEST_S else 0
 
     def _follow(self, until_ns: int) -> None:
-        """Process the bins that end before a stamp."""
+        """Update angle and delay with all bins that end before a stamp, ns."""
         # Columns of g: gravity across the tool (2), rate about x. Columns of b: field across the tool (2) and along it.
         stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
@@ -144,7 +145,8 @@ class MagneticDelay:
                 if abs(self.delay_s) < _LEAST_S:
                     break
                 earlier = at[seen] - round(self.delay_s * 1e9)
-                # If the rotation over the delay is not known (before the first sample or across a gap), keep the rate.
+                # Use the mean speed over the delay; keep the present speed if the rotation over the delay is not known
+                # (before the first sample or across a gap).
                 over = (now - np.interp(earlier, when, spun)) / self.delay_s
                 rate = np.where(_beside(when, earlier), over, rate)
         self._bin = last - 1
@@ -154,7 +156,11 @@ class MagneticDelay:
         self._mag = [(at[keep], b[keep])]
 
     def _measured(self, b: Array, spun: Array) -> NDArray[np.bool_]:
-        """Return which fields, shape (n, 2), are not stuck while the string turns; spun: angle of the string, rad."""
+        """
+        Return which magnetic samples are not stuck, shape (n,): a stuck one stays the same while the string turns.
+
+        b, shape (n, 2): field across the tool, T; spun, shape (n,): angle of the string, rad.
+        """
         same = np.array([*(b[:1] == self._last_b).all(axis=1), *(b[1:] == b[:-1]).all(axis=1)])
         begin = np.maximum.accumulate(np.where(same, 0, np.arange(len(b))))
         hangs = (np.abs(spun - spun[begin]) > _HANGS) | (same[begin] & self._hangs)
@@ -176,7 +182,8 @@ class MagneticDelay:
 
         field: strength of the field across the axis and component along the axis, T.
 
-        A disturbance beside the hole turns the field across the axis by about as much as it changes the field there.
+        A magnetic disturbance near the hole turns the cross-axis field by an angle, rad, of about the relative change
+        of the field.
         """
         changed = float(np.hypot(*(field - self._field))) / float(field[0])
         self._field = field
@@ -184,7 +191,7 @@ class MagneticDelay:
             self._P[0, 0] += changed * changed
 
     def _update(self, angle: float, rate: float) -> None:
-        """Update with a bin, whose angle is that of the attitude minus rate times delay."""
+        """Update with a bin: its mean angle, rad, which is the angle state minus rate times delay; rate: rad/s."""
         P = self._P
         P[0, 0] = min(P[0, 0] + _WALK**2, math.pi**2) if self._begun else math.pi**2
         h, noise = np.array([1.0, -rate]), (_ANGLE if abs(rate) > _RESTS else _REST_ANGLE) ** 2

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Attitude of samples that the gravity method rejected, at their own stamps instead of at the last used sample.
+Gravity of rejected samples, propagated to their own stamps.
 
-A gravity method ignores a rejected sample and repeats its last estimate, but the tool turns on meanwhile. Here gravity
-is turned to the stamp of the rejected sample by the rate of the nearest used sample: forward from the last one, or
-backward within the interval that contains a late stamp. Its sigmas grow by the possible change of the rate in that
-time, judged by the changes of the last second. More than a tenth of a second away, or next to a sample at the limit of
-its sensor, the toolface is not known.
+A gravity method ignores a rejected sample and repeats its last estimate, but the tool keeps turning meanwhile. Here
+gravity is rotated to the stamp of the rejected sample by the rate of the nearest used sample: forward from the last
+one, or backward within the interval that contains a late stamp. The sigmas grow by the possible change of the rate in
+that time, estimated from the changes of the last second. The toolface is unknown if the rejected sample is more than a
+tenth of a second from the last used one, or if the nearest used sample is clipped.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mwd_sensors.core.kalman import in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
 _REJECTED, _GAP = int(Status.REJECTED), int(Status.GAP)
-# Do not propagate from a sample at the limit of its sensor, or before there is an estimate.
+# Do not propagate from a clipped sample, or from a sample before the first estimate.
 _UNSAFE = int(Status.CLIPPED | Status.INITIALISING)
 _RING = 512  # number of used samples that are kept: 0.1 s at 5 kHz
 _MAX_DISTANCE_NS = 100_000_000  # largest distance from the last used sample, ns
@@ -34,7 +34,7 @@ _MEMORY_NS = 1_000_000_000  # averaging time of the usual change of a rate, ns, 
 
 
 class State(ring.Ring):
-    """Last used samples."""
+    """Ring buffer of the last used samples."""
 
     rows: Annotated[MutableSequence[Sample], _RING]
 
@@ -56,16 +56,16 @@ def run(state: Samples, samples: Samples) -> None:
     state : ndarray, shape (1,)
         State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
-        Changed in place.
+        Samples; `down`, the sigmas, `turned` and `rate_x` of rejected ones are changed in place.
     """
-    # If all samples are used, only the last ones matter later.
+    # If no sample is rejected, only the last ones are needed, for later blocks.
     rejected = (samples["status"] & _REJECTED != 0).any()
     _run(state[0], samples if rejected else samples[-_RING:])
 
 
 @compiled
 def _keep(s: State, sample: Sample) -> None:
-    """Keep a used sample; after a data gap drop earlier ones."""
+    """Store a used sample; if it follows a data gap, drop the earlier ones."""
     if sample.status & _GAP != 0:
         s.length = 0
     s.rows[ring.next_place(s)] = sample
@@ -74,9 +74,9 @@ def _keep(s: State, sample: Sample) -> None:
 @compiled
 def _changes(s: State, near: int) -> tuple[float, float]:
     """
-    Return the squared changes of the rates along and across the axis, (rad/s^2)^2; NaN if unknown.
+    Return the squared angular accelerations along and across the axis, (rad/s^2)^2; NaN if unknown.
 
-    Each is the larger of the usual change and the change at the sample at ring index `near`.
+    Each is the larger of the mean square over the last second and the square at the sample with ring index `near`.
     """
     along, across, count = 0.0, 0.0, 0
     seen_along, seen_across = 0.0, 0.0
@@ -103,7 +103,11 @@ def _changes(s: State, near: int) -> tuple[float, float]:
 
 @compiled
 def _nearest(s: State, stamp: int) -> tuple[int, float]:
-    """Return the index of the first used sample after the stamp, or of the last, and the step before it, s."""
+    """
+    Return the ring index of the used sample to propagate from, and the step before this sample, s.
+
+    It is the first used sample at or after the stamp, ns; if there is none, the last one.
+    """
     back = max(ring.first_from(s, stamp), 1)
     place = ring.place(s, back)
     if back == s.length:
@@ -113,7 +117,7 @@ def _nearest(s: State, stamp: int) -> tuple[int, float]:
 
 @compiled
 def _propagate(s: State, sample: Sample) -> None:
-    """Turn gravity to the stamp of a rejected sample, if possible."""
+    """Rotate gravity to the stamp of a rejected sample; if impossible, mark its toolface as unknown."""
     sample.rate_x, down = math.nan, sample.down
     if not math.isfinite(down[0] + down[1] + down[2]):
         return
@@ -134,7 +138,7 @@ def _propagate(s: State, sample: Sample) -> None:
     gx, gy, gz = in_turned_axes(
         near.down[0], near.down[1], near.down[2], near.gyro[0] * dt, near.gyro[1] * dt, near.gyro[2] * dt
     )
-    # A rate may be the mean over the interval before its stamp, so half of that interval is added when going forward.
+    # A rate may be the mean over the interval before its stamp and then holds at the middle of this interval.
     grown = 0.5 * abs(dt) * (before + max(dt, 0.0))
     along, across = math.sqrt(along) * grown, math.sqrt(across) * grown
     size, side = math.sqrt(gx * gx + gy * gy + gz * gz), math.hypot(gy, gz)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Sample of the conventional unit with its gravity, as used by every step of the attitude.
+Sample of the conventional unit with its gravity, as used by every step of the continuous attitude.
 
-A kernel that is called once per sample gets the record and not the columns of the block: numba counts references to an
-array at each call, which costs more than most calls do.
+A kernel that is called once per sample gets a record and not the columns of the block: for an array argument, numba
+counts references at each call, which costs more than most of these kernels.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from mwd_sensors.core.records import dtype_of
 
 
 class Sample:
-    """One sample; for a rejected one `rejected_samples` propagates `down` and the sigmas to its stamp."""
+    """One sample; for a rejected sample, `rejected_samples` propagates `down` and the sigmas to its stamp."""
 
-    stamp_ns: int
+    stamp_ns: int  #: stamp, ns
     #: `gyro`, `accel`: rate, rad/s, NaN if the gyros are unusable, and specific force, m/s^2, in tool axes.
     gyro: Annotated[Array, 3]
     accel: Annotated[Array, 3]
@@ -32,15 +32,15 @@ class Sample:
     non_gravity: float
     rotary_speed: float
     gyro_step: float  #: as in `core.track.Track`
-    #: `status`, `suspect`: bits of `Status`; suspect sensors, bits of `core.sensor_fault`.
+    #: `status`, `suspect`: bits of `Status`; and suspect sensors, as bits of `core.sensor_fault`.
     status: int
     suspect: int
     rate_x: float  #: rate about the axis, rad/s; for a rejected sample the rate used to propagate it, NaN if none
-    sigma_down: float  #: sigma of the direction down, rad: the larger of those along and across the tilt of the axis
-    #: 1 sigma added to the toolfaces of a rejected sample, rad; 0 for a used sample, infinite if nothing is known.
+    sigma_down: float  #: 1 sigma of the direction down, rad: the larger of the sigmas along and across the tilt
+    #: 1 sigma added to the toolfaces of a rejected sample, rad; 0 for a used sample, infinite if it is unknown.
     turned: float
-    #: `turn`, `gyro_turn`: rotation about the tool axis since the start, by `time_alignment`, and rotation of the axis
-    #: itself, by `azimuth_rate`, rad.
+    #: `turn`, `gyro_turn`: rotation about the tool axis since the start, from `time_alignment`, and azimuth rotation of
+    #: the tool axis, from `azimuth_rate`, rad.
     turn: float
     gyro_turn: float
 
@@ -52,8 +52,8 @@ def samples_of(stamps: Stamps, gyro: Array, accel: Array, track: Track, suspect:
     """
     Return the samples of a block, dtype SAMPLE, shape (n,).
 
-    stamps, gyro, accel and suspect have shapes (n,), (n, 3), (n, 3) and (n,), with units as in `Sample`; track is their
-    gravity.
+    stamps, gyro, accel and suspect have shapes (n,), (n, 3), (n, 3) and (n,), with units as in `Sample`; track: gravity
+    of these samples.
     """
     samples = np.zeros(len(stamps), dtype=SAMPLE)
     samples["stamp_ns"], samples["gyro"], samples["accel"], samples["suspect"] = stamps, gyro, accel, suspect

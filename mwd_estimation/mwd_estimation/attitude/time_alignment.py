@@ -2,10 +2,10 @@
 """
 Attitude of every IMU sample from gravity and magnetic samples that are paired by time.
 
-A magnetic sample is paired with gravity at its stamp, not at its arrival: it is used a fixed `mag_lag_ns` after its
-stamp, with gravity interpolated at the stamp. The result therefore does not depend on the order in which two topics
+A magnetic sample is paired with gravity at its stamp, not at its arrival: the sample is used a fixed `mag_lag_ns` after
+its stamp, with gravity interpolated at the stamp. The result therefore does not depend on the order in which two topics
 arrive, live and replayed results have the same bits, and a rotating tool loses no accuracy. The azimuth of the hole
-axis hardly changes in that time. The magnetic toolface does, and is propagated by the x gyro.
+axis hardly changes in that time. The magnetic toolface changes, so it is propagated by the x gyro.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-_MAX_GAP = 0.5  # longest step between samples over which the rotation about the axis is integrated, s
+_MAX_GAP = 0.5  # s, steps between samples from this length on are data gaps: the rotation is not integrated over them
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
 
 
@@ -42,7 +42,7 @@ def last_totals(state: Samples) -> tuple[float, float] | None:
 
 
 def restart_smoothing(state: Samples) -> None:
-    """Discard smoothed values because the field model has changed; the next magnetic sample counts fully."""
+    """Let the next magnetic sample replace the smoothed azimuth and toolface, as after a change of the field model."""
     state["restart"] = True
 
 
@@ -63,8 +63,9 @@ def run(p: Params, state: Samples, model: FieldModel, samples: Samples, mag: Mag
     Returns
     -------
     rows : ndarray of dtype ATTITUDE_ROW, shape (n,)
+        Attitude of each sample.
     pairs : ndarray of dtype PAIR
-        One magnetic sample for each interval of `interval_ns`.
+        Selected magnetic samples, one for each interval of `interval_ns`.
     used : int
         Number of waiting magnetic samples used; the rest waits for the next block.
     """
@@ -78,14 +79,14 @@ def run(p: Params, state: Samples, model: FieldModel, samples: Samples, mag: Mag
 def _wrap(angle: float) -> float:
     if 0.0 <= angle < 2.0 * math.pi:
         return angle
-    # Usually one turn off, which is added exactly and is cheaper than the remainder.
+    # The angle is usually one turn too low; adding a turn is exact and cheaper than `%`.
     angle = angle + 2.0 * math.pi if -2.0 * math.pi < angle < 0.0 else angle % (2.0 * math.pi)
     return 0.0 if angle >= 2.0 * math.pi else angle
 
 
 @compiled
 def _turn_at(s: State, at: int) -> float:
-    """Return the rotation about the axis at a time, rad."""
+    """Return the rotation about the axis at a time, ns, in rad."""
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].turn + share * s.recent.rows[later].turn
     return turn
@@ -93,11 +94,11 @@ def _turn_at(s: State, at: int) -> float:
 
 @compiled
 def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
-    """Fill the vector down at a time, shape (3,), not normalised; return its length and the rotation, rad."""
+    """Fill the vector down at a time, ns, shape (3,), not normalised; return its length and the axial rotation, rad."""
     earlier, later, share = ring.around(s.recent, at)
     first, second = s.recent.rows[earlier], s.recent.rows[later]
     turn = (1.0 - share) * first.turn + share * second.turn
-    # Both neighbours are turned to the time before they are averaged, because the string may turn fast.
+    # Rotate both neighbours to the time before averaging them, because the string may turn fast.
     c_0, s_0 = math.cos(turn - first.turn), math.sin(turn - first.turn)
     c_1, s_1 = math.cos(turn - second.turn), math.sin(turn - second.turn)
     d_x = (1.0 - share) * first.down[0] + share * second.down[0]
@@ -112,10 +113,10 @@ def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
 @compiled
 def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bool:
     """
-    Pair one magnetic sample with gravity at its stamp, and move azimuth and magnetic toolface towards it.
+    Pair one magnetic sample with gravity at its stamp, and update the smoothed azimuth and magnetic toolface.
 
-    `pair` contains the field and the sigma of the tilt; its directions and azimuth are filled. Returns False, with the
-    state unchanged, for a sample without information.
+    at: stamp, ns. `pair` contains the field and the sigma of the tilt; its vector down and azimuth are filled. Returns
+    False, with the state unchanged, if field or gravity is zero or not finite.
     """
     size, turn = _gravity_at(s, at, pair.g_t)
     off_x, off_y, off_z = model.interference
@@ -141,7 +142,11 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
 
 @compiled
 def _smooth(p: Params, s: State, at: int, pair: Pair, toolface: float) -> None:
-    """Move the smoothed azimuth, toolface (minus the rotation) and tilt sigma, rad, towards those of a pair."""
+    """
+    Update the smoothed azimuth, toolface and tilt sigma with a pair.
+
+    at: stamp, ns; toolface: magnetic toolface minus the rotation about the axis, rad.
+    """
     gap = (at - s.mag_ns) * 1e-9
     whole = not s.have_mag or s.restart or p.smoothing_s <= 0.0 or gap <= 0.0 or gap > 10.0 * p.smoothing_s
     keep = 0.0 if whole else math.exp(-gap / p.smoothing_s)
@@ -158,10 +163,10 @@ def _smooth(p: Params, s: State, at: int, pair: Pair, toolface: float) -> None:
 @compiled
 def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosine: float, tilt: float) -> float:
     """
-    Return 1 sigma of a magnetic azimuth from interference, tilt (through the vertical field) and the north correction.
+    Return 1 sigma of a magnetic azimuth, rad, from interference, tilt (in the vertical field) and north correction.
 
-    axial is the part of the axial interference across the azimuth, T; sine and cosine are of the inclination; tilt in
-    rad.
+    axial: horizontal component of the axial interference across magnetic north, 1 sigma, T; sine, cosine: of the
+    inclination; tilt: 1 sigma of the direction down, rad.
     """
     if s.horizontal <= 0.0 or sine <= 0.0:
         return math.pi
@@ -178,9 +183,9 @@ def _turned(s: State, tilt: float) -> float:
     """
     Return the variance, rad^2, of the rotation of the horizontal field that a tilt, rad, causes.
 
-    The tilt also changes the vertical field, so even a field that seems horizontal is rotated, to second order. For a
-    result v the callers use v / (1 - v), because the tilt also changes the horizontal strength, the divisor of the
-    rotation.
+    The tilt also changes the measured vertical field, so that even a horizontal field is rotated, to second order. The
+    callers use v / (1 - v) for a result v, because the tilt also changes the horizontal field, by which the rotation is
+    divided.
     """
     slope = s.vertical / s.horizontal
     return tilt * tilt * (slope * slope + tilt * tilt)
@@ -188,7 +193,7 @@ def _turned(s: State, tilt: float) -> float:
 
 @compiled
 def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
-    """Return 1 sigma of the scribe line from north: like the azimuth, but without the tilt term near vertical."""
+    """Return 1 sigma of the magnetic toolface, rad: as of the azimuth, but without its tilt term near the vertical."""
     turned = _turned(s, tilt) if s.horizontal > 0.0 else 1.0
     if turned >= 1.0:
         return math.pi
@@ -198,7 +203,7 @@ def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
 
 @compiled
 def _keep(s: State, sample: Sample) -> None:
-    """Keep a sample if its gravity is known and its stamp advances."""
+    """Store a sample with known gravity if its stamp advances, and integrate the rotation about the axis."""
     step = (sample.stamp_ns - s.last_ns) * 1e-9
     if s.recent.length > 0 and step <= 0.0:
         return
@@ -245,7 +250,7 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
     status = _NEAR_VERTICAL if s.near_vertical else 0
     turned = sample.rate_x * p.latency_s
     if p.latency_s > 0.0 and math.isfinite(turned):
-        # Present attitude of the tool: the measured one, turned about its axis over the latency.
+        # Present attitude of the tool: the measured attitude, rotated about the axis by the rate over the latency.
         cosine, sine = math.cos(turned), math.sin(turned)
         d_y, d_z = cosine * d_y + sine * d_z, cosine * d_z - sine * d_y
     else:
@@ -254,14 +259,14 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
     if s.have_mag and sample.stamp_ns - s.mag_ns <= p.mag_timeout_ns:
         row.azimuth = s.azimuth
         if s.near_vertical:
-            # A late stamp lies in a time that has already been passed.
+            # For a stamp earlier than the latest one, interpolate the rotation at the stamp.
             late = sample.stamp_ns < s.last_ns and math.isfinite(sample.rate_x)
             turn = _turn_at(s, sample.stamp_ns) if late else s.turn
             row.magnetic_toolface = _wrap(s.toolface + (1.0 if d_x > 0.0 else -1.0) * (turn + turned))
         else:
             row.magnetic_toolface = _wrap(s.azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
         sine, cosine = across / size, d_x / size
-        # The azimuth is a mean: it still contains errors of gravity that was less certain than the present one.
+        # The smoothed azimuth still contains errors of earlier gravity, which may be less certain than the present one.
         tilt = max(sample.sigma_down, s.tilt)
         row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, tilt)
         row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, tilt)
@@ -274,7 +279,7 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
 def _run(
     p: Params, s: State, model: FieldModel, samples: Samples, mag: MagBlock, rows: Samples, pairs: Samples
 ) -> tuple[int, int]:
-    """Fill `rows` and `pairs`; return the numbers of samples used and selected; arguments as in `run`."""
+    """Fill `rows` and `pairs`; return the numbers of magnetic samples used and of pairs; arguments as in `run`."""
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
     for i in range(len(samples)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings, state and rows of the time alignment of magnetic samples with gravity, in the form its kernels use."""
+"""Settings, state and results of the time alignment of magnetic samples with gravity, as records for its kernels."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ RING = 1024  # number of gravity samples kept for pairing: 0.2 s at 5 kHz
 
 
 class Params(NamedTuple):
-    """Settings for turning magnetic samples into a continuous azimuth."""
+    """Settings of the time alignment."""
 
-    mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity
-    mag_timeout_ns: int = 2_000_000_000  #: age of the last magnetic sample above which there is no azimuth
-    #: Interval in which one magnetic sample is selected to update the interference filter and the azimuth.
+    mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity, ns
+    mag_timeout_ns: int = 2_000_000_000  #: age of the last magnetic sample above which there is no azimuth, ns
+    #: Interval, ns, in which one magnetic sample is selected to update the interference filter and the azimuth.
     interval_ns: int = 200_000_000
-    smoothing_s: float = 1.0  #: time constant of azimuth and magnetic toolface
-    #: `vertical_enter`, `vertical_leave`: inclination below which azimuth and high side are undefined, and above which
-    #: they are defined again, rad.
+    smoothing_s: float = 1.0  #: time constant of the smoothing of azimuth and magnetic toolface, s
+    #: `vertical_enter`, `vertical_leave`: angle of the axis from the vertical below which azimuth and high side become
+    #: undefined, and above which they are defined again, rad.
     vertical_enter: float = math.radians(3.0)
     vertical_leave: float = math.radians(4.0)
-    latency_s: float = 0.0  #: age of a measurement at its stamp, over which the x gyro propagates both toolfaces
+    latency_s: float = 0.0  #: age of a measurement at its stamp, s; the x gyro propagates both toolfaces over this time
 
 
 class FieldModel(NamedTuple):
-    """Model for the evaluation of magnetic samples; it changes at surveys, not at samples."""
+    """Interference, north and their sigmas for the evaluation of magnetic samples; they change only at surveys."""
 
     interference: tuple[float, float, float]  #: field in tool axes that is not the Earth's, T; it is subtracted
     #: `sigma_axial`, `sigma_cross`: 1 sigma of the remaining interference along and across the axis, T.
     sigma_axial: float
     sigma_cross: float
     north_correction: float = 0.0  #: added to the magnetic azimuth to give the named north, rad
-    sigma_north: float = 0.0  #: 1 sigma of that correction, rad
+    sigma_north: float = 0.0  #: 1 sigma of the north correction, rad
 
 
 class GravityRing(Ring):
-    """The last samples whose gravity is known."""
+    """Ring buffer of the last samples with known gravity."""
 
     rows: Annotated[MutableSequence[Sample], RING]
 
@@ -52,23 +52,23 @@ class GravityRing(Ring):
 class State:
     """State of the time alignment."""
 
-    recent: GravityRing
-    last_ns: int  #: stamp of the last of these samples
+    recent: GravityRing  #: last samples with known gravity
+    last_ns: int  #: stamp of the last sample with known gravity, ns
     turn: float  #: rotation about the tool axis since the start, rad
     near_vertical: bool  #: whether the hole is near vertical, with hysteresis
-    #: `have_mag`, `mag_ns`: whether a magnetic sample has been used, and the stamp of the last.
+    #: `have_mag`, `mag_ns`: whether a magnetic sample has been used, and the stamp of the last one used, ns.
     have_mag: bool
     mag_ns: int
-    restart: bool  #: whether the next magnetic sample counts fully
-    last_interval: int  #: interval in which a sample was last selected
+    restart: bool  #: whether the next magnetic sample replaces the smoothed values
+    last_interval: int  #: index of the interval in which a magnetic sample was last selected
     #: `azimuth_vector`, `toolface_vector`: smoothed cosine and sine of azimuth, and of magnetic toolface minus
     #: rotation.
     azimuth_vector: Annotated[Array, 2]
     toolface_vector: Annotated[Array, 2]
-    #: `azimuth`, `toolface`: angles of these vectors, rad.
+    #: `azimuth`, `toolface`: angles of `azimuth_vector` and `toolface_vector`, rad.
     azimuth: float
     toolface: float
-    tilt: float  #: sigma of the direction down, rad, averaged like these angles
+    tilt: float  #: smoothed 1 sigma of the direction down, rad
     #: `total`, `dip`, `horizontal`, `vertical`: strength, T, dip, rad, horizontal and vertical field, T, of the last
     #: magnetic sample.
     total: float
@@ -81,9 +81,9 @@ class AttitudeRow:
     """
     Attitude of a sample.
 
-    Angles are in rad; `azimuth` and `magnetic_toolface` are NaN with a sigma of pi if not available. `total`, T, and
-    `dip`, rad, are those of the last magnetic sample used, however old, and NaN before the first. `status` has the bits
-    that this module adds.
+    Angles and sigmas are in rad; `azimuth` and `magnetic_toolface` are NaN with a sigma of pi if unknown. `total`, T,
+    and `dip`, rad, belong to the last magnetic sample used, even an old one, and are NaN before the first. `status` has
+    the bits NO_MAG and NEAR_VERTICAL of `Status`.
     """
 
     inclination: float
@@ -100,8 +100,8 @@ class AttitudeRow:
 class Pair:
     """A selected magnetic sample with gravity at its own stamp."""
 
-    place: int  #: IMU sample of the block at which it was used
-    stamp_ns: int  #: its own stamp
+    place: int  #: index in the stretch of samples of the IMU sample at which the magnetic sample was used
+    stamp_ns: int  #: stamp of the magnetic sample, ns
     #: `g_t`, `b_t`: unit vector down, and the measured field, T.
     g_t: Annotated[Array, 3]
     b_t: Annotated[Array, 3]

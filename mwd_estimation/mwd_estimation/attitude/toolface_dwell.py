@@ -2,9 +2,9 @@
 """
 Decide whether a toolface can be used for steering: the string must not have turned about its axis for some time.
 
-In stick-slip the bit stands still for seconds while the top drive keeps turning, and then turns again. A pause of the
-rotation therefore counts as its end only if it lasts longer than the pauses of a stick-slip cycle: at least a fixed
-time, and at least a multiple of the longest recent cycle.
+In stick-slip the bit stands still for seconds while the top drive keeps turning, and then turns again. A pause
+therefore counts as the end of the rotation only if it lasts longer than the pauses of a stick-slip cycle: at least a
+fixed time, and at least a multiple of the longest recent cycle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-LONGEST_CYCLE = 30.0  # s; the torsional mode of the longest strings takes 10 s (Jansen and van den Steen 1995)
+# A longer time between rotations is not a stick-slip cycle, s. The torsional mode of the longest strings has a period
+# of 10 s (Jansen and van den Steen 1995).
+LONGEST_CYCLE = 30.0
 MEMORY = 300.0  # time constant with which the longest cycle decays while the string rotates, s
 _ROTATING, _REJECTED, _UNSETTLED = int(Status.ROTATING), int(Status.REJECTED), int(Status.TOOLFACE_UNSETTLED)
 
@@ -28,19 +30,19 @@ _ROTATING, _REJECTED, _UNSETTLED = int(Status.ROTATING), int(Status.REJECTED), i
 class Params(NamedTuple):
     """Settings of the decision."""
 
-    dwell: float = 5.0  #: time without rotation before a toolface counts, s
-    cycles: float = 1.5  #: the same time as a multiple of the longest stick-slip cycle
+    dwell: float = 5.0  #: smallest time without rotation before a toolface can be used, s
+    cycles: float = 1.5  #: smallest time without rotation, as a multiple of the longest recent stick-slip cycle
 
 
 class Record:
     """State that is carried from one block of samples to the next."""
 
-    last_ns: int  #: stamp of the last sample used; 0 before the first
-    turned_ns: int  #: stamp of the last sample in which the string turned; 0 before the first
-    begun_ns: int  #: stamp at which the rotation of `turned_ns` began
+    last_ns: int  #: stamp of the last sample used, ns; 0 before the first
+    turned_ns: int  #: stamp of the last sample in which the string turned, ns; 0 before the first
+    begun_ns: int  #: stamp at which the last rotation began, ns
     turning: bool  #: whether the string turned in the last sample
     angle: float  #: angle turned since `begun_ns`, rad
-    cycle: float  #: time between the starts of the previous rotation and this one, s; 0 if none or counted
+    cycle: float  #: time between the starts of the previous and the last rotation, s; 0 if unknown or already used
     longest: float  #: longest recent stick-slip cycle, s
 
 
@@ -59,7 +61,7 @@ def run(params: Params, state: Samples, stamps: Stamps, track: Track) -> None:
     stamps : ndarray of int64, shape (n,)
         Stamps, ns.
     track : Track
-        Track whose rotary speed and status are read.
+        Track whose rotary speed and status are read, and whose status is changed.
     """
     _run(params, state[0], stamps, track.rotary_speed, track.status)
 
@@ -84,7 +86,7 @@ def _follow(s: Record, stamp: int, speed: float, turning: bool) -> None:
         dt = (stamp - s.last_ns) * 1e-9 if s.turning else 0.0
         s.angle += speed * dt
         s.longest *= math.exp(-dt / MEMORY)
-        # A driller who orients the tool turns it by less than a full turn at a time.
+        # Less than a full turn is not stick-slip: a driller who orients the tool turns it by less at a time.
         if s.angle > math.tau and s.cycle > 0.0:
             if s.cycle < LONGEST_CYCLE:
                 s.longest = max(s.longest, s.cycle)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The 48 ways to exchange and reverse three axes, and how each one shows in vectors carried along by the gyros.
+The 48 ways to exchange and reverse three axes, and the effect of each on vectors that are propagated by the gyros.
 
 A signed permutation P turns true components into measured ones: `v' = P v`. With gyros `w' = G w` and vectors `v' = V
-v` (V a signed permutation too), and G = s Q' (Q proper, s = +1 or -1), the carried vector is `R v = Q R_s Q' V' v'`.
+v` (V a signed permutation too), and G = s Q' (Q proper, s = +1 or -1), the propagated vector is `R v = Q R_s Q' V' v'`.
 Here R_s is the attitude integrated from s w', and ' after a matrix is its transpose. The length of the mean of the
-carried vector depends only on s and on M = Q' V' up to sign, which gives 2 x 24 different cases.
+propagated vector depends only on s and on M = Q' V' up to sign, which gives 2 x 24 different cases.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _signed_permutations() -> list[Indices]:
 
 
 def _contrived(m: Indices) -> int:
-    """Rank how unlikely a wiring mistake is: 1 for one axis reversed or two exchanged, up to 4 for mixtures."""
+    """Return a rank of how unlikely a wiring mistake is: 1 for one axis reversed or two exchanged, 4 for mixtures."""
     fixed, flips = int(np.count_nonzero(np.diagonal(m))), int(np.count_nonzero(m < 0))
     if fixed == 3:
         return {1: 1, 3: 2, 2: 3}[flips]
@@ -42,11 +42,16 @@ MAPPINGS = _signed_permutations()
 
 _PROPER = [m for m in MAPPINGS if round(float(np.linalg.det(m))) == 1]
 WAYS: Array = np.array(_PROPER, dtype=float)
-"""The matrices M for the attitude integrated from +w, shape (24, 3, 3); the same 24 with -w make up the 48 cases."""
+"""The matrices M, shape (24, 3, 3). Each can hold with the attitude integrated from +w or from -w: 48 cases."""
 
 
 def _mistakes() -> tuple[Indices, Indices]:
-    """List the mistakes of one sensor (sensor, mapping, case seen in gravity, case seen in the field) and the ranks."""
+    """
+    Return the mistakes of one sensor, and the rank of each.
+
+    A mistake is a row (sensor, index in MAPPINGS, case in propagated gravity, case in the propagated field). A case is
+    an index in WAYS, plus 24 for the attitude integrated from -w.
+    """
     index = {m.tobytes(): k for k, m in enumerate(_PROPER)}
     rows, weights = [], []
     for k, m in enumerate(MAPPINGS[1:], start=1):
@@ -61,7 +66,7 @@ def _mistakes() -> tuple[Indices, Indices]:
 
 
 MISTAKES, WEIGHTS = _mistakes()
-"""All mistakes of one sensor, shape (141, 4), and how unlikely each is, shape (141,)."""
+"""All mistakes of one sensor, shape (141, 4), and their ranks, 1 (most likely) to 4, shape (141,); see `_mistakes`."""
 
 
 def kind_of(k: int) -> tuple[str, str]:

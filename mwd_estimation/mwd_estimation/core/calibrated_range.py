@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Temperatures at which the tool was calibrated, and the errors to expect of its sensors outside them."""
+"""Temperature range in which the tool was calibrated, and the expected errors of its sensors outside this range."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-# A thermometer that reads further than this outside the range must itself be faulty, degC.
+# Largest distance from the range that is used, degC; a thermometer that reads a larger distance must be faulty.
 _MOST = 100.0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chi-square distribution. It needs no scipy, whose import would be a fifth of the start of an estimator."""
+"""Chi-square distribution, without scipy, whose import would take a fifth of the start time of an estimator."""
 
 from __future__ import annotations
 

@@ -2,8 +2,9 @@
 """
 Flags for clipping that a unit itself reports: axes that exceeded their range at some time within a sample.
 
-If a reading is a mean over its interval, the clipped peak may be hidden in it; then only the unit knows. Drivers report
-clipping in the covariance of the sample (`mwd_sensors.core.input_covariance`), so that recordings contain it too.
+If a reading is a mean over its interval, the mean may hide a clipped peak; then only the unit itself can detect it.
+Drivers report clipping in the covariance of the sample (`mwd_sensors.core.input_covariance`), so that recordings
+contain the flags too.
 """
 
 from __future__ import annotations

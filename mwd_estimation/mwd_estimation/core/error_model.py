@@ -28,13 +28,13 @@ class SensorErrors:
     magnetometer_scale: float = 0.0016  #: magnetometer scale error of each axis
     #: Axial magnetic field of the drill string, 1 sigma, if its collars are long enough and non-magnetic, nT.
     axial_interference_nt: float = 220.0
-    cross_interference_nt: float = 0.0  #: field of the drill string across the axis, each way, nT
+    cross_interference_nt: float = 0.0  #: field of the drill string across the axis, along y and along z, nT
     #: Angle between tool axis and hole axis, in each direction, constant along the hole (XYM1, XYM2), deg.
     misalignment_deg: float = 0.1
     #: Angle between the hole axis at a station and the mean hole axis, random by station (XYM3E, XYM4E), deg.
     course_misalignment_deg: float = 0.3
-    #: Rotation of the accelerometers against the magnetometers about each axis, deg. Not part of the tool code; it is
-    #: what remains after both were calibrated in one fixture.
+    #: Rotation of the accelerometers against the magnetometers about each axis, deg. It is not part of the tool code;
+    #: it is the rotation that remains after both were calibrated in one fixture.
     mount_deg: float = 0.02
     sag_deg: float = 0.2  #: sag of the assembly in a horizontal hole, if not corrected (SAGE), deg
 

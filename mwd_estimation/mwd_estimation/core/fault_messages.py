@@ -23,14 +23,15 @@ _CABLE = "check its plug and cable; if it stays, change the probe"
 class FaultText:
     """Description of a fault for people."""
 
-    #: stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mount,
-    #: mismatch or gravity; several possible ones are joined by "/".
+    #: stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, replayed, unit, swapped, flipped, frame,
+    #: mount, mismatch or gravity; several possible kinds are joined by "/".
     kind: str
-    #: `sensor`, `axis`: the faulty one; if several are possible they are joined by "/" ("" if no single axis is meant).
+    #: `sensor`, `axis`: names of the faulty sensor and axis; several possible names are joined by "/". The axis is ""
+    #: if the fault does not belong to single axes.
     sensor: str
     axis: str
     severity: str  #: "error": do not use the sensor; "warning": use it with care
-    confidence: float  #: 0 to 1: share of the possible explanations that the text names; lower for indirect evidence
+    confidence: float  #: probability that the description is right, 0 to 1; lower for indirect evidence
     #: `message`, `remedy`: what is wrong, and what to do about it ("" for a fault that has ended).
     message: str
     remedy: str
@@ -66,7 +67,7 @@ def _joined(names: Iterable[str]) -> str:
 
 
 def _few(fault: SensorFault) -> tuple[int, ...]:
-    """Return the mappings that explain the fault; none if a wrong frame leaves too many of them."""
+    """Return the mappings that explain the fault, as bits by sensor; empty if a FRAME fault has more than four."""
     count = sum(mask.bit_count() for mask in fault.mappings)
     return fault.mappings if fault.code == FaultCode.AXES or 0 < count <= 4 else ()
 
@@ -233,8 +234,8 @@ class _Description(NamedTuple):
 
     words: Words  #: returns message and remedy, from a fault and the name of its sensor
     kind: str = ""  #: if empty, the name of the check is used
-    confidence: float = 0.99  #: lower for what is seen only indirectly
-    warns: bool = False
+    confidence: float = 0.99  #: confidence of the description; lower for a fault that shows only indirectly
+    warns: bool = False  #: whether the severity is "warning" instead of "error"
 
 
 def _plain(message: str, remedy: str) -> Words:

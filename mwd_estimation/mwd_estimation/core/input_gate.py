@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gate at the entrance of the estimator: it replaces values that no sensor of the kind can read by NaN.
+Gate at the entrance of the estimator: it replaces values that this kind of sensor cannot read by NaN.
 
-The physical range of a sensor is the one in its data sheet (`settings.tool`). A value within the range is an ordinary
+The physical range of a sensor is stated in its data sheet (`settings.tool`). A value within the range is an ordinary
 reading. A value between the range and the gate is a reading of a clipped sensor: converters work up to 15 % beyond the
 range of the data sheet (an ST LSM6 reads 2293 deg/s at 2000), and a scale correction adds a few per cent. The stages
 treat it as clipped at the end of the range. A value beyond the gate is not a measurement. It becomes NaN, so that the
 output is the same, bit for bit, as for a missing value, whatever number was sent.
 
-If a unit sends another unit of measurement (nT instead of T), all its values are beyond the gate. They are not used
+If a sensor sends another unit of measurement (nT instead of T), all its values are beyond the gate. They are not used
 either, but their sizes are kept (`Refused`), so that the health checks can name the unit of measurement.
 """
 
@@ -26,15 +26,16 @@ from mwd_sensors.core.records import dtype_of
 
 # Ratio of the gate to the range. Converters exceed the range by up to 15 %, and a scale correction adds a few per cent.
 MARGIN = 1.25
-# Gates if the range is unknown or set wider: 1900 r/min; 400 g; 100 times the field of a magnetised drill string.
+# Widest gates, rad/s, m/s^2, T, for a range that is unknown or set wider: 1900 r/min; 400 g; and 100 times the field of
+# a magnetised drill string.
 _FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD = 200.0, 4000.0, 0.01
-# The settings give no range for the accelerometers of the precision unit; none measures more than 60 g, m/s^2.
+# Gate of the accelerometers of the precision unit, m/s^2. The settings give no range; none measures more than 60 g.
 _STRONGEST_PRECISION = 1000.0
-# From the temperature of a tool in cold storage to that of the hottest wells, with a margin, degC.
+# Gate of temperatures, degC: from cold storage to the hottest wells, with a margin.
 _COLDEST, _HOTTEST = -100.0, 400.0
 # Factors from SI to the units that a sensor may send instead: deg/s; nT, the largest of the other field units.
 _OTHER_RATE, _OTHER_FIELD = math.degrees(1.0), 1e9
-# No pump moves more mud than this, m^3/s; in a 5 in pipe it would flow at 100 m/s.
+# Gate of the flow, m^3/s. No pump moves more mud; in a 5 in pipe it would flow at 100 m/s.
 _MOST_FLOW = 1.0
 # Numbers of the sensors in `Refused`.
 GYRO, ACCEL, MAG, PRECISION_GYRO, PRECISION_ACCEL = range(5)
@@ -64,9 +65,10 @@ class Ranges(NamedTuple):
 
 class InputGate:
     """
-    The gate of one tool. Samples must be in the axes of their own unit, because a range belongs to an axis.
+    The gate of one tool. Samples must be in the axes of their own unit, because a range belongs to an axis of a sensor.
 
     ranges : Ranges
+        Measuring ranges of the sensors.
     """
 
     def __init__(self, ranges: Ranges) -> None:

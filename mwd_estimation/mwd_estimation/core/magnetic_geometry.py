@@ -2,8 +2,8 @@
 """
 Angles between gravity and the magnetic field, from one pair of readings in tool axes.
 
-Source S0 (accelerometer and magnetometer attitude). Its symbols against the ones here: theta = inclination - 90 deg,
-phi = toolface - 180 deg, G = -f_t, psi = magnetic azimuth.
+Source S0 (accelerometer and magnetometer attitude). The symbols of S0 mean, in the terms of this module: theta =
+inclination - 90 deg, phi = toolface - 180 deg, G = -f_t, psi = magnetic azimuth.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
     Return the derivatives of (inclination, raw magnetic azimuth, gravity toolface) with respect to (f_t, b_t).
 
-    f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. The rows of azimuth and toolface
+    f_t, b_t, shape (..., 3), m/s^2 and T. Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface
     grow as 1 / sin(inclination) towards the vertical. The field must not be vertical.
     """
     f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))

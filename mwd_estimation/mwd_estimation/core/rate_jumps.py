@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Detect single wrong samples of a gyro: they are within its range, but unlike all samples before them.
+Detect single wrong samples of a gyro, whose rates are within its range but far from those of the samples before.
 
-From sample to sample a rate can change by its usual recent change, or by the largest acceleration that a string
-reaches. If a sample differs more from the last accepted one, the following samples decide whether it is right: after a
+From sample to sample a rate may change by a multiple of its usual recent change, or by the largest acceleration that a
+string reaches. If a sample differs more from the last accepted one, later samples decide whether it is right: after a
 wrong sample the rates are as before it, while a true change stays. Until this is known the sample counts as missing, so
 that the sigmas grow as in a data gap. A true change thus costs the samples that confirm it.
 """
@@ -24,13 +24,14 @@ from mwd_sensors.core.records import dtype_of
 # in stick-slip reaches 30 rad/s^2 (`test_a_stick_slip_release_is_believed`). At 100 Hz a wrong sample below this limit
 # rotates the attitude by at most 0.3 and 0.1 deg.
 _ACCELERATION = (60.0, 20.0, 20.0)
-# A change larger than this multiple of the usual change (rms over half a second) is doubted. This concerns none of 600
-# 000 samples of the scenarios, and less than one in a hundred of a phone that vibrates, is tapped and waved about.
+# A change larger than _UNUSUAL times the usual change (rms over _MEMORY, s) is doubted. It occurs in none of 600 000
+# samples of the scenarios, and in less than 1 % of the samples of a phone that vibrates, is tapped and waved about.
 _UNUSUAL, _MEMORY = 8.0, 0.5
 # Time for which a changed rate must stay before it is accepted, s. About the axis, where torque can change it, one more
 # sample is enough; across the axis a tool in its hole cannot be rotated so suddenly.
 _GOES_ON = (0.0, 0.05, 0.05)
-# Time without samples after which the last rate counts as unknown, s, and number of samples to find the usual change.
+# Time without samples after which the last rate counts as unknown, s; and number of samples after which the usual
+# change counts as known.
 _SILENCE, _FIRST = 0.5, 10
 
 
@@ -39,7 +40,7 @@ class JumpState:
 
     last_ns: int  #: stamp of the last sample with rates, ns
     count: int  #: number of samples with rates since the start or a gap
-    last: Annotated[Array, 3]  #: rates of that sample, rad/s
+    last: Annotated[Array, 3]  #: rates of the last sample with rates, rad/s
     believed: Annotated[Array, 3]  #: rates of the last accepted sample, rad/s
     usual: Annotated[Array, 3]  #: mean square of the change from sample to sample, (rad/s)^2
     away: Annotated[Array, 3]  #: time for which a changed rate has stayed, s; negative: no change

@@ -17,7 +17,7 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# How many of each unit make one SI unit.
+# Conversion factors: one SI unit, expressed in the named unit.
 UNITS = {
     "deg": math.degrees(1.0),
     "deg/s": math.degrees(1.0),
@@ -35,9 +35,9 @@ UNITS = {
     "%": 100.0,
     "s": 1.0,
 }
-# Names of azimuth methods in messages, if the internal name is not a word.
+# Names of azimuth methods in messages, where they differ from the internal names.
 METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
-# Names of the hypotheses on what disturbs the field.
+# Names of the hypotheses on the cause of a magnetic disturbance.
 HYPOTHESES = {
     "clean": "nothing beyond the tool code",
     "axial": "string magnetised along its axis",

@@ -16,7 +16,7 @@ from mwd_estimation.core.sensor_fault import SensorFault
 
 @unique
 class ReasonCode(StrEnum):
-    """Meaning of a reason; `reason_text.WORDS` shows which numbers and names belong to each code."""
+    """Code of a reason; `reason_text.WORDS` shows which numbers and names belong to each code."""
 
     # Totals against the reference (survey.totals).
     GRAVITY_OFF = "gravity_off"

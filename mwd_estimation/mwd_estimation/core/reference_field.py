@@ -2,9 +2,9 @@
 """
 Reference for checking and correcting a magnetic survey: local field, gravity, declination and convergence.
 
-It comes from a geomagnetic model (S0 section 4, "by table"), from a measurement made beforehand where nothing disturbs
-the field (same section), or from a settings file. Each value has its own sigma, because an axial correction is only as
-good as the reference field it uses.
+The reference comes from a geomagnetic model (S0 section 4, "by table"), from an earlier measurement at a place without
+disturbances (same section), or from a settings file. Each value has its own sigma, because an axial correction is only
+as good as the reference field that it uses.
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ from mwd_sensors.core.frames import wrap_tau
 
 NORTHS = ("magnetic", "true", "grid")
 
-# Standard-resolution model, one station, all terms added in squares: OWSG A001Mc rev 5.1, terms MFI, MDI, DEC, DBH.
+# 1 sigma of a standard-resolution model at one station, T, rad, rad: root sums of squares of the terms MFI, MDI, DEC
+# and DBH of OWSG A001Mc rev 5.1.
 SIGMA_TOTAL = 143e-9
 SIGMA_DIP = math.radians(0.218)
 SIGMA_DECLINATION = math.radians(0.373)
-# A crustal or storm field rotates magnetic north by its east part divided by the horizontal field, rad T.
+# 1 sigma of the part of the declination that is inversely proportional to the horizontal field (DBH), rad T: a crustal
+# or storm field rotates magnetic north by its east component divided by the horizontal field.
 SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
-# Models know gravity to 3e-4 m/s^2. The sigma is larger because the value that counted as one g when the tool was
-# calibrated may have been standard gravity or that of the workshop.
+# 1 sigma of the reference gravity, m/s^2. Models are accurate to 3e-4 m/s^2. The sigma is larger because a calibration
+# may have taken either standard gravity or the gravity of the workshop as one g.
 SIGMA_GRAVITY = 6e-3
 # Strength of the external field from which a survey counts as taken in a magnetic storm, T. A K index of 5 at mid
 # latitudes is 70 to 120 nT in three hours (Bartels).
@@ -35,7 +37,7 @@ STORM = 1e-7
 
 @dataclass(frozen=True)
 class ExternalField:
-    """Magnetic field of sources outside the Earth that a reference contains: north, east, down (geographic), T."""
+    """Part of a reference field from sources outside the Earth: components north (true), east and down, T."""
 
     field_n: tuple[float, float, float]
 
@@ -46,17 +48,17 @@ class ExternalField:
 
     @property
     def is_storm(self) -> bool:
-        """Whether it is so strong that it comes from a magnetic storm."""
+        """Whether the external field is so strong that a magnetic storm is its cause."""
         return self.strength > STORM
 
 
 @dataclass(frozen=True)
 class Slip:
-    """Field that the user may have meant, if place or field were entered with a common mistake such as a wrong sign."""
+    """Field that the user may have meant, if place or field were entered with a mistake such as a wrong sign."""
 
-    words: str  #: what the user may have meant, and what was entered
-    total: float  #: T
-    dip: float  #: rad
+    words: str  #: description of the mistake: the entry, and the probably intended one
+    total: float  #: field strength, T
+    dip: float  #: angle of the field below the horizontal, rad
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ class Reference:
     sigma_total: float = SIGMA_TOTAL
     sigma_dip: float = SIGMA_DIP
     sigma_declination: float = SIGMA_DECLINATION
-    #: This part, rad T; it is divided by the horizontal field and added in squares to `sigma_declination`.
+    #: 1 sigma of the declination times the horizontal field, rad T; divided by the horizontal field, it is added in
+    #: squares to `sigma_declination`.
     sigma_declination_field: float = SIGMA_DECLINATION_FIELD
     sigma_gravity: float = SIGMA_GRAVITY
     #: External field recorded by an observatory, as contained in strength, dip and declination; None if none was added.
@@ -138,7 +141,7 @@ class Reference:
         return np.asarray(jacobian @ np.diag([self.sigma_total**2, self.sigma_dip**2]) @ jacobian.T)
 
     def declination_variance(self, horizontal: float) -> float:
-        """Return the variance of the declination, rad^2, for a horizontal field in T."""
+        """Return the variance of the declination, rad^2; horizontal: horizontal field, T."""
         return self.sigma_declination**2 + (self.sigma_declination_field / max(horizontal, 1e-9)) ** 2
 
     def _field(self) -> tuple[float, float]:
@@ -158,7 +161,7 @@ def best_north(reference: Reference | None) -> str:
 
 def north_correction(reference: Reference | None, north: str) -> float | None:
     """
-    Return the angle to add to a magnetic azimuth to refer it to the named north, rad; None if the reference lacks it.
+    Return the angle from the named north to magnetic north, rad, to add to a magnetic azimuth; None if unknown.
 
     Raises
     ------

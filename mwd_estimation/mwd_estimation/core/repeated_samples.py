@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Leave out copies of samples on a topic, as sent by a second publisher, in the live estimator and in `mwd process`.
+Remove copies of samples, as sent by a second publisher on the same topic, in the live estimator and in `mwd process`.
 
 A copy of a sample has the same readings. If it has the same stamp too, it is a copy without doubt. A second publisher
 with its own stamps is recognised when nearly all readings of the last messages came exactly twice; the readings of a
 coarse sensor repeat too, but not exactly twice each. If the time of a topic goes back by more than two seconds, a
-recording loops or was sought; earlier messages are then forgotten, and the same samples are not copies. The rule uses
-only a sample and the messages before it, in the order of arrival, so that the result does not depend on how a stream is
-cut into blocks. After the first repeated reading, the samples of an IMU are held back until it is known whether all
-readings repeat, because copies would disturb the estimate of its sample rate.
+recording loops or was wound back; earlier messages are then forgotten, so that the same samples do not count as copies.
+The rule uses only a sample and the messages before it, in the order of arrival, so that the result does not depend on
+how a stream is cut into blocks. After the first repeated reading, the samples of an IMU are held back until it is known
+whether all readings repeat, because copies would disturb the estimate of the sample rate.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from mwd_sensors.core.records import dtype_of
 
 Hashes = NDArray[np.int64]
 
-# A copy is found if it comes at most this many messages later: 5 s of two publishers at 100 Hz.
+# Number of messages in which a copy is searched: 5 s of two publishers at 100 Hz.
 REMEMBERED = 1024
-# Copies with other stamps are left out only if, of the last WATCHED messages, at least COPIES came a second time and
-# none a third time. If all messages come twice, half of them are second ones. If the readings of a coarse sensor repeat
-# by chance, the share of second ones is below 1/e, and there are third ones too (Poisson).
+# Copies with other stamps are removed only if, among the last WATCHED messages, at least COPIES are the second message
+# with the same readings and none is the third. If all messages come twice, half of them are second ones. If the
+# readings of a coarse sensor repeat by chance, the share of second messages is below 1/e, and some are third (Poisson).
 WATCHED, COPIES = 80, 36
-# Kinds of samples, and verdicts on why readings repeat.
+# Kinds of samples; and verdicts on why the readings of a topic repeat.
 _FRESH, _COPY, _SUSPECT = 0, 1, 2
 _UNKNOWN, _BY_CHANCE, _ALL_TWICE = 0, 1, 2
 _BUCKETS = 4096  # size of the table of hashes, a power of two
-_BACK_NS = 2_000_000_000  # the copies of a second publisher come with less delay
+# If a stamp goes back by more than this, ns, time has gone back; a copy from a second publisher is less late.
+_BACK_NS = 2_000_000_000
 _MIX = -7046029254386353131  # 2^64 divided by the golden ratio, as a signed number
 
 
@@ -42,16 +43,17 @@ class State:
     """Hashes of the last messages of a topic, in a table with a chain for each bucket."""
 
     count: int  #: number of messages so far
-    last_ns: int  #: stamp of the last message
+    last_ns: int  #: stamp of the last message, ns
     numbers: Annotated[Hashes, REMEMBERED]  #: hash of the readings of message k, at index k modulo REMEMBERED
-    stamped: Annotated[Hashes, REMEMBERED]  #: hash of readings and stamp
+    stamped: Annotated[Hashes, REMEMBERED]  #: hash of the readings and the stamp of message k, at the same index
     before: Annotated[Hashes, REMEMBERED]  #: number (from 1) of the previous message in the same bucket; 0: none
     newest: Annotated[Hashes, _BUCKETS]  #: number of the newest message in a bucket
-    copies: Annotated[NDArray[np.int64], WATCHED]  #: earlier copies of each of the last messages, at most 2
-    verdict: int  #: whether all readings repeat, or some by chance; unknown at first
+    #: Number of earlier messages with the same readings, at most 2, for each of the last WATCHED messages.
+    copies: Annotated[NDArray[np.int64], WATCHED]
+    verdict: int  #: _ALL_TWICE, or _BY_CHANCE if some readings repeat by chance; _UNKNOWN at first
     suspected: int  #: number of messages since the first repeated reading
-    seconds: int  #: number of the last messages that came a second time
-    thirds: int  #: number of the last messages that came a third time or more
+    seconds: int  #: number of the last WATCHED messages that are the second one with the same readings
+    thirds: int  #: number of the last WATCHED messages that are the third one, or a later one, with the same readings
 
 
 STATE = dtype_of(State)
@@ -59,7 +61,7 @@ STATE = dtype_of(State)
 
 class RepeatedSamples:
     """
-    Leaves out the copies among the samples of one topic.
+    Filter that removes the copies among the samples of one topic.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ class RepeatedSamples:
     Attributes
     ----------
     count : int
-        Number of samples left out so far.
+        Number of samples removed so far.
     """
 
     def __init__(self, *, hold: bool = False) -> None:
@@ -128,7 +130,7 @@ def _numbers(samples: Samples) -> Array:
 
 @compiled
 def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
-    """Fill `kind`, shape (n,), with whether each sample is fresh, a copy or a suspect; numbers: shape (n, k)."""
+    """Fill `kind`, shape (n,), with _FRESH, _COPY or _SUSPECT for each sample; numbers: readings, shape (n, k)."""
     bits = numbers.view(np.int64)
     for k in range(len(bits)):
         if s.count > 0 and stamp_ns[k] < s.last_ns - _BACK_NS:
@@ -172,7 +174,7 @@ def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDAr
 
 @compiled
 def _forget(s: State) -> None:
-    """Forget all messages; what is known of the topic, `verdict`, stays."""
+    """Forget all messages; keep the verdict on the topic."""
     s.count = s.suspected = s.seconds = s.thirds = 0
     s.newest[:] = 0
     s.copies[:] = 0

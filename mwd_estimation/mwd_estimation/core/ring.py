@@ -14,7 +14,7 @@ from mwd_sensors.core.compiled import compiled
 
 
 class Ring:
-    """Base of ring buffers; a subclass declares the record type and the size of `rows`."""
+    """Base class of ring buffers; a subclass declares the record type and the size of `rows`."""
 
     head: int  #: index in `rows` where the next sample is written
     length: int  #: number of samples stored
@@ -39,7 +39,7 @@ def next_place(ring: Ring) -> int:
 
 @compiled
 def first_from(ring: Ring, at: int) -> int:
-    """Return how far back the first sample at or after a time, ns, is; 0 if there is none."""
+    """Return the count, back from the newest sample, of the first sample at or after a time, ns; 0 if there is none."""
     low, high = 0, ring.length
     while low < high:
         middle = (low + high + 1) // 2

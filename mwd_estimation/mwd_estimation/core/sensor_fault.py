@@ -17,7 +17,7 @@ SENSORS = ("gyro", "accelerometer", "magnetometer")
 
 
 class Unit(enum.IntEnum):
-    """Unit that a fault belongs to; EITHER: one of the two units, but it is unknown which."""
+    """Unit that a fault belongs to; EITHER: one of the two units is faulty, but it is unknown which one."""
 
     CONVENTIONAL = 0
     PRECISION = 1
@@ -77,7 +77,8 @@ class SensorFault:
     code: FaultCode
     unit: Unit
     place: int  #: row of the check: three times the sensor (0 gyro, 1 accelerometer, 2 magnetometer), plus the axis
-    #: `value`, `limit`: value found and limit for a healthy sensor, in SI units; a share if samples are counted.
+    #: `value`, `limit`: value found, and limit for a healthy sensor, in SI units; checks that count samples use the
+    #: share of the samples, 0 to 1.
     value: float
     limit: float
     #: Details as the check stores them; `mappings`, `axes`, `sensors`, `other_unit` and `mount` decode them.
@@ -87,7 +88,8 @@ class SensorFault:
     cleared_ns: int = 0  #: stamp at which the fault had ended; 0 while it lasts
     #: For INVALID and DEAD: the messages of the sensor declare it not provided (covariance -1), so it is not broken.
     declared: bool = False
-    #: True for a fault of the installation whose sensors were never seen healthy: it exists since the first sample.
+    #: True for a fault of the installation whose sensors were never found healthy: the fault exists since the first
+    #: sample.
     from_start: bool = False
 
     def lasted_in(self, begin_ns: int, end_ns: int) -> bool:
@@ -102,7 +104,11 @@ class SensorFault:
 
     @property
     def mappings(self) -> tuple[int, int, int]:
-        """For AXES and FRAME: `axis_mappings` that explain it, as bits, for gyro, accelerometer and magnetometer."""
+        """
+        For AXES and FRAME: mappings that explain the fault, for gyro, accelerometer and magnetometer.
+
+        Bit k stands for `axis_mappings.MAPPINGS[k]`; zeros for other codes.
+        """
         return self.which if self.code in (FaultCode.AXES, FaultCode.FRAME) else (0, 0, 0)
 
     @property
@@ -117,14 +123,14 @@ class SensorFault:
 
     @property
     def mount(self) -> str:
-        """MOUNT: how the unit lies in the tool, by the axis of it that the string turned about, as `mount.words`."""
+        """For MOUNT: orientation of the unit in the tool in words, from its axis about which the string turned."""
         return mount.words(mount.by_turning(np.array(self.which, dtype=float))) if any(self.which) else ""
 
     def in_unit_axes(self, mat_tu: Array) -> SensorFault:
         """
-        MOUNT: return the fault with the axis of the turn in axes of the unit, so that `mount` says how the unit lies.
+        Return a MOUNT fault with its axis of rotation in axes of the unit, as `mount` needs it; others unchanged.
 
-        mat_tu, shape (3, 3): rotation from unit to tool axes that the samples were turned by.
+        mat_tu, shape (3, 3): rotation from unit to tool axes that was applied to the samples.
         """
         if self.code != FaultCode.MOUNT:
             return self

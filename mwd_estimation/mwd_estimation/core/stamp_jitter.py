@@ -17,31 +17,31 @@ from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-_MEMORY = 200  # samples over which the steps are averaged
-_FIRST = 50  # samples until the period is known
+_MEMORY = 200  # number of samples over which the steps are averaged
+_FIRST = 50  # number of steps after which the period counts as known
 _SILENCE = 0.5  # s, a longer step is a gap
-# Mean distance of the steps from whole periods, in periods, from which on there is no period: random ones have 0.25;
-# and the share of the mean step below which a shortest step is none.
+# The stamps follow no period if the mean distance of the steps from whole periods is above _UNEVEN periods (random
+# steps: 0.25), or if the period found is shorter than the share _SHORTEST of the mean step.
 _UNEVEN, _SHORTEST = 0.17, 0.2
 
 
 class JitterState:
-    """State of one stream; the averages are exponential."""
+    """State of one stream. All means are exponential averages."""
 
     last_ns: int  #: stamp of the last sample, ns
     count: int  #: number of steps so far
-    period: float  #: s
+    period: float  #: period of the sensor, s
     mean: float  #: mean step, s
     square: float  #: mean square of the steps, s^2
-    off: float  #: mean distance from whole periods, in periods
-    off_square: float  #: mean square of that, s^2
+    off: float  #: mean distance of the steps from whole periods, in periods
+    off_square: float  #: mean square distance of the steps from whole periods, s^2
 
 
 JITTER_STATE = dtype_of(JitterState)
 
 
 class StampJitter:
-    """Error of the stamps of one stream, sample by sample; any cut of the stream gives the same."""
+    """Error of the stamps of one stream, sample by sample; it does not depend on how the stream is cut into blocks."""
 
     def __init__(self) -> None:
         self._state = np.zeros(1, dtype=JITTER_STATE)
@@ -68,7 +68,7 @@ def _run(s: JitterState, stamps: Stamps) -> Array:
         if follows_no_period(s):
             sigma[i] = math.sqrt(max(s.square - s.mean * s.mean, 0.0))
         else:
-            # The step has the errors of two stamps.
+            # A step is the difference of two stamps, so its variance is twice that of a stamp.
             sigma[i] = math.sqrt(0.5 * s.off_square)
     return sigma
 
@@ -81,7 +81,7 @@ def follows_no_period(s: JitterState) -> bool:
 
 @compiled
 def take_step(s: JitterState, step: float) -> None:
-    """Take one step, s."""
+    """Update the period and the means with one step, s."""
     if s.count == 0 or step < 0.6 * s.period:
         # The period assumed so far was two or more steps long, because samples were missing.
         s.count, s.period = 0, step

@@ -23,11 +23,11 @@ from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 1000  # longest memory of the line, samples: the jitter of a stamp becomes 16 times smaller
 _FIRST = 50  # number of samples until the line is used
-_EVEN = 1e-4  # s, jitter below which stamps are left as they are: at 120 r/min 0.07 deg of toolface
-_FAR = 4.0  # sigmas beyond half a period: a stamp farther from the line is late, or samples are missing
-_CONFIRMED = 4  # this number of samples in a row, each that far from the line, shows another clock
+_EVEN = 1e-4  # s; stamps with less jitter stay unchanged: it rotates the toolface by 0.07 deg at 120 r/min
+_FAR = 4.0  # a stamp farther from the line than half a period plus _FAR sigmas is late, or samples are missing
+_CONFIRMED = 4  # number of stamps in a row, each farther from the line than that, which show that the clock was set
 _SILENCE = 0.5  # s, a longer step is a data gap
-_LATE = 10.0  # periods; a sample farther from the line is behind a data gap
+_LATE = 10.0  # periods; if a stamp far from the line is this long after the last one, there is a data gap
 
 
 class ClockState:
@@ -35,10 +35,10 @@ class ClockState:
 
     last_ns: int  #: latest stamp, ns
     time_ns: int  #: latest time that was returned, ns
-    line_s: float  #: time by the line at the latest sample, minus its stamp, s
-    period: float  #: s
+    line_s: float  #: time of the latest sample on the line, minus its stamp, s
+    period: float  #: slope of the line: period of the sensor, s
     count: int  #: number of samples since the line began, at most `_MEMORY`
-    square: float  #: mean squared distance from the line, s^2
+    square: float  #: mean squared distance of the stamps from the line, s^2
     far: int  #: number of samples in a row that were far from the line
 
 
@@ -75,7 +75,7 @@ def _run(s: ClockState, j: JitterState, stamps: Stamps, times: Stamps) -> None:
             s.last_ns = stamp
             time = stamp
             if not follows_no_period(j) and 0.5 * j.off_square < _EVEN * _EVEN:
-                # Even stamps, with samples missing or not.
+                # The stamps are multiples of one period: use them unchanged, even if samples are missing.
                 s.count = 0
             else:
                 _follow(s, j, step)

@@ -46,7 +46,7 @@ class Average:
 
 
 class ClosedAt:
-    """A bin, and the sample that closed it."""
+    """Index and count of a bin, and the sample that closed it."""
 
     #: `index`, `count`: see `Bin`; index is _NONE if no bin is open.
     index: int
@@ -58,7 +58,12 @@ _CLOSED_AT = dtype_of(ClosedAt)
 
 
 class OpenBinSums(NamedTuple):
-    """Sums of the open bin: first sample, sum, lowest, highest, shape (c,); products about the first sample, (c, c)."""
+    """
+    Sums of the open bin.
+
+    `first`: first sample; `total`: sum of the differences from it; `low`, `high`: smallest and largest value; each of
+    shape (c,). `products`: sum of the products of the differences, upper triangle, shape (c, c).
+    """
 
     first: Array
     total: Array
@@ -68,7 +73,11 @@ class OpenBinSums(NamedTuple):
 
 
 class Closed(NamedTuple):
-    """Bins closed in one call of the kernel: where, shape (k,), and values of `Bin`, shapes (k, c) and (k, c, c)."""
+    """
+    Bins closed in one call of the kernel.
+
+    `places`: records of `ClosedAt`, shape (k,); the others as in `Bin`, with shapes (k, c) and (k, c, c).
+    """
 
     places: Samples
     mean: Array
@@ -78,7 +87,7 @@ class Closed(NamedTuple):
 
 
 class Binner:
-    """Cuts a stream with the given number of channels into bins of `length_ns`."""
+    """Sorts the samples of a stream with the given number of channels into bins of `length_ns`, ns."""
 
     def __init__(self, channels: int, length_ns: int) -> None:
         self.length_ns = length_ns
@@ -91,7 +100,7 @@ class Binner:
 
     def add(self, stamp_ns: Stamps, values: Array) -> list[Bin]:
         """
-        Add a block, shapes (n,) and (n, channels), and return the bins that it closed.
+        Add a block, stamps (ns) of shape (n,) and values of shape (n, channels); return the bins that the block closed.
 
         Samples that are not finite or are older than the open bin are ignored. The first sample of a later bin closes
         the open one.
@@ -99,7 +108,7 @@ class Binner:
         return [closed for closed, _ in self.add_placed(stamp_ns, values)]
 
     def add_placed(self, stamp_ns: Stamps, values: Array) -> list[tuple[Bin, int]]:
-        """Do the same as `add`, and return with each bin the index in the block of the sample that closed it."""
+        """Add a block as `add`; return each closed bin with the index in the block of the sample that closed it."""
         closed: list[tuple[Bin, int]] = []
         start, n = 0, len(stamp_ns)
         while start < n:
@@ -170,7 +179,7 @@ def _fill(
     first, total, low, high, products = sums
     channels = len(first)
     done = 0
-    # Start and end of the open bin, kept because a division for each sample would cost more than the sums.
+    # Start and end of the open bin, ns, computed once a bin: a division for each sample would cost more than the sums.
     begin, end = 0, 0
     if s.index != _NONE:
         begin, end = s.index * length_ns, (s.index + 1) * length_ns

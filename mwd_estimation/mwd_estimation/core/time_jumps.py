@@ -2,14 +2,15 @@
 """
 Detect jumps in time: a data gap, a recording that loops or is wound back, a clock that was set, or single wrong stamps.
 
-A stamp more than a second before or after the last one counts as a new time only when a few stamps in a row advance
-from there. One stream, the AHRS, leads. If it jumps forward, the estimate continues; the samples that confirm the jump
-are rejected, except the last. If it jumps back, the estimate restarts with exactly the samples that confirmed the jump.
+A stamp more than a second before or after the last one counts as a new time only when CONFIRMED stamps in a row advance
+from there. One stream, that of the conventional unit, is the leader. If the leader jumps forward, the estimate
+continues; the samples that confirm the jump are rejected, except the last. If the leader jumps back, the estimate
+restarts with exactly the samples that confirmed the jump.
 
-The other streams may jump earlier or later than the leader. Their samples of the new time wait until the leader arrives
-there, also across further data gaps, and their samples of the old time are dropped after it has left. If a stream
-returns to its old time before the leader has followed, only its own clock was wrong, and the waiting samples are
-dropped.
+The other streams may jump earlier or later than the leader. Their samples of the new time wait until the leader reaches
+this time, even across further data gaps. Their samples of the old time are dropped after the leader has jumped. If a
+stream returns to its old time before the leader has followed, only the clock of the stream was wrong, and the waiting
+samples are dropped.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Samples, Stamps
 
+# Largest step forward or back that needs no confirmation, ns.
 BACK_NS = 1_000_000_000
 # Number of samples in a row that confirm a new time.
 CONFIRMED = 3
-# The step of a slow stream may exceed `BACK_NS`, up to this multiple of its previous step.
+# The step of a slow stream may be longer than `BACK_NS`, up to this multiple of its previous step.
 _PACES = 4
-# The first step of a stream other than the leader may have this length, ns: a thermometer sends once a second to once a
-# minute, and its pace is not known yet.
+# Longest first step of a stream other than the leader, ns: a thermometer sends once a second to once a minute, and its
+# sample rate is not known at the first step.
 _FIRST_STEP_NS = 60_000_000_000
 MOST_AHEAD = 500_000
 """
-Largest number of samples kept of a stream that is ahead of the leader; beyond it, the leader does not follow.
+Largest number of waiting samples of a stream that is ahead of the leader; later samples are dropped.
 
-A smoother delays 60 000 samples of the leader; a stream with seven times the leader's rate still fits meanwhile.
+A smoother delays 60 000 samples of the leader; in this time a stream with seven times the leader's rate still fits.
 """
 _NONE = np.iinfo(np.int64).min
 
@@ -42,15 +44,15 @@ def advances(stamps: Stamps, newest_ns: int) -> NDArray[np.bool_]:
 
 
 class _Pace:
-    """Clock of one stream: its latest stamp, and how large a step it may make without confirmation."""
+    """Clock of one stream: its latest stamp, and its last step, which limits the next step without confirmation."""
 
     def __init__(self, first_step_ns: int = BACK_NS) -> None:
         self.last_ns = _NONE
-        # The first step is admitted as that of a stream with this pace.
+        # With this step, `follows` admits a first step of `first_step_ns`.
         self._step = first_step_ns // _PACES
 
     def follows(self, stamp: int) -> bool:
-        """Return whether a stamp is near the latest one."""
+        """Return whether a stamp, ns, is near the latest one, so that it needs no confirmation."""
         if self.last_ns == _NONE:
             return True
         return -BACK_NS < stamp - self.last_ns <= max(BACK_NS, _PACES * self._step)
@@ -62,11 +64,11 @@ class _Pace:
             self.last_ns = stamp
 
     def begin(self, stamp: int, step: int | None = None) -> None:
-        """Continue from a confirmed stamp; `step` is the last step before it, by default that of the time before."""
+        """Continue from a confirmed stamp; step: step before this stamp, ns; None keeps the last step."""
         self.last_ns, self._step = stamp, self._step if step is None else step
 
     def take_block(self, stamps: Stamps) -> bool:
-        """Accept a block if each stamp is near the one before, and return True; otherwise accept none, return False."""
+        """Accept a block and return True if each stamp is within BACK_NS of the latest one; else return False."""
         first = int(stamps[0]) if self.last_ns == _NONE else self.last_ns
         latest = np.maximum.accumulate(np.concatenate([[first], stamps]))
         if not ((stamps > latest[:-1] - BACK_NS) & (stamps <= latest[:-1] + BACK_NS)).all():
@@ -79,7 +81,7 @@ class _Pace:
 
 
 class _Beside:
-    """A stream other than the leader: its clock, its waiting samples, and samples whose stamps jump away from those."""
+    """Stream other than the leader: clock, waiting samples, and samples whose stamps jump from the waiting ones."""
 
     def __init__(self) -> None:
         self.pace = _Pace(_FIRST_STEP_NS)
@@ -88,12 +90,12 @@ class _Beside:
 
     @property
     def first_ns(self) -> int:
-        """Stamp of the first waiting sample."""
+        """Stamp of the first waiting sample, ns."""
         return int(self.waiting[0]["stamp_ns"][0])
 
     @property
     def step_ns(self) -> int:
-        """Last step between waiting samples."""
+        """Last step between waiting samples, ns."""
         return int(self.waiting[-1]["stamp_ns"][0]) - int(self.waiting[-2]["stamp_ns"][0])
 
     @property
@@ -116,7 +118,7 @@ class Clocks:
     Attributes
     ----------
     dropped : int
-        Number of samples of other streams that were dropped because they belong to no time in use.
+        Number of samples of other streams that were dropped because their stamps do not belong to the leader's time.
     went_back : list of (int, int)
         For each jump back, the leader's latest stamp before it and its first stamp after it, ns.
     """
@@ -170,7 +172,7 @@ class Clocks:
         return pieces
 
     def beside(self, name: str, samples: Samples) -> Samples:
-        """Return the samples of another stream that belong to the leader's time; the others wait or are dropped."""
+        """Return the samples of another stream that belong to the leader's time; other samples wait or are dropped."""
         stamps = samples["stamp_ns"]
         if not len(stamps):
             return samples
@@ -181,7 +183,7 @@ class Clocks:
         return np.concatenate([samples[:0], *taken])
 
     def _taken(self, name: str, other: _Beside, sample: Samples) -> Samples:
-        """Return the samples of a stream that can be used after this one arrived."""
+        """Process one sample of a stream; return the samples of this stream that can be used now."""
         pace, stamp = other.pace, int(sample["stamp_ns"][0])
         if name in self._behind:
             # The stream has not jumped yet. A sample near the leader belongs to the new time, even after a data gap.
@@ -229,7 +231,7 @@ class Clocks:
 
     def reached(self, before_ns: int) -> dict[str, Samples]:
         """
-        Return, per stream, the waiting samples whose time the leader reached since it was at `before_ns`, ns.
+        Return, per stream, the waiting samples whose time the leader has reached; before_ns: its earlier stamp, ns.
 
         Thus a stream whose clock was ahead and is right again waits only until the next sample of the leader.
         """

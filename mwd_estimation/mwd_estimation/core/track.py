@@ -27,9 +27,9 @@ STILL_HOLD = 1.0  # s, time constant of the decay of both peaks
 ROTARY_LAG = 0.5  # s, time constant of the rotary speed
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # inclination below which gravity across the tool is too small for a toolface
 BACKWARD_LIMIT = 50  # number of samples with advancing stamps after which a clock that jumped back is accepted
-FORCE_ABOVE = 1e-6  # m/s^2, less than any accelerometer resolves
+FORCE_ABOVE = 1e-6  # m/s^2; a sample with no larger force on any axis is not a reading (no accelerometer resolves it)
 GAP_NS = 500_000_000  # a longer step between samples is a data gap, for methods without a rule of their own
-# Share of the range from which a reading counts as clipped; rounding and converter steps can leave it just below 1.
+# A reading of at least this share of the range counts as clipped; rounding can leave a clipped one just below the end.
 AT_RANGE = 0.9995
 
 FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
@@ -42,10 +42,10 @@ _NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
 class Clock:
     """Stamps of the samples admitted so far; zeros before the first."""
 
-    last_ns: int  #: stamp of the last admitted sample
+    last_ns: int  #: stamp of the last admitted sample, ns
     started: bool  #: whether a sample has been admitted
-    #: `backward_ns`, `backward_count`: the last stamp that was not later than `last_ns`, and how many such stamps have
-    #: advanced from each other.
+    #: `backward_ns`, `backward_count`: last stamp that was not later than `last_ns`, ns; and number of these stamps,
+    #: each later than the one before.
     backward_ns: int
     backward_count: int
 
@@ -65,7 +65,7 @@ CLOCK, MOTION = dtype_of(Clock), dtype_of(Motion)
 
 @compiled
 def clips(v: Vector, full: float) -> bool:
-    """Return whether a component of v, a rate, rad/s, or force, m/s^2, is at the end of the range `full`."""
+    """Return whether a component of v is at the end of the range `full`; both are rates, rad/s, or forces, m/s^2."""
     return bool(max(abs(v[0]), abs(v[1]), abs(v[2])) >= AT_RANGE * full)
 
 
@@ -91,7 +91,7 @@ class Track(NamedTuple):
         return cls(np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), status, gyro_step)
 
     def part(self, samples: slice) -> Track:
-        """Return the track of some of the samples."""
+        """Return the track of the samples in a slice, without copying."""
         return Track._make(column[samples] for column in self)
 
     @property
@@ -128,8 +128,8 @@ def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
     clock : record of `Clock`; stamp, gap_ns : ns; w, f, shape (3,) : rate, rad/s, and force, m/s^2.
 
     A sample without force on any axis is rejected, because a real accelerometer shows gravity or at least noise. A
-    stamp that does not advance is rejected too. But if after a jump back BACKWARD_LIMIT stamps advance from each other,
-    the new clock is accepted (AFTER_GAP); otherwise setting the clock back would stop the estimate.
+    stamp that does not advance is rejected too. But if more than BACKWARD_LIMIT stamps advance after a jump back, the
+    new time is accepted (AFTER_GAP); otherwise setting the clock back would stop the estimate.
     """
     finite = math.isfinite(w[0] + w[1] + w[2] + f[0] + f[1] + f[2])
     if not finite or max(abs(f[0]), abs(f[1]), abs(f[2])) <= FORCE_ABOVE:
@@ -183,7 +183,12 @@ def take(
 
 @compiled
 def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> int:
-    """Update the rotary speed (S3 eq 11, second term with the previous output); return STILL, SLIDING or ROTATING."""
+    """
+    Update rotary speed and peaks with one sample; return STILL, SLIDING or ROTATING of `Status`.
+
+    dt: time since the last sample, s; w, shape (3,): rate, rad/s; non_gravity: magnitude of the non-gravity specific
+    force, m/s^2. The low-pass is S3 eq 11, whose second term takes the previous output.
+    """
     share = dt / (ROTARY_LAG + dt)
     motion.rotary_speed += share * (w[0] - motion.rotary_speed)
     forget = math.exp(-dt / STILL_HOLD)
@@ -199,10 +204,10 @@ def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> i
 @compiled
 def write_row(out: Track, i: int, across: float, sigma: float, motion: Motion, bits: int) -> None:
     """
-    Fill row i, except for its direction.
+    Fill row i of all columns except `g_t` and `gyro_step`.
 
-    across: sine of the inclination; sigma: of the direction, rad; motion: as updated by `follow_motion`; bits: of
-    `Status`; NEAR_VERTICAL is added here.
+    across: sine of the inclination; sigma: 1 sigma of the direction of gravity, rad; motion: as updated by
+    `follow_motion`; bits: bits of `Status`, to which NEAR_VERTICAL is added here.
     """
     if across < math.sin(NEAR_VERTICAL_BELOW):
         bits |= _NEAR_VERTICAL

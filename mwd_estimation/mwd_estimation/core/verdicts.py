@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"
-# For one quantity: it is not defined at this attitude.
+# Verdict on a quantity that is not defined at the attitude, such as the azimuth of a vertical hole.
 NOT_DETERMINED = "not_determined"
 #: Azimuth movement, rad, below which a survey does not count as revised.
 MOVED = math.radians(0.05)

@@ -2,8 +2,9 @@
 """
 Compare each axis of the precision unit with the axes of the conventional unit while both measure the same motion.
 
-Over a window of half seconds each axis of one unit is compared with each axis of the other at the same times. It should
-match its own axis one to one. A reversed axis, another axis or another unit of measurement is a fault with a name.
+Over a window of half seconds each axis of the precision unit is compared with each axis of the conventional unit at the
+same times. An axis should match the same axis of the conventional unit one to one. If it matches a reversed axis,
+another axis or another unit of measurement, the fault can be named.
 """
 
 from __future__ import annotations
@@ -23,40 +24,49 @@ from mwd_sensors.core.records import dtype_of
 
 # Number of half seconds that are compared together.
 WINDOW = 3
-# Least number of samples for judging an axis.
+# Smallest number of samples for comparing an axis.
 _FEW = 20
-# Rms below which an axis shows nothing, rad/s and m/s^2. Rms of forces above which two accelerometers need not agree,
-# m/s^2: a shock looks different in another bandwidth and another place.
+# Smallest rms at which an axis is compared, rad/s and m/s^2. And largest rms of forces, m/s^2, up to which two
+# accelerometers must agree: a shock has another shape in another bandwidth and at another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
-# Distance of the two units from each other across the tool, m. In a turning string their forces differ by this times
-# the square of its rate, which is not a sign of other axes. The housing of a probe is some 5 cm wide.
+# Largest distance of the two units from each other across the tool, m. In a turning string their forces differ by this
+# distance times the squared rate, which is not a sign of wrong axes. The housing of a probe is some 5 cm wide.
 _ARM = 0.03
-# Cross-axis leakage, as a share of the unit's largest motion (gyro, accelerometer).
+# Smallest rms at which an axis is compared, as a share of the unit's largest rms (gyro, accelerometer): a smaller
+# signal may be leakage from another axis.
 _LEAK = (0.004, 0.02)
-# Misfit of two axes: 0 for equal, 1 for unrelated, 2 for reversed. Below the first limit they are the same axis, above
-# the second they are not.
+# Limits of the misfit of two axes, which is 0 for equal, 1 for unrelated and 2 for reversed signals. Two axes with a
+# smaller misfit than _SAME are the same axis; two axes with a larger misfit than _OTHERWISE are different ones.
 _SAME, _OTHERWISE = 0.3, 0.6
 # An interval longer than this multiple of the usual one contains lost samples.
 _LONG = 1.5
-# Share of the squared mean in the mean square above which a signal counts as constant.
+# A signal counts as constant if the square of its mean is more than this share of its mean square.
 _CONSTANT = 0.8
+# Factors from SI to the other units of measurement: deg/s and g.
 _UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
 _MAPPINGS = np.array(MAPPINGS)
-# Result for an axis: twice the number of the matching axis, plus 1 if reversed, plus 6 if in another unit; or one of
-# these.
+# Result for an axis: twice the index of the matching axis, plus 1 if reversed, plus 6 if in another unit of
+# measurement; or one of the following: too little motion, no axis matches, not clear, the axis is at one end of its
+# range.
 _SILENT_AXIS, _NO_AXIS, _UNCLEAR, AT_ONE_END = -1, -2, -3, -4
 
 
 class ProductSums:
-    """Sums of one axis over half a second, and products with each axis of the other unit, in SI and in deg/s or g."""
+    """
+    Sums of one axis of the precision unit over half a second, and products with the axes of the conventional unit.
 
-    n: float
-    at_most: float
+    The first index of the arrays stands for a precision unit that sends SI (0), or deg/s or g (1).
+    """
+
+    n: float  #: number of pairs of samples
+    at_most: float  #: number of samples at the largest magnitude of the half second
+    #: `total`, `square`: sum of the samples and of their squares.
     total: float
     square: float
-    turn4: float
-    product: Annotated[Array, 2, 3]
+    turn4: float  #: for a cross-axis force: sum of the fourth powers of the rate about the axis, (rad/s)^4
+    product: Annotated[Array, 2, 3]  #: sum of the products with each axis of the conventional unit
+    #: `other`, `other2`: sums of the samples of each axis of the conventional unit, and of their squares.
     other: Annotated[Array, 2, 3]
     other2: Annotated[Array, 2, 3]
 
@@ -72,9 +82,10 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
     Parameters
     ----------
     values, own : ndarray, shape (n, 6)
-        Rates, rad/s, and forces, m/s^2, of the precision unit and of the conventional one; NaN if unknown.
+        Rates, rad/s, and forces, m/s^2, of the precision unit, and of the conventional unit at the same times; NaN if
+        unknown.
     channels, sums : ndarray
-        Channels of `signal_checks`, and sums of dtype SUMS, shape (6,); both are increased.
+        Channels of `signal_checks`, and sums of dtype SUMS, shape (6,); the samples are added to both.
     """
     for row in range(6):
         most, first, one = 0.0, 3 * (row // 3), sums[row]
@@ -85,11 +96,11 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
             v, beside = values[i, row], own[i, row]
             turn = max(abs(values[i, 0]), abs(own[i, 0]))
             at_most = abs(v) >= 0.999 * most
-            # A gyro at the end of its range while the string turns faster is not stuck.
+            # Do not count a gyro at the end of its range while the conventional gyro reads more: it is not stuck.
             if not (row < 3 and at_most and abs(beside) > 1.02 * abs(v) > 0.5):
                 signal_checks.count(channels[row], values, row, i, i + 1, math.inf)
             if row >= 3 and math.isfinite(beside):
-                # The third sensor of the channels is used only to show whether the tool moves.
+                # The third sensor of the channels is the conventional accelerometer, used only to detect motion.
                 signal_checks.count(channels[3 + row], own, row, i, i + 1, math.inf)
             if not math.isfinite(beside + v):
                 continue
@@ -99,7 +110,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
             one.square += v * v
             one.turn4 += turn**4 if row > 3 and math.isfinite(turn) else 0.0
             for unit in range(2):
-                # A gyro axis cannot have read values beyond its own range.
+                # Clip the conventional rate to the largest rate of the precision gyro, which may have a smaller range.
                 limit = 1.01 * most / (_UNITS[0] if unit == 1 else 1.0) if row < 3 else math.inf
                 for c in range(3):
                     other = min(max(own[i, first + c], -limit), limit)
@@ -110,7 +121,12 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
 
 @compiled
 def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
-    """Interpolate the conventional unit, shape (n, 6); NaN outside its samples, in gaps and for unusable samples."""
+    """
+    Return the samples of the conventional unit interpolated at `stamps`, shape (n, 6); NaN if unknown.
+
+    stamps, beside_ns: stamps of the precision and of the conventional unit, ns, shapes (n,) and (m,); beside: samples
+    of the conventional unit, shape (m, 6), NaN if unusable.
+    """
     found = np.full((len(stamps), 6), math.nan)
     if len(beside_ns) < 2:
         return found
@@ -132,7 +148,11 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
 
 @compiled
 def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
-    """Return which axis of the conventional unit matches axis k of sensor s; `centred` removes the means first."""
+    """
+    Return the result for axis k of sensor s (0 gyro, 1 accelerometer): the matching axis, or another result.
+
+    one: record of ProductSums; centred: whether to remove the means first; least: smallest rms that is compared, SI.
+    """
     n = max(one.n, 1.0)
     off = one.total / n if centred else 0.0
     own = max(one.square - off * one.total, 0.0)
@@ -148,7 +168,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
             if unit == 0 and c == k and max(math.sqrt(own / n), size) < least:
                 return _SILENT_AXIS
             if s == 0 and unit == 1:
-                # A clipped bias of the other gyro, or any constant, would match a slow turn equally well.
+                # Do not compare a constant rate in deg/s: a slow rotation would match the clipped bias of a gyro.
                 constant = one.other[1, c] ** 2 > _CONSTANT * n * one.other2[1, c]
                 allowed = allowed and not constant and one.at_most < 0.5 * n
             for reversed_ in range(2):
@@ -171,9 +191,9 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 @compiled
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
-    """Return the matches of the axes of sensor s, and whether one axis matches none while the others are right."""
+    """Return the results for the axes of sensor s, and whether one axis matches none while the others are right."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
-    # Cross-axis gyros move little compared with the leakage of a steady rotation: the second pass removes the means.
+    # In a steady rotation the leakage hides the small rates of the cross-axis gyros: a second pass removes the means.
     for centred in range(2 - s):
         greatest2, own2 = 0.0, 0.0
         for k in range(3):
@@ -202,7 +222,7 @@ def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
 
 @compiled
 def mapping_of(found: Indices) -> int:
-    """Return the index of the mapping with these axes, taking axes without motion as right; 0 if there is none."""
+    """Return the index in MAPPINGS of the results `found`, shape (3,); an axis without a match counts as right."""
     free, matrix = np.ones(3, dtype=np.bool_), np.zeros((3, 3), dtype=np.int64)
     for k in range(3):
         if found[k] >= 0:
@@ -224,9 +244,19 @@ def mapping_of(found: Indices) -> int:
 @compiled
 def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
     """
-    Return matches of the axes of sensor s over the window, whether in another unit, and whether one matches none.
+    Return the results for the axes of sensor s over a window, and whether its unit or an axis is wrong.
 
-    If the last half second differs from those before, the axes have just changed and no match is returned.
+    sums, shape (WINDOW, 6): dtype SUMS, newest half second last.
+
+    Returns
+    -------
+    found : ndarray of int64, shape (3,)
+        Result for each axis. If the last half second differs from the whole window, the axes have just changed, and all
+        results are _SILENT_AXIS.
+    scaled : bool
+        Whether the sensor sends another unit of measurement.
+    strange : bool
+        Whether one axis matches none while the others are right.
     """
     whole = np.zeros(6, dtype=SUMS)
     for row in range(6):

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Carry gravity and field of a window along under every exchange and reversal of axes; `window_checks` evaluates them.
+Rotate gravity and field of a window by the gyros to its start, under every exchange and reversal of axes.
 
-In axes that the gyros carry along, gravity and the Earth's field are constant. Exchanged, reversed or turned axes of
-one sensor break that: the vectors spread and their mean becomes shorter. If the motion cannot distinguish some mappings
-(a tool at rest, or rotating about one axis only), several of them explain the same data.
+Vectors that are rotated to the axes at the start of the window are called carried. Carried gravity and the carried
+field of the Earth are constant. If axes of one sensor are exchanged, reversed or turned, the carried vectors spread and
+their mean becomes shorter. If the motion cannot distinguish some mappings (a tool at rest, or rotating about one axis
+only), several of them explain the same data. `window_checks` evaluates the means.
 """
 
 from __future__ import annotations
@@ -22,7 +23,11 @@ from mwd_sensors.core.kalman import rotate_right
 
 @compiled
 def attitudes(turns: Array, scale: float) -> Array:
-    """Return the attitude before each step, shape (n, 3, 3), from turns times scale, rad, shape (n, 3)."""
+    """
+    Return the attitude before each step relative to the first, as rotation matrices, shape (n, 3, 3).
+
+    turns, shape (n, 3): rotation in each step; scale: factor from its unit to rad.
+    """
     mats = np.zeros((len(turns), 3, 3))
     mat = np.eye(3)
     for i in range(len(turns)):
@@ -33,18 +38,20 @@ def attitudes(turns: Array, scale: float) -> Array:
 
 class Window:
     """
-    Vectors of a window, carried along under every exchange and reversal of axes (`axis_mappings`, called ways).
+    Carried vectors of a window under each way to exchange and reverse axes (the 48 cases of `axis_mappings`).
 
     Attributes
     ----------
     force, field : ndarray, shape (48,)
-        Squared length of the mean carried vector for each way, in the sensors' units.
-    force_deg, field_deg, force_fixed, field_fixed : float
-        The same for gyros read in deg/s, and for a vector that is constant in the tool.
+        Squared length of the mean carried force and field for each way, in the squared units of the sensors.
+    force_deg, field_deg : float
+        Squared length of the mean carried force and field if the gyros send deg/s.
+    force_fixed, field_fixed : float
+        Squared length of the mean force and field in tool axes.
     force2, field2 : float
-        Mean squared length.
+        Mean squared length of force and field.
     forces, fields : int
-        Number of samples.
+        Number of samples of force and field.
     product : ndarray, shape (3, 3)
         Mean of force component i times field component j.
     part_force : ndarray, shape (parts, 48, 3)
@@ -52,7 +59,7 @@ class Window:
     mean_force : ndarray, shape (3,)
         Mean force in tool axes.
     push : float
-        Largest mean force of a half second along an axis of the tool.
+        Largest magnitude of the mean force of a half second along an axis of the tool.
     path : float
         Total rotation angle according to the gyros, rad.
     turn : ndarray, shape (3,)

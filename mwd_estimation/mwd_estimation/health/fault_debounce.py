@@ -2,8 +2,8 @@
 """
 Turn observations into faults: a check is unknown, ok or a fault, and changes after several observations in a row.
 
-The checks of the samples observe FOR or AGAINST a fault; `weigh` counts. An observation against a sensor that is not a
-fault yet makes the sensor doubtful for some seconds (`doubt`).
+Each check records an observation FOR or AGAINST a fault; `weigh` counts the observations. An observation FOR a fault
+that is not a fault yet makes the accused sensor doubtful for some seconds (`doubt`).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 UNKNOWN, OK, FAULT = 0, 1, 2
-# STRONGLY counts as two observations for the fault.
+# Observations of a check; STRONGLY counts as two observations FOR the fault.
 NOTHING, AGAINST, FOR, STRONGLY = -1, 0, 1, 2
-# Number of half seconds for which a sensor stays doubtful after the last reason: as long as it takes to name a fault.
+# Number of half seconds for which a sensor stays doubtful after the last observation: the time to confirm a fault.
 DOUBT_BINS = 12
 
 CODES, PLACES = len(FaultCode), 9
@@ -40,7 +40,7 @@ class Check:
     """One check: its state, its observations in a row, the fault, and the observation that has not been counted yet."""
 
     state: int  #: UNKNOWN, OK or FAULT
-    #: `votes_for`, `votes_against`: number of observations in a row.
+    #: `votes_for`, `votes_against`: number of observations in a row for and against the fault.
     votes_for: int
     votes_against: int
     #: `since_ns`, `value`, `limit`, `which`: values for `SensorFault`.
@@ -48,7 +48,8 @@ class Check:
     value: float
     limit: float
     which: Annotated[Indices, 3]
-    #: For AXES and FRAME: by sensor, the mappings that explain all windows after the one in which the fault may begin.
+    #: For AXES and FRAME: mappings of each sensor, as bits, that explain all windows after the first one with the
+    #: fault.
     possible: Annotated[Indices, 3]
     changed: int  #: 1 if the check must be reported
     sound: int  #: bits of the sensors that the check has found healthy at least once
@@ -65,18 +66,18 @@ CHECK = dtype_of(Check)
 
 
 class DebounceRule(NamedTuple):
-    """When a check becomes a fault, and when the fault ends."""
+    """Rule by which a check becomes a fault and the fault ends."""
 
     #: `need`, `clear`: number of observations in a row for the fault, and against it.
     need: int
     clear: int
-    patient: int = 0  #: 1 if a single observation against it does not restart the count
+    patient: int = 0  #: 1 if a single observation against the fault does not restart the count
     narrows: int = 0  #: 1 if an existing fault is reported again when fewer explanations remain
-    #: 1 if a fault of this check excludes sensors from use (`accused` says which).
+    #: 1 if a fault of this check excludes sensors from use (`accused` returns these sensors).
     accuses: int = 1
 
 
-# The unit is half seconds for checks of samples, and windows of three seconds for checks of motion.
+# Rule of each check. One observation covers half a second in checks of samples, three seconds in checks of motion.
 RULES = {
     FaultCode.STUCK: DebounceRule(5, 4),
     FaultCode.SATURATED: DebounceRule(4, 4),
@@ -112,7 +113,7 @@ def _in_order(rules: Mapping[FaultCode, DebounceRule]) -> Indices:
 
 
 _RULES = _in_order(RULES)
-# If at most this many mappings remain, a frame that does not fit also accuses the accelerometer.
+# Largest number of remaining mappings with which a FRAME fault also accuses the accelerometer.
 _FEW_MAPPINGS = 4
 
 
@@ -133,7 +134,7 @@ def observe(check: Any, seen: int, since_ns: int, value: float, limit: float) ->
 
 @compiled
 def _count(rule: Indices, check: Any) -> bool:
-    """Count the observation of a check; return whether the report changes."""
+    """Count the observation of a check; return whether a fault has begun, changed or ended."""
     stood = check.state == FAULT
     if check.seen == AGAINST:
         check.votes_against += 1
@@ -184,7 +185,7 @@ def _ones(mask: int) -> int:
 
 @compiled
 def accused(code: int, place: int, which: Indices) -> int:
-    """Return the bits of the sensors that a fault of this check accuses."""
+    """Return the bits of the sensors that a fault of this check accuses; which: details as in `SensorFault`."""
     if not _RULES[code, 4]:
         return 0
     if code == FaultCode.SIGN:
@@ -211,7 +212,7 @@ def unusable(checks: Any) -> int:
 
 @compiled
 def suspected(checks: Any) -> int:
-    """Return the bits of the sensors accused by uncounted observations, without checks that are already faults."""
+    """Return the bits of the sensors that uncounted observations accuse; checks that are already faults are ignored."""
     bits = 0
     for code in range(CODES):
         least = STRONGLY if code == FaultCode.GRAVITY else FOR
@@ -225,10 +226,10 @@ def suspected(checks: Any) -> int:
 @compiled
 def doubt(left: Indices, bits: int) -> int:
     """
-    Make sensors doubtful from now on, and let half a second of the older doubts pass.
+    Update the doubt of each sensor after half a second, and return the bits of doubtful sensors.
 
-    left, shape (3,), is the number of half seconds for which each sensor stays doubtful; it is changed. Returns the
-    bits of doubtful sensors.
+    left, shape (3,): number of half seconds for which each sensor stays doubtful, changed in place; bits: sensors with
+    a new reason for doubt.
     """
     doubtful = 0
     for s in range(3):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Health of the sensors from their own samples: what is wrong, with which sensor and axis, and since when.
+Health of the sensors from their own samples: fault, sensor, axis and beginning.
 
 Samples are evaluated in half seconds (`signal_checks`), when the magnetic samples of the same time have arrived.
-Windows of three seconds are evaluated for units, axes and signs (`window_checks`): while these are not known, once a
-minute, and whenever gravity, field or dip are not as expected. `fault_debounce` turns the observations into faults. The
-compiled kernel stops when a fault has changed or a window must be evaluated, which is done outside of it.
+Windows of three seconds are evaluated for units, axes and signs (`window_checks`) if these are not known yet (then once
+a minute), and whenever gravity, field or dip are not as expected. `fault_debounce` turns the observations into faults.
+The compiled kernel stops when a fault has changed or a window must be evaluated, because uncompiled code does both.
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, Wi
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# Rotation of a window, rad, above which it may show the axes.
+# Smallest rotation in a window, rad, from which the axes may be found.
 _MOVES = 0.5
-# Interval between evaluated windows, ns, and number of moving windows evaluated without it while something is unknown.
+# While units, axes or signs are unknown: number of windows with motion that are evaluated at once, and interval between
+# the windows evaluated after them, ns.
 _MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
-# Most samples that wait, if the stamps do not advance.
+# Largest number of waiting samples; it is reached if the stamps do not advance.
 _MOST_WAITING = 16384
-# The checks that windows evaluate.
+# Codes of the checks that a window evaluates.
 _WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUNT), int(FaultCode.ADRIFT))
-# Position at which the kernel stopped: at a new sample, after the check of its stamp, or after a half second.
+# Position at which the kernel stopped: at a new sample, after the check of a stamp, or after a half second was closed.
 _NEW, _STAMPED, _CLOSED = 0, 1, 2
 
 
@@ -58,15 +59,17 @@ class Params(NamedTuple):
     mag_range: float = 800.0 * 1e-6
     #: Time that IMU samples wait for magnetic samples of the same time, ns; it delays the report of every fault.
     mag_lag_ns: int = 50_000_000
-    rest_rate: float = 0.012  #: largest gyro reading at rest, rad/s: six sigma of an MTi-1's bias
+    rest_rate: float = 0.012  #: largest rate across gravity at rest, rad/s: six sigma of the bias of an MTi-1
     mag_expected: bool = True  #: True if the tool has a magnetometer, so that a missing one is a fault
 
 
 class Tables(NamedTuple):
     """
-    All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples, refused readings.
+    All arrays that change.
 
-    refused has the dtype of `input_gate.REFUSED` and covers the time of the waiting samples and later.
+    checks: see `fault_debounce`; channels: see `signal_checks`; stream: dtype STREAM, shape (1,); steps: steps of the
+    window, see `motion_window`; kept: hashes of old samples, see `replayed_samples`; refused: refused readings of the
+    waiting samples and later ones, dtype of `input_gate.REFUSED`.
     """
 
     checks: Any
@@ -94,8 +97,8 @@ class State:
 class Step:
     """Result for one block."""
 
-    unusable: NDArray[np.uint8]  #: uint8, shape (n,); bits GYRO, ACCEL, MAG known to be unusable at each sample
-    #: uint8, shape (n,); bits of the sensors that are doubtful at each sample without being faulty yet.
+    unusable: NDArray[np.uint8]  #: uint8, shape (n,); bits GYRO, ACCEL, MAG of the unusable sensors at each sample
+    #: uint8, shape (n,); bits of the sensors that are doubtful at each sample, but not faulty yet.
     suspect: NDArray[np.uint8]
     changes: list[SensorFault]  #: faults that were found, narrowed down or ended, in order
     places: list[int]  #: index of the sample in the block at which each change occurred
@@ -119,7 +122,7 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
 
 
 def set_reference(state: State, gravity: float | None, total: float | None, dip: float | None) -> None:
-    """Compare totals and dip with these references from now on, m/s^2, T, rad; None if unknown."""
+    """Use this gravity, m/s^2, total field, T, and dip, rad, as references from now on; None if unknown."""
     state.expected = Expected(
         STANDARD_GRAVITY if gravity is None else float(gravity),
         math.nan if total is None else float(total),
@@ -129,12 +132,14 @@ def set_reference(state: State, gravity: float | None, total: float | None, dip:
 
 def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
     """
-    Accept magnetic samples, good and bad, shapes (n,) and (n, 3), T, before the IMU samples of the same time.
+    Accept all magnetic samples, even wrong ones; call this before the IMU samples of the same time.
+
+    stamp_ns, shape (n,), in ns; b_t, shape (n, 3), in T.
 
     Raises
     ------
     ValueError
-        Shapes do not match.
+        If the shapes do not match.
     """
     stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
     field = np.ascontiguousarray(b_t, dtype=np.float64)
@@ -159,7 +164,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     Raises
     ------
     ValueError
-        Shapes do not match.
+        If the shapes do not match.
     """
     stamps, gyro, accel = sample_arrays(stamp_ns, gyro_t, accel_t)
     step = Step(np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8), [], [])
@@ -197,7 +202,7 @@ def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
 
 
 def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
-    """Return the faults that changed, after evaluating the window if that was requested."""
+    """Evaluate the window if the kernel has requested this; return the faults that changed."""
     tables, stream = state.tables, state.tables.stream[0]
     now = int(stream.end_ns)
     changes = fault_debounce.take_changes(tables.checks, now)
@@ -219,7 +224,7 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
 
 
 def shift_mag(state: State, late_ns: int) -> None:
-    """Correct the stamps of waiting magnetic samples, which are late_ns late."""
+    """Subtract late_ns from the stamps of waiting magnetic samples and refused magnetic readings."""
     state.samples = state.samples._replace(mag_ns=state.samples.mag_ns - late_ns)
     refused = state.tables.refused
     refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= late_ns
@@ -231,7 +236,7 @@ def faults(state: State) -> list[SensorFault]:
 
 
 def known(state: State) -> dict[str, int]:
-    """Return whether units, axes and signs are UNKNOWN, OK or a FAULT."""
+    """Return the state of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT."""
     condition = state.tables.checks["state"]
     signs = [int(condition[code, 3]) for code in (FaultCode.SIGN, FaultCode.POINTS_UP)]
     return {
@@ -245,7 +250,7 @@ def known(state: State) -> dict[str, int]:
 
 @compiled
 def _spoils(channels: Any, sensor: int) -> int:
-    """Return the state of a sensor's samples in this half second: whole, clipped, or broken (missing or constant)."""
+    """Return the state of a sensor's samples in this half second: WHOLE (0), CLIPPED or BROKEN of `window_checks`."""
     found = 0
     for c in range(3 * sensor, 3 * sensor + 3):
         row = channels[c]
@@ -258,7 +263,12 @@ def _spoils(channels: Any, sensor: int) -> int:
 
 @compiled
 def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> bool:
-    """Return whether the window must be evaluated: it is not as expected, or it is full and something is open."""
+    """
+    Return whether the window must be evaluated.
+
+    A window must be evaluated if gravity, field or dip are not as expected. A full window must also be evaluated while
+    a fault exists or is possible, or while axes, units or signs are unknown.
+    """
     carried, checks = motion_window.carry(tables.steps[: s.steps]), tables.checks
     if not motion_window.consistent(k.consistency, expected, carried, 1e-9 * (s.end_ns - s.window_ns)):
         return True
@@ -318,7 +328,7 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
 
 @compiled
 def _finish(tables: Tables, samples: Samples) -> None:
-    """Open the next half second, and the next window after a full one."""
+    """Open the next half second, and the next window if the last one is full or has a gap."""
     s = tables.stream[0]
     s.suspect = fault_debounce.doubt(s.doubt_left, s.doubtful) & ~s.unusable
     if s.broken or s.parts == PARTS:
@@ -330,7 +340,11 @@ def _finish(tables: Tables, samples: Samples) -> None:
 
 @compiled
 def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int:
-    """Return the first sample from `start` that is not before `until`, ns, or whose stamp must be checked."""
+    """
+    Return the index of the first sample from `start` on that needs a check.
+
+    This is a sample at or after `until`, ns, or a sample whose stamp must be checked.
+    """
     i, newest = start, s.newest_ns
     if s.stamp_score > 0 or checks[FaultCode.STAMPS.value, 0].state != OK:
         return start
@@ -367,7 +381,12 @@ def _run(
     unusable: NDArray[np.uint8],
     suspect: NDArray[np.uint8],
 ) -> int:
-    """Process samples from `start`; stop at one that closed a half second which needs `_after_bin`."""
+    """
+    Process samples from `start` on; return the index of the sample at which `_after_bin` must be called.
+
+    Return the number of samples if there is no such sample. offset: index of the first sample of the block among the
+    waiting samples.
+    """
     s, stamps = tables.stream[0], samples.stamps
     if not s.open:
         s.open, s.last_ns, s.newest_ns = 1, stamps[0], stamps[0] - 1

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Motion of some seconds as an array of steps, and a test whether it looks like motion seen by healthy sensors.
+Motion of some seconds as an array of steps, and a test whether healthy sensors may have measured it.
 
-A step is a tenth of a second, or less if the tool turns fast: its rotation and the sums of its samples. The array is
-evaluated by `window_checks` only if its vectors, carried along by the gyros (`carry`), do not show gravity, field and
-dip as expected (`consistent`).
+A step has the rotation and the sums of the samples of a tenth of a second, or of less time if the tool turns fast. The
+test (`consistent`) rotates the vectors by the gyros to the axes at the start of the window (`carry`) and compares
+gravity, field and dip with the expected values. Only if they do not agree, `window_checks` evaluates the window.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from mwd_sensors.core.records import dtype_of
 PARTS = 6
 """Number of half seconds in a window."""
 ROWS = 8192
-"""Most steps in a window: 3 s of a gyro in deg/s at 2 kHz make one step of each sample."""
+"""Largest number of steps in a window: a gyro in deg/s makes each sample a step, which gives 6000 in 3 s at 2 kHz."""
 # A step ends after this squared rotation, rad^2, or this time, ns.
 _TURN2, _STEP_NS = 0.2, 100_000_000
-# Interval above which the rotation between two samples is not known, s.
+# Longest interval between two samples over which the rotation is integrated, s.
 _LONGEST = 0.25
 TURNING = 3.0
 """Net rate above which a string rotates, rad/s: a tool handled by people does not turn that fast for seconds."""
 ABOUT_X = math.cos(math.radians(5.0))
-"""Cosine above which the net rotation of a whole window is about x: gyro axes err by less, and 8 deg is a fault."""
+"""Smallest cosine of the angle from x to the axis of the net rotation of a window for a rotation about x (5 deg)."""
 ROUGHLY_X = 0.85
-"""Like `ABOUT_X` for part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
+"""Smallest such cosine for part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
 LEAST_FIELD, MOST_FIELD = 5e-6, 3e-4
-"""Range of the Earth's field plus a magnetised string, T; a field outside it is in another unit."""
+"""Range of the Earth's field plus a magnetised string, T; a field outside this range is in another unit."""
 UPWARDS = 0.17
 """Axial force, as a share of gravity, above which the hole would point upwards by 10 deg."""
 
 
 class MotionStep:
-    """A tenth of a second of motion, or less, with the sums of its samples in the sensors' units."""
+    """Rotation and sums of the samples of a tenth of a second or less, in the units of the sensors."""
 
     turn: Annotated[Array, 3]  #: integral of the rates, rad
     #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the vectors, their numbers, sums of squares.
@@ -51,14 +51,14 @@ class MotionStep:
     fields: int
     force2: float
     field2: float
-    part: int  #: index of its half second in the window
+    part: int  #: index in the window of the half second to which the step belongs
 
 
 STEP = dtype_of(MotionStep)
 
 
 class CarriedVectors(NamedTuple):
-    """Steps carried along by the gyros: their vectors in the axes at the start of the first step."""
+    """Sums of the vectors of steps, rotated by the gyros to the axes at the start of the first step (carried)."""
 
     #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, shape (3,), their numbers,
     #: and sums of squares.
@@ -68,10 +68,11 @@ class CarriedVectors(NamedTuple):
     fields: int
     force2: float
     field2: float
-    #: `part_force`, `part_forces`: sums of the carried forces, shape (PARTS, 3), and their number, by half second.
+    #: `part_force`, `part_forces`: sum of the carried forces of each half second, shape (PARTS, 3), and their number.
     part_force: Array
     part_forces: Indices
-    #: `product`, `products`: sum of force times the mean field of the same step, and number of forces in it.
+    #: `product`, `products`: sum of the scalar products of each force with the mean field of the same step, and number
+    #: of these forces.
     product: float
     products: int
     parts: int  #: number of half seconds
@@ -99,17 +100,18 @@ class Expected(NamedTuple):
 
 
 class Consistency(NamedTuple):
-    """Limits for a healthy window, outside which it is evaluated in full; tighter than those of `window_checks`."""
+    """Limits for a healthy window; a window outside them is evaluated in full. They are tighter than `WindowLimits`."""
 
-    length: float = 0.02  #: error of the length of gravity, as a share, in addition to `sigmas` of its noise
+    #: `length`, `sigmas`: largest relative error of the length of gravity is `length` plus `sigmas` times its noise.
+    length: float = 0.02
     sigmas: float = 2.5
-    field: float = 0.9  #: least squared length of the mean carried field, as a share of its mean square
-    dip: float = 0.2  #: difference of the dip from the reference, rad
+    field: float = 0.9  #: smallest squared length of the mean carried field, as a share of the mean squared field
+    dip: float = 0.2  #: largest difference of the dip from the reference, rad
 
 
 @compiled
 def carry(steps: Any) -> CarriedVectors:
-    """Carry the sums of steps, dtype STEP, into the axes at the start of the first step."""
+    """Rotate the sums of steps, dtype STEP, to the axes at the start of the first step, and return their sums."""
     mat, force, field, turn = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     part_force, part_forces = np.zeros((PARTS, 3)), np.zeros(PARTS, dtype=np.int64)
     forces, fields, products, parts = 0, 0, 0, 0
@@ -147,7 +149,7 @@ def add(stream: Any, steps: Any, samples: Samples) -> None:
     belongs to the first IMU sample that is not earlier.
     """
     last = opened = stream.last_ns
-    # Local names for speed: this runs for every sample.
+    # Local names for speed: the loop runs for every sample.
     tx, ty, tz, fx, fy, fz, force2, forces = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     for i in range(stream.first, stream.stop):
         at = samples.stamps[i]
@@ -193,7 +195,11 @@ def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
 
 @compiled
 def _length_noise(carried: CarriedVectors) -> float:
-    """Return 1 sigma of the mean force along one axis from the half seconds; at least that of white noise."""
+    """
+    Return 1 sigma of the mean force along one axis, m/s^2, from the scatter of the half seconds.
+
+    If the window is not full, the result is at least the sigma from white noise.
+    """
     mean2, total2, n = 0.0, 0.0, 0
     for a in range(3):
         total, n = 0.0, 0
@@ -207,14 +213,14 @@ def _length_noise(carried: CarriedVectors) -> float:
     own = math.sqrt(max(total2 - mean2, 0.0) / (3.0 * (n - 1) * n)) if n > 1 else 0.0
     if n == PARTS:
         return own
-    # The scatter of a few half seconds is not reliable.
+    # The scatter of a few half seconds is not reliable: use the scatter of the samples if it gives a larger sigma.
     length2 = (carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces**2
     return max(own, math.sqrt(max(carried.force2 / carried.forces - length2, 0.0) / (3.0 * carried.forces)))
 
 
 @compiled
 def _turns_about_x(expected: Expected, carried: CarriedVectors, seconds: float) -> bool:
-    """Return whether the tool stands, or rotates about x like a string that points downwards."""
+    """Return whether the tool does not rotate, or rotates about x like a tool that is mounted downwards."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
     turned = -turn_x if math.isfinite(expected.dip) else abs(turn_x)
@@ -227,10 +233,10 @@ def _turns_about_x(expected: Expected, carried: CarriedVectors, seconds: float) 
 
 @compiled
 def consistent(p: Consistency, expected: Expected, carried: CarriedVectors, seconds: float) -> bool:
-    """Return whether gravity, field and dip of a window are as expected, with the axes as they are."""
+    """Return whether gravity, field and dip of a window are as expected; seconds: length of the window, s."""
     if carried.path > 50.0 * seconds:
         return False
-    # Half a second alone does not show the noise of its mean.
+    # A single half second does not show the noise of the mean force.
     if carried.forces >= 10 and carried.parts > 1:
         length = math.sqrt(carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces
         off = abs(length / expected.gravity - 1.0)

@@ -2,10 +2,10 @@
 """
 Detect samples that were sent before and come again with new stamps, as from a link that sends its buffer twice.
 
-The noise of real sensors never repeats: four samples in a row, 24 numbers, occur only once. A 64-bit hash is kept of
-every eighth such row, selected by its own content, so that a repetition is found wherever it begins. If most rows of a
-half second were kept before, its data are old. Hash: Fibonacci hashing, D. E. Knuth, *The Art of Computer Programming*
-3, 6.4.
+The noise of real sensors never repeats: a row of four samples, 24 numbers, occurs only once. A 64-bit hash is kept of
+every eighth row on average. The hash itself selects these rows, so that a repetition is found wherever it begins. If
+most selected rows of a half second were kept before, the data of the half second are old. Hash: Fibonacci hashing, D.
+E. Knuth, *The Art of Computer Programming* 3, 6.4.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
 from mwd_estimation.health.motion_window import Samples
 from mwd_sensors.core.compiled import compiled
 
-# Number of samples in a row, and of hashes kept: eleven hours at 100 Hz.
+# Number of samples in a row; and number of hashes kept, which last eleven hours at 100 Hz.
 _ROW, _SLOTS = 4, 1 << 19
 _ZERO, _ONE, _FACTOR = np.uint64(0), np.uint64(1), np.uint64(0x9E3779B97F4A7C15)
 _SHIFT, _CHOSEN, _MASK = np.uint64(29), np.uint64(7), np.uint64(_SLOTS - 1)
-# Least number and least share of old rows in a half second.
+# Smallest number and smallest share of old rows in a half second with replayed samples.
 _LEAST, _SHARE = 2, 0.5
 
 
@@ -46,18 +46,18 @@ def _hash(gyro: Any, accel: Any, i: int) -> Any:
 
 @compiled
 def judge_replay(kept: Any, checks: Any, samples: Samples, first: int, stop: int, began: int) -> None:
-    """Check the samples of half a second, from `first` to before `stop`, and keep the hashes of their rows."""
+    """Check the samples of half a second, index `first` to `stop` - 1, and keep hashes of their rows; began: ns."""
     gyro, accel = samples.gyro.view(np.uint64), samples.accel.view(np.uint64)
     rows, old, length = 0, 0, 0
     h0, h1, h2, h3 = _ZERO, _ZERO, _ZERO, _ZERO
-    # A sample repeated with its own stamp is ignored everywhere.
+    # Skip a sample that is repeated with its own stamp: no stage uses it.
     newest = began - 1
     for i in range(first, stop):
         if samples.stamps[i] <= newest:
             continue
         newest = samples.stamps[i]
         h0, h1, h2, h3 = h1, h2, h3, _hash(gyro, accel, i)
-        # A sensor that repeats one value is handled by other checks.
+        # Skip rows of a sensor that repeats one value: another check finds this fault.
         length = 1 if h3 == h2 else length + 1
         row = ((h0 * _FACTOR ^ h1) * _FACTOR ^ h2) * _FACTOR ^ h3
         if length < _ROW or row & _CHOSEN != _ZERO:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Check whether the gyros read a rotation while gravity stands still. This decides which of two differing gyros is wrong.
+Check whether the gyros read a rotation while gravity does not rotate. This shows which of two differing gyros is wrong.
 
-If the accelerometers are quiet, the direction of gravity in the tool changes only by w x f. A gyro that reads a
-rotation across gravity which gravity does not follow has drifted beyond its bias. A rotation about gravity itself, such
-as about the tool axis in a vertical hole, cannot be checked.
+If the accelerometers are quiet, the direction of gravity in the tool changes only by w x f. If a gyro reads a rotation
+across gravity, but the measured gravity does not rotate, the gyro has drifted beyond its bias. A rotation about gravity
+itself, such as about the tool axis in a vertical hole, cannot be checked.
 """
 
 from __future__ import annotations
@@ -20,21 +20,22 @@ from mwd_estimation.health.signal_checks import BIN_NS, FEW
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-# Number of half seconds in which gravity must not change.
+# Number of half seconds that are checked together.
 BINS = 8
-# Largest rate, rad/s, at which the change of gravity over that time is nearly equal to the rotation (one radian).
+# Largest rate, rad/s, at which the change of gravity over these half seconds is nearly equal to the rotation (1 rad).
 _SLOW = 0.25
-# Spread of a value that changes evenly over half a second, as a share of the change; factor on the scatter as a limit.
+# Standard deviation of a value that changes evenly over half a second, as a share of the change; and number of standard
+# deviations of the forces above which a rotation would show in them.
 _EVEN, _SCATTERS = 1.0 / math.sqrt(12.0), 3.0
 
 
 @compiled
 def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, began: int) -> None:
     """
-    Check the half second that began at `began`, ns, when its means are known.
+    Check the half second that began at `began`, ns; call this after `signal_checks.summarise`.
 
-    most and shakes are the largest rate across gravity at rest, rad/s, and the largest spread of a force, m/s^2, of a
-    healthy tool. s is the record of `stream_checks.Stream`, whose `rest` and `rested` are updated.
+    most: largest rate across gravity at rest of a healthy gyro, rad/s; shakes: largest standard deviation of a force at
+    rest, m/s^2; s: record of `stream_checks.Stream`, whose `rest` and `rested` are updated.
     """
     for c in range(6):
         row = channels[c]
@@ -63,7 +64,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
     seen = AGAINST if across <= most else NOTHING
     if total <= _SLOW and across - math.sqrt(moved) / size / seconds > most:
         seen = FOR
-    # A faster rotation would show as a spread of gravity within each half second.
+    # A faster rotation would increase the standard deviation of the forces within each half second.
     even = across * size * min(1e-9 * BIN_NS * _EVEN, 0.7 / max(total, _SLOW))
     if total > _SLOW and across > most and even > _SCATTERS * math.sqrt(scatter):
         seen = FOR
@@ -72,13 +73,13 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
 
 @compiled
 def _lasting(rest: Array) -> tuple[float, float, float]:
-    """Return the lasting rates: medians, because a single wrong sample spoils the mean of its half second."""
+    """Return the median of each rate, rad/s, because a single wrong sample spoils the mean of its half second."""
     return np.median(rest[:, 0]), np.median(rest[:, 1]), np.median(rest[:, 2])
 
 
 @compiled
 def _mean(rest: Array, first: int) -> tuple[float, float, float]:
-    """Return the mean of three columns."""
+    """Return the mean of each of three columns, from `first` on."""
     x, y, z = 0.0, 0.0, 0.0
     for row in range(BINS):
         x, y, z = x + rest[row, first], y + rest[row, first + 1], z + rest[row, first + 2]

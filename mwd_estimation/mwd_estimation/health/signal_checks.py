@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Check half a second of samples of a sensor by itself: stuck, at the end of its range, not finite, noise, silent.
+Check half a second of samples of each sensor: stuck, at the end of its range, not finite, noise, dead.
 
 `count` adds samples to the record of a channel (one axis of one sensor). `judge_bin` evaluates nine channels (gyro,
-accelerometer, magnetometer), and `judge_stream` the times of the samples. Both record observations for
-`fault_debounce`.
+accelerometer, magnetometer) and records observations for `fault_debounce`.
 """
 
 from __future__ import annotations
@@ -20,11 +19,12 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-BIN_NS = 500_000_000
-# Offset from a sensor's first check UNIT (windows of motion) to its second one (readings refused by the gate).
+BIN_NS = 500_000_000  # half a second, ns: the time that is evaluated at once
+# Offset from the place of a sensor's first UNIT check (windows of motion) to its second one (readings refused by the
+# gate).
 BY_GATE = 1
-# Least number of samples of an axis for evaluating half a second (a magnetometer may run at 10 Hz), and for using a
-# spread.
+# Smallest number of samples of an axis for evaluating half a second (a magnetometer may run at 10 Hz), and for using a
+# standard deviation.
 _SOME, FEW = 3, 10
 # Powers of ten of units other than T in which a field may be sent (mT, gauss, uT, mG, nT, in the order of their
 # numbers), and a usual field, T.
@@ -33,10 +33,10 @@ _USUAL_FIELD = 5e-5
 
 
 class AxisChannel:
-    """One axis of one sensor: counts of the half second, and values remembered from earlier ones."""
+    """One axis of one sensor: counts of the half second, and values kept from earlier half seconds."""
 
-    #: `n`, `not_finite`, `repeats`, `at_limit`: number of finite samples, of those that are not finite, of those equal
-    #: to the one before, and of those at the end of the range.
+    #: `n`, `not_finite`, `repeats`, `at_limit`: number of finite samples, of samples that are not finite, of samples
+    #: equal to the one before, and of samples at the end of the range.
     n: int
     not_finite: int
     repeats: int
@@ -52,9 +52,11 @@ class AxisChannel:
     #: `mean`, `spread`: mean and standard deviation of the half second.
     mean: float
     spread: float
-    least_step: float  #: smallest step so far: the resolution
+    least_step: float  #: smallest change between two samples so far, which is the resolution
     constant_bins: int  #: number of half seconds in a row without a change
-    varied: int  #: score from -30 to 30: plus 1 for each half second at rest in which it varied, minus 3 for the others
+    #: Score from -30 to 30: plus 1 for each half second at rest in which the axis varied, minus 3 for one in which it
+    #: hardly varied.
+    varied: int
 
 
 CHANNEL = dtype_of(AxisChannel)
@@ -63,29 +65,39 @@ CHANNEL = dtype_of(AxisChannel)
 class SignalLimits(NamedTuple):
     """Limits of the checks of samples; their effects are listed in docs/methods/sensor_health_ablation.md."""
 
-    gyro_turns: float = 0.1  #: mean rate that shows motion to the other sensors, rad/s: above the bias of an AHRS
-    shakes: float = 0.3  #: spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest
-    steps: float = 10.0  #: spread of an axis, in its own least steps, above which its neighbour should vary as well
+    gyro_turns: float = 0.1  #: smallest mean rate that counts as motion, rad/s: above the bias of an AHRS
+    #: Smallest standard deviation of a force that counts as motion, m/s^2: ten times the noise of an accelerometer.
+    shakes: float = 0.3
+    #: If the standard deviation of one axis is above this multiple of its smallest step, the other axes should vary
+    #: too.
+    steps: float = 10.0
     varied_bins: int = 6  #: score of variation at rest (`AxisChannel.varied`) from which a constant axis is suspicious
-    missing: float = 0.06  #: share of values that are not finite
-    #: `clipped`, `saturated`: share of samples at the end of the range. Shocks clip a smaller share than `clipped`, and
-    #: a broken axis a larger share than `saturated`.
+    missing: float = 0.06  #: largest share of values that are not finite
+    #: `clipped`, `saturated`: largest share of samples at the end of the range before the axis is CLIPPED or SATURATED.
+    #: Shocks clip a smaller share than `clipped`, and a broken axis a larger share than `saturated`.
     clipped: float = 0.2
     saturated: float = 0.9
-    white: float = 1.4  #: mean squared step over variance: 2 for independent samples, much less for any motion
-    #: 1 sigma of a force that is random numbers, in units of the range: uniform numbers have 0.58.
+    #: Samples with a larger ratio of mean squared step to variance are white noise: the ratio is 2 for independent
+    #: samples and much smaller for any motion.
+    white: float = 1.4
+    #: Smallest standard deviation of a force that may be random numbers, in units of the range: uniform numbers have
+    #: 0.58.
     noise_of_range: float = 0.36
-    field_noise: float = 1e-4  #: 1 sigma of a field that is random numbers, T: the Earth's field is at most 7e-5
-    #: `axial_rate_noise`, `cross_rate_noise`: 1 sigma of rates about the axis and across it that are random numbers,
-    #: rad/s. The torsional vibration of a string and the bending of a tool by 50 g of lateral vibration stay below.
+    #: Smallest standard deviation of a field that may be random numbers, T: the Earth's field is at most 7e-5 T.
+    field_noise: float = 1e-4
+    #: `axial_rate_noise`, `cross_rate_noise`: smallest standard deviation of rates about and across the axis that may
+    #: be random numbers, rad/s. Torsional vibration of a string, and bending of a tool by 50 g of lateral vibration,
+    #: give less.
     axial_rate_noise: float = 10.0
     cross_rate_noise: float = 2.0
-    no_tesla: float = 3e-3  #: field that must be in another unit, T; `window_checks` names the unit
-    #: `off_pace`, `in_pace`: share of intervals too long or too short for the rate: a fault above, no fault below.
+    no_tesla: float = 3e-3  #: a stronger field must be in another unit, T; the check UNIT finds the unit
+    #: `off_pace`, `in_pace`: share of intervals that are too long or too short for the sample rate; more than
+    #: `off_pace` is a fault, less than `in_pace` is not.
     off_pace: float = 0.6
     in_pace: float = 0.2
-    lost: float = 0.75  #: share of intervals that are too long, above which the rotation in between is not known
-    repeated: float = 0.3  #: share of samples that repeat the one before
+    #: If a larger share of the intervals is too long, the rotation between the samples counts as unknown.
+    lost: float = 0.75
+    repeated: float = 0.3  #: largest share of samples that repeat the one before
 
 
 def blank() -> Any:
@@ -97,8 +109,8 @@ def blank() -> Any:
 
 @compiled
 def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: float) -> None:
-    """Count column k of the rows from start to stop as samples of a channel whose range ends at `limit`."""
-    # One channel at a time and local names, because this is most of the cost of the health checks.
+    """Add column k of rows start to stop - 1 to the counts of a channel; limit: end of the range, in its unit."""
+    # One channel at a time and local names: the loop takes most of the time of the health checks.
     last, first, fresh = channel.last, channel.first, channel.n == 0
     total, total2, least, steps2 = channel.total, channel.total2, channel.least_step, channel.steps2
     bad, same, clip = 0, 0, 0
@@ -130,7 +142,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
 
 @compiled
 def summarise(channels: Any) -> None:
-    """Compute mean, spread and number of constant half seconds of every channel."""
+    """Compute mean, standard deviation and number of constant half seconds of every channel."""
     for c in range(9):
         row = channels[c]
         row.mean = row.spread = 0.0
@@ -156,7 +168,12 @@ def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
 
 @compiled
 def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tuple[float, float], began: int) -> bool:
-    """Check whether a sensor sends random numbers; limits: of the spread along x, and along y and z."""
+    """
+    Check whether sensor s sends random numbers; return True if it does.
+
+    limits: smallest standard deviation of random numbers along x, and along y and z, SI; began: start of the half
+    second, ns.
+    """
     worst, size2, axes, white, limit = 0.0, 0.0, 0, False, limits[1]
     for c in range(3):
         row = channels[3 * s + c]
@@ -179,7 +196,12 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tu
 def _judge_axis(
     p: SignalLimits, checks: Any, channels: Any, k: int, moves: bool, whole: bool, limit: float, began: int
 ) -> bool:
-    """Check whether axis k is stuck or at the end of its range; whole: the whole sensor repeats. True for a doubt."""
+    """
+    Check whether axis k (0 to 8) is stuck or at the end of its range; return True if the axis is doubtful.
+
+    moves: whether gyro or accelerometer detect motion; whole: whether all axes of the sensor repeat; limit: end of the
+    range, SI; began: start of the half second, ns.
+    """
     row, s, doubtful = channels[k], k // 3, False
     if row.n < _SOME:
         return False
@@ -196,7 +218,7 @@ def _judge_axis(
     if limit < math.inf:
         share = row.at_limit / row.n
         always = share > p.saturated
-        # A gyro at the end of its range for half a second means a string that turns fast.
+        # A gyro at the end of its range for half a second is not doubtful: the string turns fast.
         doubtful = doubtful or (always and s != 0)
         observe(checks[FaultCode.SATURATED.value, k], FOR if always else AGAINST, began, share, p.saturated)
         seen = NOTHING if always else (FOR if share > p.clipped else AGAINST)
@@ -206,7 +228,11 @@ def _judge_axis(
 
 @compiled
 def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bool, began: int) -> tuple[bool, bool]:
-    """Check whether a sensor sends no numbers or repeats them; return whether all axes repeat, and a doubt."""
+    """
+    Check whether sensor s sends values that are not finite or repeats its values.
+
+    moves: whether another sensor detects motion. Return whether all axes repeat, and whether the sensor is doubtful.
+    """
     n, bad, axes, constant, largest, varied = 0, 0, 0, True, 0.0, p.varied_bins
     for c in range(3):
         row = channels[3 * s + c]
@@ -236,11 +262,11 @@ def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bo
 @compiled
 def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: float, began: int) -> None:
     """
-    Check whether the readings that the gate refused in a half second are in another unit; call it before `judge_bin`.
+    Check whether readings that the gate refused are in another unit of measurement; call this before `judge_bin`.
 
-    sizes, shape (k,), is from `input_gate.sizes_of`. expected is the size of the reading in SI, T, NaN if unknown; it
-    is used for fields, of which several units are known. At least three samples and more than a quarter of all are
-    needed, so that a single absurd value has the same effect as a missing one.
+    sizes, shape (k,): from `input_gate.sizes_of`; expected: expected total field, T, NaN if unknown, from which the
+    unit of a magnetometer is found. At least three refused samples, and more than a quarter of all, are needed, so that
+    a single absurd value has the same effect as a missing one.
     """
     n, k = 0, len(sizes)
     for c in range(3 * s, 3 * s + 3):
@@ -254,7 +280,8 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
             power = math.log10(sizes[k // 2] / (expected if math.isfinite(expected) else _USUAL_FIELD))
             away = np.abs(power - FIELD_POWERS)
             unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else 0
-    # At rest a gyro reads little in any unit; the spreads are from the half second before.
+    # A gyro at rest reads small rates in any unit, which is not evidence for SI: require shaking forces. Their standard
+    # deviations are from the half second before.
     shown = s != 0 or max(channels[3].spread, channels[4].spread, channels[5].spread) > 0.3
     seen = FOR if unit else (AGAINST if shown or check.votes_for == 0 else NOTHING)
     observe(check, seen, began, sizes[k // 2] if k else 0.0, 0.0)
@@ -264,10 +291,10 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
 @compiled
 def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began: int) -> int:
     """
-    Check the half second that began at `began`, ns, after `summarise`, and clear the counts for the next.
+    Check the half second that began at `began`, ns, after `summarise`, and clear the counts for the next one.
 
-    limits, shape (3,), are the ends of the ranges, rad/s, m/s^2 and T, infinite if unknown. Returns bits of the sensors
-    whose values repeat, are at the end of the range or are missing, however briefly.
+    limits, shape (3,): ends of the ranges, rad/s, m/s^2 and T, infinite if unknown. Returns the bits of the sensors
+    that are doubtful in this half second.
     """
     gyro, accel = _motion(p, channels)
     doubtful = MAG * int(_judge_noise(p, checks, channels, 2, (p.field_noise, p.field_noise), began))
@@ -277,11 +304,12 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     if limits[0] < math.inf:
         rates = (p.axial_rate_noise, p.cross_rate_noise)
         noisy, check = _judge_noise(p, checks, channels, 0, rates, began), checks[FaultCode.NOISE.value, 0]
-        # One wrong sample makes one half second noisy; `core.rate_jumps` takes it out of the estimate.
+        # A single wrong sample makes one half second noisy; `core.rate_jumps` removes such a sample from the estimate.
         if noisy and (check.votes_for > 0 or check.state == FAULT):
             doubtful |= GYRO
     for s in range(3):
-        # Motion as shown by the other sensors; a magnetometer does not react to vibration.
+        # Motion that another sensor detects: the accelerometer for the gyro, the gyro for the other two sensors,
+        # because a magnetometer does not react to vibration.
         moves = accel if s == 0 else gyro
         whole, doubt = _judge_sensor(p, checks, channels, s, moves, began)
         for k in range(3 * s, 3 * s + 3):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Check the times of the samples: they should advance, keep their rate, come once each, and come at all.
+Check the times of the samples: stamps should advance, the rate should be constant, no sample should come twice.
 
 `Stream` is the record of the whole stream; each function here updates a part of it.
 """
@@ -20,12 +20,14 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# A stamp that does not advance adds 2 to a score, any other subtracts 1: score from which the stamps are a fault, and
-# upper limit of the score.
+# A stamp that does not advance adds 2 to a score, any other stamp subtracts 1. The stamps are a fault from the first
+# value of the score on; the second value is the upper limit of the score.
 _STAMP_FAULT, _STAMP_MOST = 200, 400
-# Least number of intervals for learning the sample rate; factors above and below which an interval is long or short.
+# Smallest number of intervals for learning the sample rate; and multiples of the usual interval above which an interval
+# is long, and below which it is short.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
-# Number of half seconds at another even rate after which it becomes the usual one, and least number of samples for it.
+# Number of half seconds at another constant rate after which this rate becomes the usual one; and smallest number of
+# samples in such a half second.
 _SET_BINS, _FEW_INTERVALS = 60, 4
 
 
@@ -35,12 +37,13 @@ class Stream:
     stage: int  #: position at which the kernel stopped, numbered as in `monitor`
     open: int  #: 1 after the first sample
     bin: int  #: index of the open half second: its start divided by its length, ns
-    #: `first`, `stop`: among the waiting samples, the first of that half second and the first after it.
+    #: `first`, `stop`: indices among the waiting samples of the first one in the open half second, and of the first one
+    #: after it.
     first: int
     stop: int
-    mag_first: int  #: among the waiting magnetic samples, the first that no half second has used
-    last_ns: int  #: stamp from which the next interval is counted
-    newest_ns: int  #: stamp of the last received sample
+    mag_first: int  #: index among the waiting magnetic samples of the first one that no half second has used
+    last_ns: int  #: stamp from which the next interval is counted, ns
+    newest_ns: int  #: stamp of the last received sample, ns
     stamp_score: int  #: plus 2 for each stamp that does not advance, minus 1 for each that does
     #: `steps`, `parts`: number of steps and half seconds of the open window (`motion_window`).
     steps: int
@@ -50,21 +53,22 @@ class Stream:
     doubt_left: Annotated[Indices, 3]  #: number of half seconds for which each sensor stays doubtful
     doubtful: int  #: bits of the sensors that were doubtful in the last half second
     window: Annotated[Indices, 3]  #: worst state of each sensor in the window: 0, CLIPPED or BROKEN of `window_checks`
-    #: `window_ns`, `judged_ns`: start of the open window, and end of the last full one evaluated; 0 if none.
+    #: `window_ns`, `judged_ns`: start of the open window, and end of the last full window evaluated, ns; 0 if none.
     window_ns: int
     judged_ns: int
     in_vain: int  #: number of full windows with motion evaluated so far
-    broken: int  #: 1 if the last half second was not followed by the next one
+    broken: int  #: 1 if there is a gap after the last half second
     judge: int  #: 1 if the window must be evaluated now
-    end_ns: int  #: end of the last evaluated half second
+    end_ns: int  #: end of the last evaluated half second, ns
     #: `unusable`, `suspect`: bits of the sensors that must not be used, and of doubtful ones.
     unusable: int
     suspect: int
-    #: `rest`, `rested`: mean rates and forces of the last quiet half seconds, and their number (`rest_check`).
+    #: `rest`, `rested`: mean rates, rad/s, and forces, m/s^2, of the last quiet half seconds, and number of these half
+    #: seconds (`rest_check`).
     rest: Annotated[Array, 8, 6]
     rested: int
-    #: `other_period`, `at_other`: another interval at which samples have come evenly, s, and its duration in half
-    #: seconds.
+    #: `other_period`, `at_other`: another constant interval between samples, s, and number of half seconds for which it
+    #: has lasted.
     other_period: float
     at_other: int
 
@@ -73,17 +77,17 @@ STREAM = dtype_of(Stream)
 
 
 class PaceCounts(NamedTuple):
-    """Counts of half a second: intervals, long ones, short ones, and IMU samples."""
+    """Counts of half a second."""
 
-    steps: int
-    long: int
-    short: int
-    imu: int
+    steps: int  #: number of intervals
+    long: int  #: number of long intervals
+    short: int  #: number of short intervals
+    imu: int  #: number of IMU samples
 
 
 @compiled
 def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
-    """Check a stamp on arrival; stamps must advance, because other streams wait for their time."""
+    """Check whether a stamp, ns, advances when it arrives; return the number of checks that changed."""
     good = stamp > s.newest_ns
     s.newest_ns = stamp
     s.stamp_score = min(max(s.stamp_score + (-1 if good else 2), 0), _STAMP_MOST)
@@ -114,7 +118,7 @@ def _pace(s: Any, samples: Samples) -> PaceCounts:
 
 @compiled
 def _usual_interval(s: Any, samples: Samples) -> float:
-    """Return the usual interval of the half second, s: its lower third, because a third of the samples may be lost."""
+    """Return the usual interval of the half second, s: the lower third, because a third of the samples may be lost."""
     return float(
         1e-9
         * np.sort(samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1])[(s.stop - s.first) // 3]
@@ -123,7 +127,7 @@ def _usual_interval(s: Any, samples: Samples) -> float:
 
 @compiled
 def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
-    """Adopt a new usual rate when samples have come evenly at it for long, because the unit was set to that rate."""
+    """Accept a new sample rate after it has been constant for _SET_BINS half seconds: the unit was set to it."""
     if checks[FaultCode.RATE.value, 0].state != FAULT or s.stop - s.first <= _FEW_INTERVALS:
         s.at_other = 0
         return
@@ -142,7 +146,7 @@ def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
 
 @compiled
 def judge_silence(expected: bool, s: Any, checks: Any, channels: Any, began: int) -> None:
-    """Check whether magnetic samples arrive, if they are `expected`."""
+    """Check whether magnetic samples arrive; expected: whether the tool has a magnetometer."""
     if channels[6].n + channels[6].not_finite > 0:
         s.mag_came = 1
         observe(checks[FaultCode.NEVER_CAME.value, 6], AGAINST, began, 0.0, 0.0)
@@ -155,9 +159,9 @@ def judge_silence(expected: bool, s: Any, checks: Any, channels: Any, began: int
 @compiled
 def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: Samples, began: int) -> bool:
     """
-    Check whether samples keep their rate and come once each; call it before `judge_bin`, which clears the spreads.
+    Check whether the sample rate is constant and no sample comes twice; call this before `judge_bin`.
 
-    Returns whether rotations are not known because too many intervals are too long.
+    Returns True if rotations are unknown because too many intervals are too long.
     """
     _follow_rate(s, checks, samples)
     pace, period = _pace(s, samples), s.period

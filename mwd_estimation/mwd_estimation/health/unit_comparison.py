@@ -2,11 +2,11 @@
 """
 Health of the precision unit, from its own samples and those of the conventional unit on the same tool.
 
-Two units on one tool measure the same vectors; `axis_comparison` finds where they differ. Only a third sensor can show
-which unit is wrong. At first either unit is named; the precision unit alone is named if its axes are wrong and the tool
-has moved for some seconds without an observation against the conventional unit. If gravity at rest shows that the
+Two units on one tool measure the same vectors; `axis_comparison` finds differences. Only a third sensor can show which
+unit is wrong. At first a fault names both units. It names the precision unit alone if the axes differ and the tool has
+moved for some seconds without an observation against the conventional unit. If gravity at rest shows that the
 conventional gyros have drifted (`rest_check`), differences no longer count against the precision unit. With too little
-motion its state stays unknown, except for a rate at rest that is much higher than the Earth's.
+motion the state of the precision unit stays unknown, except for a rate at rest that is much higher than the Earth's.
 """
 
 from __future__ import annotations
@@ -38,33 +38,35 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.records import dtype_of
 
-# Numbers of half seconds: of motion after which the conventional unit would be doubtful if the mistake were its own; of
-# rest before a rate is checked; and for which it must stay steady, within this share of itself. Least number of
-# samples.
+# Number of half seconds of motion after which the conventional unit would be doubtful if its axes were wrong; of rest
+# before a rate is checked; and in which this rate must be steady. Largest variation of a steady rate, as a share of the
+# rate. Smallest number of samples in a half second for a mean rate.
 _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
-# A rate at rest is too high above the sum of this multiple of the bias sigma, twice the Earth rate, and the rate of a
-# string pulled steadily through a bend, 10 deg in 30 m at 1 m/s, rad/s, which all other sensors take for rest.
+# A rate at rest is too high if it is above the sum of _BIASES times the bias sigma, twice the Earth rate, and _PULLED,
+# rad/s: the rate of a string that is pulled steadily through a bend of 10 deg in 30 m at 1 m/s, and that all other
+# sensors measure as rest.
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
 # Number of half seconds without a difference after which an earlier difference is forgotten.
 _FORGOTTEN_BINS = 120
-# Bits of the mappings that keep x and change only y and z.
+# Bits of the mappings that leave x unchanged.
 _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
 
 
 class UnitState:
-    """Values remembered from earlier half seconds."""
+    """Values kept from earlier half seconds."""
 
-    most_at_rest: float  #: rate across the tool at rest above which it is too high, rad/s
+    most_at_rest: float  #: largest rate across the tool at rest of a healthy gyro, rad/s
     still: int  #: number of half seconds in a row at rest
-    #: `resting`, `rested`: mean rates across the tool in the last of them, rad/s, newest last, and their number.
+    #: `resting`, `rested`: mean rates across the tool in the last half seconds at rest, rad/s, newest last, and number
+    #: of these half seconds.
     resting: Annotated[Array, _STEADY_BINS, 2]
     rested: int
-    #: Bits of the wrong mappings that the axes of gyro and accelerometer show; 0 if they are right.
+    #: Bit of the mapping found for the axes of the gyro and of the accelerometer; 0 if the axes are right.
     wrong: Annotated[Indices, 2]
-    differ: int  #: number of half seconds in motion since they are wrong
+    differ: int  #: number of half seconds in motion since the axes of a sensor became wrong
     agree: Annotated[
         Indices, 2
-    ]  #: half seconds since gyro and accelerometer last differed from those of the other unit
+    ]  #: number of half seconds since gyro and accelerometer last differed from those of the other unit
 
 
 UNIT_STATE = dtype_of(UnitState)
@@ -82,11 +84,11 @@ class UnitRecords(NamedTuple):
 
 @compiled
 def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began: int, still: bool) -> int:
-    """Check the unit's samples by themselves; return the bits of doubtful sensors."""
+    """Check the samples of the precision unit without comparison; return the bits of doubtful sensors."""
     checks, channels = unit.checks, unit.channels
     signal_checks.summarise(channels)
     doubtful: int = signal_checks.judge_bin(limits, checks, channels, np.full(3, math.inf), began)
-    # The third sensor is the conventional accelerometer, which the other monitor checks.
+    # Ignore the third sensor: it is the conventional accelerometer, which `monitor` checks.
     for code in range(len(checks)):
         for place in range(6, 9):
             checks[code, place].seen = NOTHING
@@ -102,7 +104,11 @@ def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began:
 
 @compiled
 def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
-    """Check the axes of sensor s against those of the conventional unit; sound: that unit can be used."""
+    """
+    Compare the axes of sensor s (0 gyro, 1 accelerometer) with those of the conventional unit.
+
+    began: start of the half second, ns; sound: whether the conventional unit can be used.
+    """
     checks, wrong = unit.checks, unit.state.wrong
     found, scaled, strange = axes_of(unit.sums, s)
     out_of_use = checks[FaultCode.DEAD.value, 3 * s].state == FAULT
@@ -118,7 +124,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
     for k in range(3):
         known += int(found[k] >= 0)
         right = right and (found[k] < 0 or found[k] == 2 * k)
-        # Agreement of the fast axis says nothing about the two axes that north seeking uses.
+        # Agreement of the x axis does not end a mismatch: north seeking uses the other two axes.
         shown += int(found[k] >= 0 and (k > 0 or mismatch.state != FAULT))
     if known or scaled:
         observe(check, FOR if scaled else AGAINST, began, 0.0, 0.0)
@@ -128,7 +134,8 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
         strange = strange or not (right or mapping > 0)
         if mapping or known > 1 or not wrong[s]:
             wrong[s] = 1 << mapping if mapping else 0
-    # A mismatch ends if the other unit is the faulty one, or if both units have agreed for long enough.
+    # A mismatch ends if y or z agree, if the conventional unit is the faulty one, or if no difference was found for
+    # _FORGOTTEN_BINS.
     unit.state.agree[s] = 0 if strange else unit.state.agree[s] + 1
     over = shown or not sound or unit.state.agree[s] > _FORGOTTEN_BINS
     observe(mismatch, FOR if strange else (AGAINST if over else NOTHING), began, 0.0, 0.0)
@@ -136,7 +143,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
 
 @compiled
 def _judge_wrong(unit: UnitRecords, began: int, still: bool, sound: bool) -> None:
-    """Check whether the axes of this unit, or of either unit, are wrong."""
+    """Record whether axes are wrong, and whether the precision unit alone or either unit is accused."""
     state, check = unit.state, unit.checks[FaultCode.AXES.value, 0]
     proved = check.state == FAULT and not check.which[2]
     wrong = bool(state.wrong[0] or state.wrong[1])
@@ -149,7 +156,7 @@ def _judge_wrong(unit: UnitRecords, began: int, still: bool, sound: bool) -> Non
 
 @compiled
 def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> None:
-    """Check the rate across the tool at rest."""
+    """Check the rate across the tool at rest; values: samples of the half second, shape (n, 6)."""
     state, usable, mean = unit.state, 0, np.zeros(2)
     state.still = state.still + 1 if still else 0
     state.rested = state.rested if still else 0
@@ -159,7 +166,8 @@ def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> No
             mean += values[i, 1:3]
     if state.still <= _REST_BINS or usable < _SAMPLES:
         return
-    # A string may creep about its axis while it unwinds, but nothing in a hole turns across it.
+    # Check only the rates across the axis: a string may turn slowly about its axis while it unwinds, but never across
+    # it.
     mean /= usable
     across, limit, spread = max(abs(mean[0]), abs(mean[1])), state.most_at_rest, 0.0
     state.resting[:-1] = state.resting[1:].copy()
@@ -168,12 +176,12 @@ def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> No
     for c in range(2):
         spread = max(spread, np.ptp(state.resting[_STEADY_BINS - state.rested :, c]))
     if across > limit and (state.rested < _STEADY_BINS or spread > _STEADY * across):
-        # A tool that is coming to rest still turns a little, less and less.
+        # A rate that is not steady is not a fault: a tool that is coming to rest still turns, but slower and slower.
         return
     observe(unit.checks[FaultCode.REST_RATE.value, 0], FOR if across > limit else AGAINST, began, across, limit)
 
 
-# Checks of the unit as a whole, or that need a second unit; they raise a doubt with the first observation.
+# Code and place of the checks that concern the whole unit or need a second unit: one observation raises a doubt.
 _OF_THE_UNIT = (
     (FaultCode.STAMPS.value, 0),
     (FaultCode.MISMATCH.value, 0),
@@ -187,9 +195,10 @@ def _judge(
     unit: UnitRecords, limits: signal_checks.SignalLimits, began: int, still: bool, samples: Any, beside: Any
 ) -> tuple[bool, bool]:
     """
-    Check a half second of the unit, samples and beside as in `PrecisionHealth.judge`, and count the observations.
+    Check a half second of the unit and count the observations.
 
-    Returns whether the unit is suspect, and whether a fault has begun or ended.
+    samples, beside: stamps, ns, and values of the precision unit in the half second, and of the conventional unit
+    around it. Returns whether the unit is suspect, and whether a fault has begun or ended.
     """
     (stamps, values), (beside_ns, own), checks = samples, beside, unit.checks
     unit.sums[:-1] = unit.sums[1:].copy()
@@ -199,7 +208,7 @@ def _judge(
         sizes = input_gate.sizes_of(unit.refused, input_gate.PRECISION_GYRO + s, began, began + BIN_NS)
         signal_checks.judge_refused(checks, unit.channels, s, sizes, math.nan, began)
     doubtful = _judge_samples(unit, limits, began, still)
-    # If the conventional unit cannot be used, earlier differences from it are open again.
+    # If the conventional unit cannot be used, discard the earlier differences between the units.
     finite, back, own_in_bin = 0, 0, 0
     for i in range(len(beside_ns)):
         if began <= beside_ns[i] < began + BIN_NS:
@@ -212,7 +221,7 @@ def _judge(
     observe(checks[FaultCode.SILENT.value, 6], AGAINST if len(stamps) else FOR, began, 0.0, 0.0)
     for i in range(1, len(stamps)):
         back += int(stamps[i] <= stamps[i - 1])
-    # Between the two shares nothing changes, so that uneven delays do not make the fault come and go.
+    # Between the shares 1/10 and 1/3 record no observation, so that uneven delays do not make the fault come and go.
     disorder = FOR if 3 * back > len(stamps) else (AGAINST if 10 * back <= len(stamps) else NOTHING)
     observe(checks[FaultCode.STAMPS.value, 0], disorder, began, back, 0.0)
     for s in range(2):
@@ -278,14 +287,18 @@ class PrecisionHealth:
 
     @property
     def refusal(self) -> Reason | None:
-        """Reason why its gyros cannot be used now, or None."""
+        """Reason why the gyros of the precision unit cannot be used now, or None."""
         stands = [one for one in self.faults if one.unusable]
         if stands:
             return Reason(ReasonCode.PRECISION_UNIT_FAULT, fault=stands[0])
         return Reason(ReasonCode.PRECISION_UNIT_SUSPECT) if self.suspect else None
 
     def _take_beside(self, end_ns: int) -> tuple[Stamps, Array]:
-        """Return the conventional samples around the half second; keep the last before its end and later ones."""
+        """
+        Return the conventional samples up to the first one at or after `end_ns`, ns.
+
+        Keep the last sample before `end_ns` and all later ones for the next half second.
+        """
         beside_ns, beside = self._beside[0]
         if len(self._beside) > 1:
             beside_ns = np.concatenate([part[0] for part in self._beside])
@@ -296,7 +309,7 @@ class PrecisionHealth:
         return beside_ns[: end + 1], beside[: end + 1]
 
     def _named(self, fault: SensorFault) -> SensorFault:
-        """Return the fault, assigned to either unit if it is a mismatch or not proved to be in one of them."""
+        """Return the fault, with unit EITHER if the fault is a mismatch or its unit is not proved."""
         if fault.code == FaultCode.MISMATCH:
             return dataclasses.replace(fault, unit=Unit.EITHER)
         if not fault.mappings[2]:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Check units, axes and signs with a window of motion: seen from the gyros, gravity and field should stand still.
+Check units, axes and signs with a window of motion: gravity and field, rotated by the gyros, should be constant.
 
 Such errors are made at installation and are constant for a run. Units follow from the lengths of gravity and field,
-axes from the mappings that explain both, signs and frames from the dip if it is known. Observations go to
-`fault_debounce`.
+axes from the mappings that explain both, signs and frames from the dip if the reference dip is known. The observations
+are recorded in the checks of `fault_debounce`. A vector is called carried if the gyros rotate it to the axes at the
+start of the window; a way is one of the 48 cases to exchange and reverse axes (`axis_mappings`).
 """
 
 from __future__ import annotations
@@ -42,48 +43,53 @@ Flags = NDArray[np.bool_]
 WHOLE, CLIPPED, BROKEN = 0, 1, 2
 _MATRICES = np.array(MAPPINGS, dtype=float)
 _SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
-_FEW_FORCES, _FEW_FIELDS = 40, 10
-_WHOLE_S = 2.9
+_FEW_FORCES, _FEW_FIELDS = 40, 10  # smallest number of samples of force and field in a window
+_WHOLE_S = 2.9  # a longer window is whole, s
 _PARTS_OF_ONE = 1e6  # scale with which components of a direction are stored as integers
 
 
 class WindowLimits(NamedTuple):
     """Limits of the checks of motion; their effects are listed in docs/methods/sensor_health_ablation.md."""
 
-    #: `fits`, `rejects`: difference of the mean force from gravity, as a share. Below the first plus 3 sigma it
-    #: explains gravity, above the second plus 6 sigma it does not.
+    #: `fits`, `rejects`: relative difference of the length of the mean carried force from gravity. A way explains
+    #: gravity if the difference is below `fits` plus 3 sigma; it is rejected if the difference is above `rejects` plus
+    #: 6 sigma.
     fits: float = 0.06
     rejects: float = 0.12
-    margin: float = 0.05  #: excess length of a better way, as a share of gravity squared, besides 2.2 sigma of noise
-    quiet: float = 0.08  #: noise of the mean force, as a share of gravity, below which axes are checked
-    #: `field_held`, `field_better`: least share of the field that the best mapping holds together, and its least
-    #: advantage over the axes as they are.
+    #: A way is better than another if its squared mean force is larger by this share of squared gravity plus 2.2 sigma.
+    margin: float = 0.05
+    quiet: float = 0.08  #: largest 1 sigma of the mean force, as a share of gravity, at which axes are checked
+    #: `field_held`, `field_better`: smallest ratio of the squared mean carried field to the mean squared field for the
+    #: best way, and smallest difference of this ratio between the best way and the present axes.
     field_held: float = 0.93
     field_better: float = 0.1
-    #: `dip`, `dip_frame`: difference of the dip from the reference: possible by interference; caused by a wrong frame
-    #: or sign; rad.
+    #: `dip`, `dip_frame`: difference of the dip from the reference, rad. Interference may cause less than `dip`; more
+    #: than `dip_frame` comes from a wrong frame or sign.
     dip: float = 0.21
     dip_frame: float = 0.26
-    strength: float = 0.1  #: relative difference of the field from the reference within which the dip is trusted
-    fastest: float = 50.0  #: rate faster than any string, rad/s: the gyros are in deg/s
-    no_gravity: float = 0.35  #: relative difference of the mean force that cannot be gravity; see `variances`
+    strength: float = 0.1  #: largest relative difference of the field from the reference at which the dip is used
+    fastest: float = 50.0  #: rate above that of any string, rad/s: the gyros send deg/s
+    #: `no_gravity`, `variances`: the mean force is not gravity if it differs by more than this share of gravity and the
+    #: log-likelihood for no gravity is larger by more than `variances`.
+    no_gravity: float = 0.35
     variances: float = 6.0
-    #: `field_lost`, `gravity_lost`: share of the squared field, and of gravity, that is left of the mean in axes
-    #: carried by the gyros, under the best mapping, below which the gyros do not turn as the tool does.
+    #: `field_lost`, `gravity_lost`: the gyros do not follow the rotation of the tool if, under the best way, the
+    #: squared mean carried field is below this share of the mean squared field, and the mean carried force is below
+    #: this share of gravity.
     field_lost: float = 0.85
     gravity_lost: float = 0.9
-    #: Force along an axis for half a second, m/s^2, that is probably aliased vibration and passes.
+    #: A larger mean force along an axis in half a second, m/s^2, is probably aliased vibration, which does not last.
     pushed: float = 15.0
 
 
 @dataclasses.dataclass
 class MappingEvidence:
-    """Evidence of gravity or of the field for the ways to exchange and reverse axes."""
+    """Evidence of one vector, gravity or field, for the ways to exchange and reverse axes."""
 
     #: bool, shape (48,); the ways that explain the vector.
     fits: Flags = dataclasses.field(default_factory=lambda: np.zeros(48, dtype=np.bool_))
-    #: `judged`, `bad`, `confirms`, `degrees`: whether the vector can be evaluated, rejects the axes as they are,
-    #: confirms them, and is explained by gyros in deg/s.
+    #: `judged`, `bad`, `confirms`, `degrees`: whether the vector can be evaluated, rejects the present axes, confirms
+    #: the present axes, and is explained by gyros that send deg/s.
     judged: bool = False
     bad: bool = False
     confirms: bool = False
@@ -116,7 +122,7 @@ class WindowJudge:
         self._noisy = bool(checks[FaultCode.NOISE, 3].votes_for > 0)
 
     def judge(self) -> None:
-        """Record what the window shows."""
+        """Evaluate the window, and record the observations."""
         self._judge_units()
         if self._gyro_usable:
             self._show_force()
@@ -130,7 +136,7 @@ class WindowJudge:
         self._judge_adrift()
         if axes != FOR and self._judge_mount():
             return
-        # A surge biases the mean of a partial window; that is not a change of dip.
+        # Check signs only in a whole window: a surge changes the mean force, and so the dip, of part of a window.
         whole = w.seconds > _WHOLE_S
         usable = whole and self._samples[0] < BROKEN
         if usable and gravity < FOR and axes != FOR and self._checks[FaultCode.AXES, 0].state != FAULT:
@@ -144,7 +150,7 @@ class WindowJudge:
     def _judge_units(self) -> None:
         w, gravity = self._window, self._expected.gravity
         if w.forces >= _FEW_FORCES // 4 and self._samples[1] < BROKEN:
-            # Whatever else is wrong, some way to carry the force is nearly right.
+            # Even if axes are wrong, at least one way gives nearly the right length of the mean carried force.
             carried = np.sqrt([*w.force, w.force_deg, w.force_fixed]) / gravity
             rms = math.sqrt(w.force2)
             if rms < 0.7 * gravity and bool((np.abs(STANDARD_GRAVITY * carried - 1.0) < 0.15).any()):
@@ -165,18 +171,18 @@ class WindowJudge:
         self._note(FaultCode.UNIT, place, seen, value, limit).seen_which[0] = max(unit, 0)
 
     def _noise(self) -> float:
-        """Return 1 sigma of the mean force along one axis, in its unit."""
+        """Return 1 sigma of the mean force along one axis, in the unit of the sensor."""
         w = self._window
         best = int(np.argmax(w.force))
-        # Compared with white noise, vibration disturbs the mean less if the sensor integrates, and much more if it is
-        # aliased.
+        # Compared with white noise, vibration disturbs the mean less if the sensor integrates, and much more if the
+        # vibration is aliased. So use the scatter of the half seconds if it is known.
         own = min(w.noise(0), w.noise(best))
         if not math.isfinite(own):
             own = math.sqrt(max(w.force2 - w.force[best], 0.0) / (3.0 * w.forces))
         return max(1.2 * own, 0.004 * math.sqrt(w.force[best]))
 
     def _show_force(self) -> None:
-        """Find the ways that explain gravity: wrong axes spread the carried force, and its mean is too short."""
+        """Find the ways that explain gravity: with wrong axes, the carried forces spread and the mean is too short."""
         p, sigma, shown = self._limits, self._sigma, self._force
         length2 = self._window.force / self._length**2
         if sigma >= p.quiet or math.sqrt(length2[0]) - 1.0 > p.rejects + 6.0 * sigma:
@@ -184,7 +190,8 @@ class WindowJudge:
         off = np.sqrt(np.maximum(length2 - 3.0 * sigma**2, 0.0)) - 1.0
         near = np.abs(off) < p.fits + 3.0 * sigma
         top = float(length2[near].max()) if near.any() else 0.0
-        # The part that two ways have in common, along the axis of rotation, cancels between them with its noise.
+        # Two ways have the force along the axis of rotation in common, and the noise of this force cancels between
+        # them.
         margin = p.margin + 2.2 * sigma
         shown.fits = near & (length2 > top - margin)
         shown.judged = True
@@ -197,7 +204,7 @@ class WindowJudge:
         shown.degrees = abs(as_degrees) < p.fits + 3.0 * sigma
 
     def _show_field(self) -> None:
-        """Find the ways that hold the field together: it is steady, and wrong axes spread the carried field."""
+        """Find the ways that explain the field: with wrong axes, the samples of the carried field spread."""
         p, w, shown = self._limits, self._window, self._field
         if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or w.field2 <= 0.0:
             return
@@ -211,7 +218,11 @@ class WindowJudge:
         shown.degrees = as_degrees > 0.95
 
     def _judge_gravity(self) -> int:
-        """Check whether the mean force cannot be gravity: nothing in a hole is pushed in one direction for seconds."""
+        """
+        Check whether the mean force cannot be gravity; return the observation of the check GRAVITY.
+
+        No other force acts on a tool in one direction for seconds.
+        """
         w, gravity = self._window, self._expected.gravity
         enough = w.seconds >= 1.5 and w.forces >= _FEW_FORCES
         if not (enough and self._gyro_usable and self._samples[1] < BROKEN and self._accel_unit <= 0) or self._noisy:
@@ -219,7 +230,7 @@ class WindowJudge:
         if self._force.fits.any():
             self._note(FaultCode.GRAVITY, 3, AGAINST)
             return AGAINST
-        # While the axes may be wrong, any of the ways may explain the force.
+        # While the axes are not known to be right, use the longest and the shortest mean force of all ways.
         known = self._checks[FaultCode.AXES, 0].state == OK
         most, least = (w.force[0], w.force[0]) if known else (w.force.max(), w.force.min())
         seen = self._no_gravity(math.sqrt(most), math.sqrt(least))
@@ -234,7 +245,8 @@ class WindowJudge:
             return NOTHING
         variance = max(w.force2 - mean**2, 0.0) / (3.0 * w.forces)
         pushed = w.push > p.pushed
-        # Too short: compare the likelihood of no gravity with that of gravity. A push of half a second may be an alias.
+        # A mean force that is too short: compare the likelihood of no gravity with the likelihood of gravity. A large
+        # force in half a second may be aliased vibration.
         missing = not pushed and gravity * (gravity - 2.0 * mean) > 2.0 * p.variances * variance
         off = max(gravity - mean, math.sqrt(max(least**2 - 3.0 * variance, 0.0)) - gravity)
         if missing or (off > p.no_gravity * gravity and off * off > 4.0 * p.variances * variance):
@@ -243,7 +255,12 @@ class WindowJudge:
         return AGAINST if found else NOTHING
 
     def _judge_gyro_unit(self) -> bool:
-        """Check for gyros in deg/s: no string turns as fast as they read, or it turns 57 times less."""
+        """
+        Check whether the gyros send deg/s; return True if they do.
+
+        They do if their rates are higher than any string reaches, or if gravity and field fit only rates 57 times
+        lower.
+        """
         w, p = self._window, self._limits
         too_fast = w.path > p.fastest * w.seconds
         if self._samples[0] != WHOLE and not too_fast:
@@ -264,13 +281,13 @@ class WindowJudge:
         return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < self._limits.strength
 
     def _explaining(self) -> Flags:
-        """Return the mistakes that explain the motion of gravity and field."""
+        """Return which of MISTAKES explain the motion of gravity and field, shape (141,)."""
         by_force: Flags = self._force.fits[_BY_FORCE] | (not self._force.judged)
         by_field: Flags = self._field.fits[_BY_FIELD] | (not self._field.judged)
         return by_force & by_field
 
     def _dips(self) -> tuple[Array, float]:
-        """Return the dip, rad, under each mistake and with the axes as they are; NaN if the readings allow none."""
+        """Return the dip, rad, for each of MISTAKES, shape (141,), and for the present axes; NaN if there is no dip."""
         product = self._window.product
         of_force = np.einsum("krc,rc->k", _MATRICES, product)
         of_field = np.einsum("krc,cr->k", _MATRICES, product)
@@ -281,10 +298,10 @@ class WindowJudge:
 
     def _least_contrived(self, check: Any, explaining: Flags) -> list[int]:
         """
-        Return the simplest mistakes that explain this window and those before, as bits of mappings by sensor.
+        Return the simplest mistakes that explain this window and the windows before, as bits of mappings by sensor.
 
-        The first window that speaks for a fault may contain its beginning, and does not exclude mistakes for later
-        windows. If no mistake explains all windows, the latest one counts.
+        The first window with an observation for the fault may contain the beginning of the fault, so it does not
+        exclude mistakes for later windows. If no mistake explains all windows, only the latest window counts.
         """
         before = (check.possible[_SENSOR] >> _MAPPING & 1).astype(np.bool_)
         if check.votes_for and bool((explaining & before).any()):
@@ -294,7 +311,7 @@ class WindowJudge:
         return _bits(explaining & (WEIGHTS[explaining].min() == WEIGHTS))
 
     def _judge_axes(self) -> int:
-        """Record the simplest mistakes that explain the motion, and the dip if it is known."""
+        """Record the simplest mistakes that explain the motion, and also the dip if the reference dip is known."""
         masks, seen, check = [0, 0, 0], NOTHING, self._checks[FaultCode.AXES, 0]
         if self._force.bad or (self._field.bad and self._field.judged):
             explaining = self._explaining()
@@ -307,14 +324,14 @@ class WindowJudge:
             seen = AGAINST
         noted = self._note(FaultCode.AXES, 0, seen)
         noted.seen_which = masks
-        # A motion that confirms the axes of two sensors does not confirm those of the third.
+        # A motion that confirms the axes of two sensors does not confirm the axes of the third sensor.
         by_force = GYRO_BIT | ACCEL_BIT if self._force.confirms else 0
         noted.seen_sound = by_force | (GYRO_BIT | MAG_BIT if self._field.confirms else 0)
         return seen
 
     def _judge_adrift(self) -> None:
         """
-        Check whether the gyros measure the same rotation as gravity and the magnetic field show.
+        Check whether gravity and the magnetic field confirm the rotation that the gyros measure.
 
         The gyros are wrong if their rotation fits neither gravity nor the field under any mapping of the axes, while
         the measured dip is right.
@@ -331,7 +348,12 @@ class WindowJudge:
         self._note(FaultCode.ADRIFT, 0, seen, gravity, p.gravity_lost)
 
     def _judge_mount(self) -> bool:
-        """Check whether the string turns about another axis of the unit than x, or in reverse while it points up."""
+        """
+        Check whether the unit is mounted in another way than set; return True for an observation of a wrong mount.
+
+        The mount is wrong if the string turns about another axis of the unit than x, or if it turns backwards while the
+        hole would point up.
+        """
         w = self._window
         # If the axes do not belong together, the mount cannot be determined.
         together = self._force.confirms or self._field.confirms
@@ -341,7 +363,7 @@ class WindowJudge:
         if net < max(TURNING * w.seconds, 0.9 * w.path):
             return False
         about_x, down = float(w.turn[0]) / net, axis_down(w.turn, w.path)
-        # A string that turns to the left and points up means that the unit is mounted the wrong way round.
+        # A string that turns to the left while the hole would point up shows a unit that is mounted upside down.
         upwards = float(w.mean_force[0]) > UPWARDS * self._length
         least = ALONG if w.seconds > _WHOLE_S else ROUGHLY_X
         seen = AGAINST if abs(about_x) > ABOUT_X else NOTHING
@@ -351,7 +373,7 @@ class WindowJudge:
         return seen == FOR
 
     def _judge_signs(self) -> None:
-        """Check signs and frames by the dip if the reference is known, else by the direction of a rotating string."""
+        """Check signs and frames by the dip if the reference is known, else by the inclination of a rotating string."""
         w, p, expected = self._window, self._limits, self._expected.dip
         up = float(w.mean_force[0]) / self._length
         inclination = math.acos(min(max(-up, -1.0), 1.0))
@@ -366,7 +388,7 @@ class WindowJudge:
         flipped = abs(dip + expected) < p.dip and off > p.dip_frame + sure
         seen = FOR if flipped else (AGAINST if off < p.dip_frame else NOTHING)
         if seen == AGAINST:
-            # End a fault that was found before the reference was known.
+            # End a POINTS_UP fault that was found before the reference was known.
             self._note(FaultCode.POINTS_UP, 3, AGAINST)
         who = 2 if inclination > 1.75 else (4 if inclination < 1.4 else 6)
         self._note(FaultCode.SIGN, 3, seen, dip, expected).seen_which[0] = who
@@ -383,7 +405,7 @@ class WindowJudge:
                 check.seen_which = check.which
 
     def _frames(self, dips: Array, up: float) -> Flags:
-        """Return the simple mistakes with which the hole points down and that explain motion and dip."""
+        """Return which of MISTAKES are simple, explain motion and dip, and let the hole point down, shape (141,)."""
         matrices = _MATRICES[_MAPPING]
         rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
         near = np.abs(dips - self._expected.dip) < 0.1
@@ -392,7 +414,7 @@ class WindowJudge:
 
 
 def _bits(mistakes: Flags) -> list[int]:
-    """Return the mappings of these mistakes as bits by sensor."""
+    """Return the mappings of the marked mistakes as bits by sensor; mistakes: bool, shape (141,)."""
     masks = [0, 0, 0]
     for m in np.flatnonzero(mistakes):
         masks[int(_SENSOR[m])] |= 1 << int(_MAPPING[m])

@@ -10,8 +10,9 @@ horizontal field H and vertical field V:
     high  =  H cos(I) cos(A) - V sin(I)          S0 (19), sign of `high` reversed
     right = -H sin(A)                            S0 (20)
 
-E is the axial interference. The correction estimates azimuth A and E together from the three by maximum likelihood.
-Where S0 divides by sin(theta) = -cos(I), this uses a weight that goes to zero, so that sigma grows and not the error.
+E is the axial interference. The correction estimates azimuth A and E together from the three components by maximum
+likelihood. Where S0 divides by sin(theta) = -cos(I), the correction uses a weight that goes to zero, so that sigma
+grows and not the error.
 """
 
 from __future__ import annotations
@@ -25,15 +26,16 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-_GRID = 360
-# A posterior wider than this is evaluated on a grid of one degree, a narrower one by the curvature at its peak.
+_GRID = 360  # number of azimuths of the grid over a full circle
+# If 1 sigma of the posterior is larger than this, rad, the posterior is evaluated on the grid; otherwise by the
+# curvature at the peak.
 _WIDE = np.radians(1.5)
-# Prior of the interference: Student's t with seven degrees of freedom, plus a small tail without scale for extreme
-# strings.
+# Prior of the interference: Student's t with seven degrees of freedom, plus a tail with this weight, for strings with
+# extreme magnetisation.
 _FREEDOM, _TAIL = 7.0, 0.005
-# Probability share below which a second azimuth is ignored; the limit is lower if the first azimuth also needs more
-# than the plausible interference. If it needs more than _BEYOND times that, both get equal shares, because nothing
-# separates them.
+# Smallest probability of a second azimuth that is not ignored: _MIRROR, or _MIRROR_LOUD if the first azimuth needs more
+# than the plausible interference. If the first azimuth needs more than _BEYOND times the plausible interference, both
+# azimuths get the same probability, because the prior does not separate them.
 _MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
 
 
@@ -52,7 +54,7 @@ def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class AxialCorrection:
-    """Azimuth corrected for axial interference, and the interference; arrays have the input's leading shape."""
+    """Azimuth corrected for axial interference, and the interference; arrays have the leading shape of the input."""
 
     #: `azimuth`, `sigma_azimuth`: magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. In singular geometry they are
     #: mean and sigma of the whole posterior, including the second solution, up to pi / sqrt(3) for an unknown angle.
@@ -67,7 +69,7 @@ class AxialCorrection:
     #: bool; whether a second azimuth explains the readings nearly as well (a horizontal hole without the axial
     #: magnetometer).
     mirror: np.ndarray
-    both: Array  #: shape (..., 2); the better azimuth and the other one, rad; NaN if there is no second azimuth
+    both: Array  #: shape (..., 2); most probable and second azimuth, rad; NaN if there is no second azimuth
 
 
 def axial_correction(
@@ -82,8 +84,8 @@ def axial_correction(
     """
     Estimate azimuth and axial interference by maximum likelihood.
 
-    The equations are S0 (12) to (21), each weighted by its accuracy. Nothing is assumed about the interference, so the
-    axial magnetometer only determines the interference (short-collar method).
+    The equations are S0 (12) to (21), each weighted by its accuracy. The size of the interference is free, so the axial
+    magnetometer determines the interference and not the azimuth (short-collar method).
 
     Parameters
     ----------
@@ -96,19 +98,19 @@ def axial_correction(
     reference_covariance : array_like, shape (..., 2, 2) or (2, 2)
         Covariance of (horizontal, vertical), T^2.
     plausible : float
-        Plausible interference, 1 sigma, T; more has a small probability without scale. It only decides between azimuths
-        that fit equally well (a horizontal hole without the axial magnetometer has two, an east-west one a range of
-        them) and does not change an azimuth that the readings determine.
+        Plausible interference, 1 sigma, T; larger interference has a small probability. The value only selects between
+        azimuths that fit equally well (two in a horizontal hole, a range of azimuths in a horizontal east-west hole)
+        and does not change an azimuth that the readings determine.
 
     Returns
     -------
     AxialCorrection
-        The result; NaN where the hole is exactly vertical.
+        Corrected azimuth and interference; NaN where the hole is exactly vertical.
 
     Raises
     ------
     ValueError
-        `plausible` is not positive, or the shapes do not match.
+        If `plausible` is not positive, or the shapes do not match.
     """
     if not plausible > 0.0:
         raise ValueError(f"plausible: must be positive, got {plausible!r} T")
@@ -129,7 +131,7 @@ def axial_correction(
 def _corrected(
     stations: _FitStations, vertical: np.ndarray, plausible: float, lead: tuple[int, ...]
 ) -> AxialCorrection:
-    """Correct n stations; vertical, shape (n,), marks those without an azimuth. Results get the shape `lead`."""
+    """Correct n stations; vertical, shape (n,): stations in a vertical hole; lead: leading shape of the results."""
     peaks = _peaks(stations)
     best = _best(stations, peaks)
     fit = stations.fit(best.azimuth)
@@ -162,9 +164,9 @@ class _Peaks:
     """
     The two most probable azimuths of n stations; arrays of shape (n,), angles in rad.
 
-    azimuth, other : the better one and the second one. apart : difference between them. cost, cost_other : values of
-    `_FitStations.cost`; `cost_other` is infinite for a station with only one azimuth. angles, density : grid (m,) and
-    probability (n, m) of the circle.
+    azimuth, other : most probable and second azimuth. apart : difference between them. cost, cost_other : their values
+    of `_FitStations.cost`; `cost_other` is infinite for a station with only one azimuth. angles, density : azimuths of
+    a grid over the circle, shape (m,), and their probabilities, shape (n, m).
     """
 
     azimuth: Array
@@ -177,12 +179,12 @@ class _Peaks:
 
 
 def _peaks(stations: _FitStations) -> _Peaks:
-    """Search the whole circle and refine the two deepest minima."""
+    """Return the two deepest minima of the misfit of each station, from a search over the whole circle."""
     angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
     around = np.broadcast_to(angles, (len(stations.h), _GRID))
     misfit = stations.misfit(around)[0]
     cost = stations.cost(around)
-    # Find minima of the misfit alone; the prior of the interference would shift them, most of all far from its maximum.
+    # Find minima of the misfit without the prior of the interference, because the prior would shift the minima.
     basin = (misfit <= np.roll(misfit, 1, axis=1)) & (misfit < np.roll(misfit, -1, axis=1))
     ranked = np.argsort(np.where(basin, misfit, np.inf), axis=1)[:, :2]
     two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
@@ -200,15 +202,15 @@ def _peaks(stations: _FitStations) -> _Peaks:
 
 @dataclass(frozen=True)
 class _Best:
-    """Result: azimuth, rad, whether it is the mean of a wide posterior, and the variance of that posterior, rad^2."""
+    """Azimuth of n stations; arrays of shape (n,)."""
 
-    azimuth: Array
-    wide: np.ndarray
-    spread: Array
+    azimuth: Array  #: azimuth, rad
+    wide: np.ndarray  #: whether the azimuth is the mean of a wide posterior instead of its peak
+    spread: Array  #: variance of the posterior, rad^2
 
 
 def _best(stations: _FitStations, peaks: _Peaks) -> _Best:
-    """Return the peak, or the mean if the posterior is flat: its maximum can lie anywhere, the mean errs least."""
+    """Return the peak of each posterior, or the mean of a wide one, where the place of the peak means little."""
     wide = stations.fit(peaks.azimuth).variance_azimuth > _WIDE**2
     away = wrap_pi(peaks.angles - peaks.azimuth[:, None])
     mean = np.sum(peaks.density * away, axis=1)
@@ -217,7 +219,7 @@ def _best(stations: _FitStations, peaks: _Peaks) -> _Best:
 
 
 def _mirror_share(stations: _FitStations, peaks: _Peaks, plausible: float) -> Array:
-    """Return the probability share of the second azimuth, from the height of its peak; 0 if it is ignored."""
+    """Return the probability of the second azimuth from the heights of both peaks; 0 if the second one is ignored."""
     share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (peaks.cost_other - peaks.cost), 700.0)))
     loud = np.abs(stations.misfit(peaks.azimuth[:, None])[2][:, 0]) / plausible
     counts = np.isfinite(peaks.cost_other) & (peaks.apart > np.radians(1.0))
@@ -227,9 +229,9 @@ def _mirror_share(stations: _FitStations, peaks: _Peaks, plausible: float) -> Ar
 
 @dataclass(frozen=True)
 class _AxialFit:
-    variance_azimuth: Array
-    variance_interference: Array
-    variance_along: Array
+    variance_azimuth: Array  #: variance of the azimuth, rad^2
+    variance_interference: Array  #: variance of the interference, T^2
+    variance_along: Array  #: variance of the interference if the azimuth were known, T^2
 
 
 class _FitStations:
@@ -242,7 +244,7 @@ class _FitStations:
         self.sin, self.cos = across / g, -f[:, 0] / g
         s, c = f[:, 1] / across, f[:, 2] / across
         n, zero = len(f), np.zeros(len(f))
-        # Derivatives of the three components by (f, b); an error of f turns the high side.
+        # Derivatives of the three components with respect to (f, b); an error of f turns the high side.
         toolface_f = np.stack([zero, c / across, -s / across], axis=1)
         inclination_f = np.stack([across / g**2, -f[:, 0] * s / g**2, -f[:, 0] * c / g**2], axis=1)
         seen_in = np.zeros((n, 3, 6))
@@ -250,13 +252,18 @@ class _FitStations:
         seen_in[:, 1, :3], seen_in[:, 2, :3] = -self.seen[:, 2:] * toolface_f, self.seen[:, 1:2] * toolface_f
         seen_in[:, 1, 4], seen_in[:, 1, 5] = s, c
         seen_in[:, 2, 4], seen_in[:, 2, 5] = -c, s
-        # Covariance of the three components, their covariance with the inclination, and its variance.
+        # Covariance of the three components, their covariance with the inclination, and variance of the inclination.
         self.cov_seen = seen_in @ cov_s @ np.swapaxes(seen_in, 1, 2)
         self.cov_both = np.squeeze(seen_in @ cov_s[:, :, :3] @ inclination_f[:, :, None], 2)
         self.var_inc = np.squeeze(inclination_f[:, None, :] @ cov_s[:, :3, :3] @ inclination_f[:, :, None], (1, 2))
 
     def _linear(self, azimuth: Array) -> tuple[Array, Array]:
-        """Return misfit, shape (n, m, 3), and its covariance, shape (n, m, 3, 3), of azimuths of shape (n, m)."""
+        """
+        Return the misfit of azimuths and its covariance.
+
+        azimuth: shape (n, m), rad. The misfit, shape (n, m, 3), T, is the measured minus the expected component along
+        the axis, the high side and the right side, without interference; the covariance has shape (n, m, 3, 3), T^2.
+        """
         h, v, s, c = (x[:, None] for x in (self.h, self.v, self.sin, self.cos))
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         zero = np.zeros_like(s_a)
@@ -277,10 +284,11 @@ class _FitStations:
 
     def misfit(self, azimuth: Array) -> tuple[Array, Array, Array]:
         """
-        Return weighted squared misfit, log determinant of its covariance, and implied interference of azimuths.
+        Return the chi-square of azimuths, the log determinant of the covariance, and the interference that fits best.
 
-        azimuth and the three results have shape (n, m). The sum of the first two is minus twice the log likelihood at
-        the best interference. For readings without error the first alone has its minimum exactly at the truth.
+        azimuth, rad, and the three results have shape (n, m). Chi-square (of the components across the axis) plus log
+        determinant is minus twice the log likelihood at the best interference, T. For readings without error the
+        minimum of chi-square is exactly at the true azimuth.
         """
         misfit, cov = self._linear(azimuth)
         a, b, d = cov[..., 1, 1], cov[..., 1, 2], cov[..., 2, 2]
@@ -293,7 +301,7 @@ class _FitStations:
         return np.asarray(across), np.asarray(np.log(det)), np.asarray(misfit[..., 0] - k_y * y - k_z * z)
 
     def fit(self, azimuth: Array) -> _AxialFit:
-        """Return the variances of azimuth and interference at an azimuth, shape (n,)."""
+        """Return the variances of azimuth and interference of each station at an azimuth, rad, shape (n,)."""
         cov = self._linear(azimuth[:, None])[1][:, 0]
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         slope = np.stack([-self.h * self.sin * s_a, -self.h * self.cos * s_a, -self.h * c_a], axis=1)
@@ -303,7 +311,7 @@ class _FitStations:
         scale = np.stack([np.ones_like(self.h), self.h], axis=1)
         design = np.stack([slope, unit], axis=2) * scale[:, None, :]
         information = np.swapaxes(np.linalg.solve(cov, design), 1, 2) @ design
-        # In an exactly horizontal east-west hole the azimuth has no information of its own: keep the inverse finite.
+        # In an exactly horizontal east-west hole the readings have no information on azimuth: keep the inverse finite.
         information[:, 0, 0] += 1e-6
         covariance = np.linalg.inv(information) * scale[:, :, None] * scale[:, None, :]
         return _AxialFit(covariance[:, 0, 0], covariance[:, 1, 1], self.h**2 / information[:, 1, 1])

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Magnetic interference of the tool and its string, estimated sample by sample: bias and scale, axial and cross-axial.
+Magnetic interference of the tool and its string, estimated sample by sample: bias and scale error of each axis.
 
 The direction of gravity and the magnetometers give two numbers that do not depend on the unknown azimuth: the vertical
-field V and the horizontal field H. Compared with the reference they are the measurement of an extended Kalman filter.
-Its states are bias and scale of x, y and z and the errors of the reference H and V.
+field V and the horizontal field H. Their differences from the reference are the measurements of an extended Kalman
+filter. Its states are bias and scale error of x, y and z, and the errors of the reference H and V.
 
-Near a horizontal east-west hole the axial bias changes H only by its square; this second-order term is part of the
+Near a horizontal east-west hole the axial bias changes H only by a term of second order. This term is part of the
 innovation and of its variance. A gyro azimuth, if available, is a third measurement.
 
-Errors that are not white (of the gravity filter, of the field along the hole) count once per correlation time, however
-often they are sampled. A block of n samples gives the same bits as n blocks of one sample. Derivation:
+Errors that are not white (of the gravity filter, of the field along the hole) count once per correlation time at any
+sample rate. A block of n samples gives the same bits as n blocks of one sample. Derivation:
 ``docs/methods/magnetic_interference.md``.
 """
 
@@ -38,13 +38,13 @@ from mwd_estimation.magnetic.interference_state import (
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-# A restart discards what was learnt in less than this time, and also the azimuth that depends on it, s.
+# If a restart discards an estimate from less than this time, s, it is reported, so that the azimuth is discarded too.
 _YOUNG = 60.0
-# Longest step for which the random walk is applied, s; a longer gap counts as this.
+# Longest step for which the random walk is applied, s; a longer step counts as this one.
 _MAX_STEP = 7200.0
-# Time for which an error of the second-order term of H repeats, s.
+# Correlation time of the error of the second-order term of H, s.
 _BEND_TIME = 3600.0
-# Chi-square with one degree of freedom above which an external azimuth disagrees (probability of one in a thousand).
+# Largest chi-square, with one degree of freedom, of an external azimuth that is used (probability 0.001).
 _AZIMUTH_GATE = chi_square.limit(0.001, 1)
 
 
@@ -64,9 +64,9 @@ def initial(
     errors : SensorErrors
         Sensor part of the priors: magnetometer bias (added in squares) and scale error.
     axial : tuple of float
-        Axial interference to start from and 1 sigma, T, if a station has shown more than the prior allows. The sigma is
-        at least that of the prior, because samples use the same reference as the station, whose error must not be
-        averaged away.
+        Initial axial interference and 1 sigma, T, if a station has found more than the prior allows. The prior sigma is
+        used if it is larger, because the samples use the same reference as the station, and the error of the reference
+        does not average out.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def initial(
     Raises
     ------
     ValueError
-        The reference has no field.
+        If the reference has no field.
     """
     bias, scale = errors.magnetometer_bias_nt * 1e-9, errors.magnetometer_scale
     along = max(math.hypot(params.axial, bias), axial[1])
@@ -94,7 +94,7 @@ def initial(
 
 def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     """
-    Process samples and return azimuths corrected for the interference known so far.
+    Process samples; return for each sample the interference found so far and the azimuth without this interference.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     ndarray of dtype INTERFERENCE, shape (n,)
     """
     rows = np.zeros(len(samples.stamp_ns), dtype=INTERFERENCE)
-    # Contiguous arrays, so that numba compiles only one layout.
+    # Make the arrays contiguous, so that numba compiles one layout only.
     samples = FieldSamples._make(np.ascontiguousarray(column) for column in samples)
     _run(p, state[0], samples, np.zeros(1, dtype=INNOVATION)[0], rows)
     return rows
@@ -116,7 +116,7 @@ def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
 
 def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
     """
-    Update with a known magnetic azimuth (gyro azimuth minus declination), and field and gravity at that time.
+    Update with a known magnetic azimuth (gyro azimuth minus declination), and field and gravity at the same time.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: floa
     own, horizontal, row = _azimuth(s, np.array(g_t, dtype=float), np.array(b_t, dtype=float))
     innovation = math.remainder(azimuth - own, 2.0 * math.pi)
     gain = s.P @ row
-    # Gravity and field of this sample have errors too: add the filter's own correlated error.
+    # Gravity and field of this sample have errors too: add the correlated error `varying` of the settings.
     variance = float(row @ gain) + sigma**2 + (p.varying / horizontal) ** 2
     ratio = innovation**2 / variance / _AZIMUTH_GATE
     if ratio <= 1.0:
@@ -147,7 +147,11 @@ def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: floa
 
 
 def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
-    """Return a sample's magnetic azimuth, rad, horizontal field, T, and slope of the azimuth by the state, (8,)."""
+    """
+    Return magnetic azimuth, rad, and horizontal field, T, of a sample, and the derivative of the azimuth.
+
+    The derivative is with respect to the state, shape (8,). g, b, shape (3,): unit vector down, and field, T.
+    """
     m = np.zeros(1, dtype=INNOVATION)[0]
     _directions(s, g, b, m)
     row = np.zeros(STATES)
@@ -159,7 +163,7 @@ def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
 @compiled
 def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
     """
-    Fill the directions, the clean field, and H and V of one sample after subtracting the state's errors.
+    Fill north, east, `clean`, H and V of one sample after subtracting the biases and scale errors of the state.
 
     g, b, shape (3,): unit vector down and field, T, in tool axes.
     """
@@ -184,10 +188,10 @@ def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
 @compiled
 def _slopes(g: Array, m: Innovation) -> None:
     """
-    Fill the slopes of the innovations of V and H by the state.
+    Fill the derivatives of the innovations of V and H with respect to the state.
 
-    Slopes by scale use the expected field, not the measured one: its noise is in the innovation too, and the product of
-    the two would bias the scales.
+    Derivatives with respect to the scale errors use the expected field and not the measured field: the noise of the
+    measured field is also in the innovation, and the product of both would bias the scale errors.
     """
     for i in range(3):
         m.slope[0, Error.BIAS + i], m.slope[1, Error.BIAS + i] = -g[i], -m.north[i]
@@ -198,7 +202,7 @@ def _slopes(g: Array, m: Innovation) -> None:
 
 @compiled
 def _variance_east(s: State, m: Innovation) -> float:
-    """Return the variance of the field towards east due to biases and scales, T^2."""
+    """Return the variance of the field towards east from biases and scale errors, T^2."""
     total = 0.0
     for i in range(6):
         d_i = m.east[i] if i < 3 else m.east[i - 3] * m.clean[i - 3]
@@ -210,13 +214,13 @@ def _variance_east(s: State, m: Innovation) -> float:
 
 @compiled
 def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation) -> float:
-    """Fill the innovation of sample k; return its chi-square divided by the gate."""
+    """Fill `m` with the innovation of sample k; return chi-square of the innovation divided by the gate."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
     _slopes(g, m)
     horizontal, vertical = m.horizontal, m.vertical
     white, tilt = p.noise * p.noise, samples.sigma_g[k] * samples.sigma_g[k]
-    # An error along east (remaining bias and scale, noise, tilt) increases H by its square over 2 H.
+    # A field error e towards east (remaining bias and scale error, noise, tilt) increases H by e^2 / (2 H).
     curve = 0.5 * _variance_east(s, m) / horizontal
     m.bend = 2.0 * curve * curve
     lifted = curve + 0.5 * (white + vertical * vertical * tilt) / horizontal
@@ -246,9 +250,9 @@ def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation)
 
 @compiled
 def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
-    """Update with the innovation (Kalman); step: time since the last sample, s."""
-    # A correlated error counts as one sample per correlation time (exponential correlation: twice that time), the
-    # variance of the second-order term as one per hour.
+    """Update the state with the innovation (Kalman); step: time since the last sample, s."""
+    # A correlated error counts as one measurement in twice its correlation time (exponential correlation), and the
+    # error of the second-order term as one measurement in `_BEND_TIME`.
     repeats, bend_repeats = 1.0, 1.0
     if step > 0.0:
         repeats = max(2.0 * p.correlation_s / step, 1.0)
@@ -275,7 +279,11 @@ def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
 
 @compiled
 def _reject(p: Params, s: State, step: float) -> bool:
-    """Count a rejected sample; restart after enough of them. Return True if this discards a recently learnt state."""
+    """
+    Count the time of rejected samples, and restart the filter from its priors if this time is too long.
+
+    step: time since the last sample, s. Return True if the restart discards an estimate younger than `_YOUNG`.
+    """
     s.disturbed_s += step
     if not s.disturbed_s > min(max(s.learnt_s, p.min_reset_time_s), p.max_reset_time_s):
         return False
@@ -290,14 +298,15 @@ def _reject(p: Params, s: State, step: float) -> bool:
 
 @compiled
 def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, row: Interference) -> None:
-    """Write the azimuth of sample k by the state, with its sigmas."""
+    """Write the azimuth of sample k, corrected by the state, and its sigmas."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
     angle = math.atan2(m.east[0], m.north[0])
     row.azimuth = angle + 2.0 * math.pi if angle < 0.0 else angle
     white, tilt = p.noise * p.noise, samples.sigma_g[k] * samples.sigma_g[k]
     spread, horizontal = _variance_east(s, m), m.horizontal
-    # A tilt of the vertical turns the horizontal field by tan(dip), and near vertical also the heading of the axis.
+    # A tilt of the vertical turns the horizontal field by the tilt times tan(dip). In a hole near the vertical it also
+    # turns the direction of the axis.
     upright = max(1.0 - g[0] * g[0], 1e-12)
     turn = (m.vertical * m.vertical / (horizontal * horizontal) + g[0] * g[0] / upright) * tilt
     row.sigma_own = min(math.sqrt(max(spread, 0.0)) / horizontal, math.pi)
@@ -306,7 +315,7 @@ def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, ro
 
 @compiled
 def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
-    """Propagate the errors to a sample; return the time since the last one, s, and whether the stamp advances."""
+    """Propagate the covariance to a sample; return the time since the last one, s, and whether the stamp advances."""
     first = s.last_ns < 0
     step = 0.0 if first else 1e-9 * (stamp_ns - s.last_ns)
     if step > 0.0:
@@ -323,7 +332,7 @@ def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
 
 @compiled
 def _run(p: Params, s: State, samples: FieldSamples, m: Innovation, rows: Samples) -> None:
-    """Loop over samples; m is scratch space, `rows` is filled."""
+    """Process the samples and fill `rows`; m: scratch record, overwritten by each sample."""
     for k in range(len(samples.stamp_ns)):
         row, finite = rows[k], True
         for i in range(3):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Find spikes of a magnetometer: samples whose field strength jumps away from those before and comes back.
+Find spikes of a magnetometer: samples whose field strength jumps away from that of the samples before and comes back.
 
 Rotation of the tool does not change the strength, so a running median shows a spike at once. Lasting external
-interference moves the median and is accepted after half the memory. The readings of a rotating tool with a biased
-magnetometer vary more and thereby widen the limit.
+interference changes the median and is accepted after half the samples of the median. The readings of a rotating tool
+with a biased magnetometer vary more, and this variation widens the limit.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 9  # number of samples in the median
 _MIN_JUMP = 3e-6  # T; a smaller jump is never a spike
-_SPREADS = 8.0  # limit as a multiple of the median distance from the median
+_SPREADS = 8.0  # limit as a multiple of the median absolute deviation from the median
 _GAP_NS = 10_000_000_000  # data gap after which the filter restarts, ns
 
 
@@ -28,9 +28,9 @@ class State:
     """State of the spike filter."""
 
     strengths: Annotated[Array, _MEMORY]  #: strengths of the last samples, T, in a ring
-    count: int  #: number of strengths
-    next: int  #: ring index of the next one
-    last_ns: int  #: stamp of the last sample
+    count: int  #: number of stored strengths
+    next: int  #: ring index of the next strength
+    last_ns: int  #: stamp of the last sample, ns
 
 
 STATE = dtype_of(State)
@@ -50,7 +50,7 @@ def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
     state : ndarray, shape (1,)
         State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns, b_t : ndarray, shapes (n,) and (n, 3)
-        Stamps, and field, T; samples that are not finite are ignored and left to other checks.
+        Stamps, ns, and field, T; samples that are not finite are not spikes: other checks find them.
 
     Returns
     -------

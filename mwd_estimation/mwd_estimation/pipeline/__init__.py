@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stages that a sample passes, in the order of the signal, and their output."""
+"""The processing stages of the estimator, in the order of the signal, and their output."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Half-second bins: the work that is done once per bin, in the order of the bins, and the surveys that result.
+Half-second bins: the work that is done once per bin, in the order of the bins, and the surveys from it.
 
-A bin may end the still interval of a survey. The magnetic field measured by the survey changes how the field is
-interpreted from there on. The continuity check of the survey waits for the attitude up to its end.
+A bin may end the still interval of a survey. The magnetic field measured by the survey changes the field model from
+this bin on. The continuity check of the survey waits for the attitude up to the end of the survey.
 """
 
 from __future__ import annotations
@@ -41,31 +41,31 @@ class Numbering:
     last: int = 0
 
     def next(self) -> int:
-        """Return the next number."""
+        """Increase the number, and return it."""
         self.last += 1
         return self.last
 
 
 @dataclasses.dataclass
 class Bins:
-    """Bins closed within a stretch."""
+    """Bins that closed within a stretch of samples, and the surveys that began in them."""
 
-    events: list[BinEvent]
-    #: Models for the interpretation of the field, each with the sample of the stretch from which it holds; the first
-    #: holds from the start.
+    events: list[BinEvent]  #: the closed bins
+    #: Field models, each with the index in the stretch of the sample from which the model holds; the first model holds
+    #: from the start.
     models: list[tuple[int, MagneticModelInForce]]
     taken: list[tuple[int, Provisional]]  #: surveys, each with the index of its bin in `events`
 
 
 class SideStreams:
-    """Bins of magnetometer, precision unit and temperature, kept until the conventional unit's bin of the same time."""
+    """Bins of magnetometer, precision unit and temperature, kept until the conventional unit closes the same bin."""
 
     def __init__(self) -> None:
         self._binners = {"mag": Binner(3, BIN_NS), "precision": Binner(6, BIN_NS), "temperature": Binner(1, BIN_NS)}
         self._closed: dict[str, dict[int, Bin]] = {name: {} for name in self._binners}
 
     def add(self, name: str, stamps: Stamps, values: Array) -> None:
-        """Add samples of a stream, shapes (n,), ns, and (n, channels)."""
+        """Add samples of a stream: stamps, ns, shape (n,), and values, shape (n, channels)."""
         self._keep(name, self._binners[name].add(stamps, values))
 
     def beside(self, imu: Bin) -> BinSet:
@@ -74,7 +74,7 @@ class SideStreams:
         for name, bins in self._closed.items():
             self._keep(name, self._binners[name].flush((imu.index + 1) * BIN_NS))
             found[name] = bins.pop(imu.index, None)
-            # The bins of a stream close in order.
+            # Delete older bins; the bins of a stream are stored in order.
             while bins and next(iter(bins)) < imu.index:
                 del bins[next(iter(bins))]
         return BinSet(imu, found["mag"], found["precision"], found["temperature"])
@@ -85,7 +85,7 @@ class SideStreams:
 
 
 class BinStage:
-    """Bins and surveys of one tool; a survey changes how the magnetic field is interpreted."""
+    """Bins and surveys of one tool; a survey changes the field model of the samples after it."""
 
     def __init__(
         self, settings: EstimatorSettings, field: MagneticFeedback, faults: FaultHistory, numbering: Numbering
@@ -106,13 +106,13 @@ class BinStage:
         self, stretch: Stretch, later: NDArray[np.bool_], clipped: NDArray[np.uint8], output: Output
     ) -> Bins:
         """
-        Close the bins that end within a stretch; refusals, faults and results of requests go to the output.
+        Close the bins that end within a stretch; add refusals, faults and results of requests to `output`.
 
-        later, clipped : for each sample, whether its stamp is later than all before it, and its flags as from
-        `clip_flags.of`.
+        later, clipped, shape (n,): whether the stamp of a sample is later than all stamps before, and clip flags of a
+        sample as from `clip_flags.of`.
         """
-        # Gyros that have drifted, or that give no data, cannot show whether the tool is at rest; gravity and the
-        # magnetic field can.
+        # Gyros that have drifted, or that give no data, cannot show whether the tool is at rest: set their rates to
+        # zero, so that only gravity and the magnetic field show it.
         gyro = np.zeros_like(stretch.gyro) if stretch.drifted else stretch.gyro
         if stretch.unusable & GYRO:
             gyro = np.nan_to_num(gyro, nan=0.0)
@@ -137,7 +137,7 @@ class BinStage:
         return bins
 
     def finish(self) -> Provisional | None:
-        """Return the survey that still waits for the gyro, when no more samples arrive; None if none waits."""
+        """Return the survey that waits for the gyro, at the end of the data; None if no survey waits."""
         held = self.still.finish()
         return None if held is None else self._survey(held, self.precision.station.solution())
 
@@ -146,7 +146,7 @@ class BinStage:
         return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 
     def _reference(self, average: StillAverage) -> Reference | None:
-        """Return the reference at the time of an average."""
+        """Return the reference, with the external field of the observatory, at the middle of an average."""
         return self._observatory.at(self._field.reference, (average.start_ns + average.end_ns) // 2)
 
     def _doubt(self, stretch: Stretch, start: int, stop: int) -> None:
@@ -155,13 +155,13 @@ class BinStage:
             self._faults.doubt(stretch.stamps[start:stop], suspect)
 
     def _close(self, imu: Bin, place: int, bins: Bins, output: Output) -> None:
-        """Do all work that is done once per bin; its results hold from the sample with index `place` on."""
+        """Do the work of one bin; the results hold from the sample with index `place` in the stretch on."""
         end_ns = (imu.index + 1) * BIN_NS
         gyro = self.precision.station
         beside = self.streams.beside(imu)
         self.turning.close(imu.index)
         result = self.still.add(beside, gyro.pending() if self.still.complete else None)
-        # Result of the gyro before this bin, which ended the interval.
+        # If the tool moved in this bin, use the gyro result from before this bin.
         so_far = gyro.solution() if isinstance(result, StillAverage) and result.moved else None
         unit = self.precision.close(imu, self.still.still_bins)
         for change in unit.changes:
@@ -184,7 +184,7 @@ class BinStage:
             bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
-        """Begin the survey of a still interval; the field it measured is used from here on."""
+        """Begin the survey of a still interval; use the field that the survey measured from here on."""
         number = self._numbering.next()
         reference, turning = self._reference(still), self.turning.found
         taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The stages of the estimator in the order of the signal, from one start of the estimate to the next.
+The stages of the estimator in the order of the signal, with the state from one start of the estimate to the next.
 
-Health (stretches with the same usable sensors) -> gravity -> half-second bins, which may take a survey and change how
-the field is interpreted -> attitude, in one part for each interpretation of the field -> completion of the surveys ->
-dynamics. A step that changes the interpretation of the field belongs in the bins; a step that needs the attitude
-belongs after it.
+Health (stretches of samples with the same usable sensors) -> gravity -> half-second bins, which may take a survey and
+change the field model -> attitude, in one part for each field model -> completion of the surveys -> dynamics. A step
+that changes the field model belongs to the bins; a step that needs the attitude belongs after the attitude.
 """
 
 from __future__ import annotations
@@ -51,9 +50,10 @@ from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T, less than any magnetometer resolves: a field of zeros is not a measurement
-# Number of consecutive samples without a later stamp that prove that time stands still, even for a fast unit: more than
-# the samples in a second, because single stamps may be wrong by a second (`time_jumps.BACK_NS`).
+_WEAKEST = 1e-9  # T; a sample with no larger component on any axis is not a measurement
+# Number of samples in a row whose stamps are not later than the newest one, after which the stamps count as stopped. It
+# is more than the samples of a fast unit in a second, because single stamps may be wrong by a second
+# (`time_jumps.BACK_NS`).
 _STANDS_STILL = 10_000
 _CLIPPED, _TOOL_ASSUMED = int(Status.CLIPPED), np.uint32(Status.TOOL_ASSUMED)
 
@@ -83,11 +83,11 @@ class _Ahead:
 
 class Estimate:
     """
-    State that lives from one start of the estimate to the next.
+    State from one start of the estimate to the next.
 
-    reference : overrides the settings. mat_tu : rotation from the axes of the unit to those of the tool; the samples
-    are in tool axes already. mag_late_ns : delay of the magnetometer's stamps, ns, as known so far and corrected by
-    what the turning string has shown since.
+    reference : reference that replaces the one of the settings. mat_tu : rotation from the axes of the unit to tool
+    axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps, ns; rotation
+    of the string corrects it later.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Estimate:
         self._statuses = StatusHistory(BIN_NS)
 
     def _use_gravity(self, known: float | None, mag: MagneticSamples) -> None:
-        """Use the local gravity `known`, m/s^2 or None, in all parts; `mag`: magnetic samples not used yet."""
+        """Use the local gravity `known`, m/s^2, None if unknown, in all stages; mag: magnetic samples not used yet."""
         settings = self.settings
         self._gravity = GravityWithFallback(
             gravity.method(settings.gravity.method),
@@ -155,16 +155,16 @@ class Estimate:
 
     @property
     def innovations(self) -> list[Innovation]:
-        """Expected and measured values of each source, with their differences."""
+        """Innovations of each source of measurements."""
         return self._gravity.innovations + self._attitude.innovations
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample that the data show although `tool.samples` states another; empty if there is none."""
+        """Meaning of a sample according to the data, if it differs from `tool.samples`; empty if it does not differ."""
         return self._gravity.samples_are
 
     def set_reference(self, reference: Reference) -> None:
-        """Judge and correct by this field from now on; the interference is estimated anew."""
+        """Check and correct with this reference from now on; restart the estimate of the interference."""
         self._given = reference
         self.field.set_reference(reference)
         if self._ready:
@@ -176,8 +176,8 @@ class Estimate:
         Accept samples of another stream: mag, precision or temperature.
 
         Their dtype is that of `wire.MAG`, `wire.IMU` or `wire.TEMPERATURE`.
-        They wait for the next block of the conventional unit. If that unit sends nothing, or its time stands still, the
-        oldest samples are rejected, because they would be paired with gravity of another time.
+        They wait for the next block of the conventional unit. If the conventional unit sends nothing, or its stamps do
+        not advance, the oldest samples are rejected, because they would be paired with gravity of another time.
         """
         self._counters.rejected += self._ahead[name].add(samples)
 
@@ -232,7 +232,7 @@ class Estimate:
         """
         Process samples of the conventional unit, dtype of `wire.IMU`.
 
-        `followed` is their gravity from a smoother.
+        followed: gravity of these samples from a smoother; None: estimate the gravity here.
         """
         if not len(samples):
             return Output.empty(0)
@@ -261,37 +261,47 @@ class Estimate:
         return output
 
     def _measure_delay(self, stretch: Stretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
-        """Measure the delay from gravity, field and the rate about x, nan while the gyro must not be used."""
+        """
+        Pass gravity and the rate about x to the measurement of the delay of the magnetometer's stamps.
+
+        rate_x, shape (n,): rad/s, NaN while the gyro must not be used; later, shape (n,): whether a stamp is later than
+        all before.
+        """
         usable = stretch.unusable & GYRO == 0
         if self._gyro_usable and not usable:
             self._delay.begin_anew()
         self._gyro_usable = usable
         rate_x = np.where(track.status & _CLIPPED != 0, np.nan, rate_x)
-        # A sensor in doubt must not teach a delay: nothing takes a wrong one back until the speed changes again.
+        # Skip samples of doubtful sensors: a wrong delay would stay until the rotary speed changes again.
         later = later & (stretch.suspect & (GYRO | ACCEL) == 0)
         self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
 
     def _correct_delay(self, span: int) -> None:
-        """At the end of a time span, correct the delay of the magnetometer's stamps that the span has shown."""
+        """If a new time span begins, correct the delay of the magnetometer's stamps that was found so far."""
         if span > self._delay_span:
             self._delay_span = span
             self._shift_mag(self._delay.judge(span * SPAN_NS))
 
     def _shift_mag(self, late_ns: int) -> None:
-        """Change the delay of magnetic samples by `late_ns`, also for those that wait."""
+        """Add `late_ns` to the delay of magnetic samples, and correct the stamps of waiting samples too."""
         if late_ns:
             self.mag_late_ns += late_ns
-            # Which IMU sample is paired with a magnetic sample must not depend on the arrival time.
+            # Wait longer by the delay, so that the pairing of IMU and magnetic samples does not depend on arrival
+            # times.
             wait_ns = max(self.mag_late_ns, 0)
             self._delay.shift(late_ns)
             self.watch.shift_mag(late_ns, wait_ns)
             self._attitude.shift_mag(late_ns, wait_ns)
             self._gravity.shift_mag(late_ns, self._mag_lag_ns + wait_ns)
-            # The interference so far was learnt from fields that were paired with wrong toolfaces.
+            # Discard the estimate of the interference: it comes from fields that were paired with wrong toolfaces.
             self._attitude.restart_field()
 
     def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
-        """Estimate samples for which the same sensors are usable; `clipped` holds the flags of the whole block."""
+        """
+        Run all stages on a stretch of samples with the same usable sensors.
+
+        clipped: clip flags of the whole block; followed: gravity of the whole block from a smoother, or None.
+        """
         output = Output.empty(len(stretch.stamps))
         output.health += stretch.changes
         if stretch.begins_contamination:
@@ -307,7 +317,7 @@ class Estimate:
         if self.settings.tool.accelerometer.assumed:
             track.status[:] |= _TOOL_ASSUMED
         toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
-        # Keep nothing of samples whose time does not advance: there may be endless many.
+        # Do not store samples whose stamps do not advance: their number has no limit.
         later = advances(stamps, self._newest_ns)
         self._newest_ns = max(self._newest_ns, int(stamps.max()))
         # Bins, and the surveys that begin in them.
@@ -317,7 +327,7 @@ class Estimate:
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, faulty_mag)
         samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
-        # Angle by which the tool may have turned because of the error of the stamp.
+        # 1 sigma of the toolface from the error of the stamp, rad.
         turned = self._jitter.sigma(stamps) * np.abs(track.rotary_speed)
         samples["turned"] = turned
         samples["sigma_toolface"] = np.minimum(np.hypot(samples["sigma_toolface"], turned), np.pi)
@@ -328,7 +338,7 @@ class Estimate:
         )
         self._counters.rejected += rejected
         self._heated.widen(output.attitude, output.gravity, self.field.reference)
-        # Surveys, which can be completed now that the attitude up to their end is known.
+        # Surveys: complete them now, because the attitude up to their end is known.
         self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated
         output.surveys += [self._completed(taken, propagated[at]) for at, taken in bins.taken]
@@ -345,7 +355,7 @@ class Estimate:
         return output
 
     def end_requests(self, why: Reason, output: Output) -> None:
-        """Answer all open requests in the output, with the reason why they end."""
+        """End all open requests: add their refusals, with the reason `why`, to the output."""
         refusal, requests = Refusal(self.last_imu_ns, why), self.bin_stage.requests
         if self.bin_stage.still.requested:
             output.refusals.append(refusal)
@@ -355,7 +365,7 @@ class Estimate:
         output.north += [ended] if ended is not None else []
 
     def finish(self) -> Output:
-        """Return the survey that still waits for the gyro, when no more samples arrive."""
+        """Return the survey that waits for the gyro, at the end of the data."""
         self._use_beside()
         output = Output.empty(0)
         held = self.bin_stage.finish()
@@ -364,7 +374,7 @@ class Estimate:
         return output
 
     def _completed(self, taken: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
-        """Return a completed survey; `propagated` holds the azimuths carried to its time."""
+        """Return a completed survey; propagated: azimuths propagated by the gyros to its time."""
         return self._with_status(self.bin_stage.decision.complete(taken, propagated))
 
     def _with_status(self, survey: DecidedSurvey) -> DecidedSurvey:
@@ -374,13 +384,13 @@ class Estimate:
 # Status of the attitude at the end of each bin, for surveys that are completed later.
 
 
-# Number of bins kept: longer than a survey waits for the gyro.
+# Number of bins kept, ten minutes: a survey waits a shorter time for the gyro.
 _KEPT = 1200
-_SLACK_NS = 1_000_000  # the ends of a survey are rounded to less than this
+_SLACK_NS = 1_000_000  # tolerance for the end of a survey, ns: more than its rounding error
 
 
 class StatusHistory:
-    """History of the attitude's status, independent of how the stream is cut; bin_ns : length of a bin, ns."""
+    """History of the attitude status, which does not depend on how the stream is cut; bin_ns: length of a bin, ns."""
 
     def __init__(self, bin_ns: int) -> None:
         self._bin_ns = bin_ns
@@ -391,16 +401,17 @@ class StatusHistory:
         """
         Add the status of the rows of a block.
 
-        bins : for each bin that ends in the block: the row that ended it, and the end of the bin before, ns.
+        bins : for each bin event of the block, the index of the row before which the event is evaluated, and the end of
+        its bin, ns. An event is one bin late, so the row before it is the last one of the next bin.
         """
         for place, end_ns in bins:
-            # The row before the ending row belongs to the bin.
+            # The status of the last row of the next bin.
             self._kept.append((end_ns + self._bin_ns, int(status[place - 1]) if place else self._last))
         if len(status):
             self._last = int(status[-1])
 
     def at(self, end_ns: int) -> int:
-        """Return the status of the last row in the bin that ends at a time, or of the last earlier row."""
+        """Return the status of the last row in the bin that ends at a time, ns, or else of the last earlier row."""
         for known_ns, status in reversed(self._kept):
             if known_ns <= end_ns + _SLACK_NS:
                 return status

@@ -2,8 +2,9 @@
 """
 External magnetic field (ionosphere, magnetosphere, storms) from the record of an observatory.
 
-A magnetic reference describes core and crust. The field from the Sun is measured at observatories; its difference from
-the quiet level is nearly the same at a well some hundred kilometres away. Format: IAGA-2002 data exchange format (IAGA
+A magnetic reference describes the fields of core and crust. The external field, which the Sun causes, is measured at
+observatories; its difference from the quiet level is nearly the same at a well some hundred kilometres away. Format:
+IAGA-2002 data exchange format (IAGA
 Division V, documented by NOAA/NCEI). Method: S. J. Reay et al., "Space weather effects on drilling accuracy in the
 North Sea", Annales Geophysicae 23 (2005), 3081-3088, which measured the error that remains after such a correction.
 """
@@ -21,15 +22,16 @@ from mwd_estimation.core.reference_field import ExternalField, Reference
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.frames import wrap_pi
 
-# Values from here on are marks of IAGA-2002 for missing (99999) or never recorded (88888) values.
+# Smallest value, nT or minutes of arc, that is a null value of IAGA-2002: 99999 for missing, 88888 for not recorded.
 _MISSING = 88888.0
+# Null values, and a full circle in tenths of minutes of arc, of DECBAS.
 _NULLS, _CIRCLE = (88888.0, 99999.0), 216000.0
-# A longer gap is not bridged, s: pulsations and substorm onsets take minutes.
+# Longest gap over which the record is interpolated, s: pulsations and substorm onsets take minutes.
 _LONGEST_GAP = 600.0
-# Hours with a range below this are equally quiet, T: observatories report tenths of nT.
+# Hours whose range of the field is below this count as equally quiet, T: observatories report tenths of nT.
 _RESOLUTION = 1e-9
 _HOUR_NS = 3_600_000_000_000
-# Declination, inclination and DECBAS (in tenths) are recorded in minutes of arc.
+# Minute of arc, rad: the unit of declination and dip, and ten times the unit of DECBAS.
 _MINUTE = math.radians(1.0 / 60.0)
 
 
@@ -37,8 +39,8 @@ _MINUTE = math.radians(1.0 / 60.0)
 class ObservatoryRecord:
     """Field at an observatory over time."""
 
-    station: str  #: IAGA code
-    stamps_ns: Stamps  #: shape (n,); UTC, increasing
+    station: str  #: IAGA code of the observatory
+    stamps_ns: Stamps  #: shape (n,); UTC, ns, increasing
     field_n: Array  #: shape (n, 3); north, east, down (geographic), T; only complete samples
     quiet_n: Array  #: shape (3,); quiet level, T
 
@@ -63,7 +65,7 @@ class ObservatoryRecord:
 
 def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
-    Read a record in IAGA-2002 format: X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F, possibly with other components.
+    Read a record in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F; ignore others.
 
     Several daily files may be joined, each with its own header. The baseline declination (DECBAS) of a header is added
     to the angles that variometers report relative to it.
@@ -78,8 +80,9 @@ def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     Raises
     ------
     ValueError
-        There is no IAGA-2002 header of columns, the components are others, H and E have no baseline declination, there
-        are several observatories, a line cannot be read, or there are fewer than two complete samples.
+        If there is no IAGA-2002 header of columns, the components are not one of these sets, H and E have no baseline
+        declination, there are several observatories, a line cannot be read, or there are fewer than two complete
+        samples.
     """
     sections = _sections(text, name)
     stations = list(dict.fromkeys(section.station for section in sections))
@@ -99,11 +102,11 @@ def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
 
 @dataclasses.dataclass
 class _Section:
-    """A header and its data: the station, the letters of the components, the baseline declination, rad."""
+    """A header and the data after it."""
 
-    station: str
-    letters: list[str]
-    baseline: float | None
+    station: str  #: IAGA code of the observatory
+    letters: list[str]  #: letter of each component, in the order of the columns
+    baseline: float | None  #: baseline declination, rad; None if the header has none
     stamps_ns: list[int] = dataclasses.field(default_factory=list)
     rows: list[list[float]] = dataclasses.field(default_factory=list)
 
@@ -131,8 +134,8 @@ class _Section:
             letters = ", ".join(sorted(have))
             raise ValueError(f"{name}: components {letters} are not X, Y, Z nor H, D, Z nor H, E, Z nor D, I, F")
         if "D" in have and self.baseline is not None and not np.isnan(declination).all():
-            # Some files give the full declination, others a variometer's angle from its baseline. An angle nearer to
-            # zero than to the baseline is from a variometer.
+            # Some files give the full declination, others the angle of a variometer from its baseline. If the median
+            # angle is nearer to zero than to the baseline, it is the angle of a variometer: add the baseline.
             middle = float(np.nanmedian(declination))
             if abs(wrap_pi(middle)) < abs(wrap_pi(middle - self.baseline)):
                 declination = declination + self.baseline
@@ -140,7 +143,7 @@ class _Section:
 
 
 def _sections(text: str, name: str) -> list[_Section]:
-    """Split a file at its headers, and read the data after each."""
+    """Split a file at its headers; return each header with the data after it."""
     sections: list[_Section] = []
     baseline: float | None = None
     for number, line in enumerate(text.splitlines(), 1):
@@ -150,8 +153,8 @@ def _sections(text: str, name: str) -> list[_Section]:
             sections.append(_Section(columns[0][:3] if columns else "", letters, baseline))
             baseline = None
         elif found := re.match(r"\s*#\s*DECBAS\s+([-+]?\d+(?:\.\d*)?)", line):
-            # DECBAS is in tenths of a minute of arc, positive east, at most a circle. The null values of the data are
-            # nulls here too.
+            # DECBAS is in tenths of a minute of arc, positive east, at most a full circle. The null values of the data
+            # are null values of DECBAS too.
             tenths = float(found[1])
             known = abs(tenths) <= _CIRCLE and tenths not in _NULLS
             baseline = float(wrap_pi(0.1 * tenths * _MINUTE)) if known else None
@@ -169,7 +172,7 @@ def _sections(text: str, name: str) -> list[_Section]:
 
 def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
     """
-    Return the field in the quiet hours of a record: the median of its samples, weighted by how quiet their hour was.
+    Return the quiet level of a record: the median of its samples, with larger weights for samples of quiet hours.
 
     Parameters
     ----------
@@ -181,21 +184,21 @@ def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
     Returns
     -------
     ndarray, shape (3,)
-        Field, T. The weight is the inverse square of the range within the hour, so that a storm that fills most of a
-        record has little weight, and nights of quiet days have most.
+        Field, T. The weight of a sample is the inverse square of the range of the field within its hour, so that even a
+        storm that fills most of a record has little weight, and quiet nights have most of the weight.
     """
     hours = stamps_ns // _HOUR_NS
     _, starts, counts = np.unique(hours, return_index=True, return_counts=True)
     spread = np.maximum.reduceat(field_n, starts) - np.minimum.reduceat(field_n, starts)
     weight = 1.0 / (np.sum(spread**2, axis=1) + _RESOLUTION**2)
-    # An hour shortened by a gap or by the ends of the record looks quieter than it was.
+    # Ignore hours that a gap or an end of the record cuts short: their range is too small.
     weight[counts < 0.5 * np.median(counts)] = 0.0
     each = np.repeat(weight, counts)
     return np.array([_weighted_median(component, each) for component in field_n.T])
 
 
 def _weighted_median(values: Array, weights: Array) -> float:
-    """Return the value with half of the weight on either side."""
+    """Return the weighted median: half of the total weight belongs to smaller values."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
@@ -210,11 +213,11 @@ def with_external(reference: Reference, disturbance_n: Array, sigma_share: float
     reference : Reference
         Reference with field and declination; without both it is returned unchanged.
     disturbance_n : ndarray, shape (3,)
-        North, east, down (geographic), T.
+        Difference of the field from the quiet level: north (true), east, down, T.
     sigma_share : float
-        Share of the disturbance that the well does not have, 1 sigma.
+        1 sigma of the difference between the disturbances at well and observatory, as a share of the disturbance.
     source : str
-        Place of the measurement.
+        Name of the observatory, for the description of the reference.
 
     Returns
     -------
@@ -228,8 +231,8 @@ def with_external(reference: Reference, disturbance_n: Array, sigma_share: float
     down = reference.vertical + float(disturbance_n[2])
     horizontal = math.hypot(north, east)
     total, strength = math.hypot(horizontal, down), float(np.linalg.norm(disturbance_n))
-    # The share that the well does not have may point anywhere: one of its three components is along the field, one
-    # across it in the meridian, and one east.
+    # The difference between well and observatory may have any direction. Its three components are along the field,
+    # across the field in the meridian, and east.
     left = sigma_share * strength / math.sqrt(3.0)
     return dataclasses.replace(
         reference,
@@ -245,7 +248,7 @@ def with_external(reference: Reference, disturbance_n: Array, sigma_share: float
 
 
 def _sample(line: str, components: int) -> tuple[int, list[float]]:
-    """Return UTC in ns and the components of one line of data."""
+    """Return UTC, ns, and the components of one line of data; raise ValueError if the line cannot be read."""
     day, clock, _, *values = line.replace("|", " ").split()
     if len(values) != components:
         raise ValueError(line)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observatory file of the settings, read when it is first needed and again after it changes."""
+"""Observatory file of the settings: it is read at the start, and again after the file has changed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Observatory:
     Raises
     ------
     SettingsError
-        The file cannot be read, or is not an IAGA-2002 record.
+        If the file cannot be read, or is not an IAGA-2002 record.
     """
 
     def __init__(self, place: Place) -> None:
@@ -41,9 +41,9 @@ class Observatory:
 
     def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
         """
-        Return the reference at a time, UTC ns (None: not known).
+        Return the reference with the external field at a time, UTC, ns; None: unknown time.
 
-        Outside the record it only names the observatory.
+        At an unknown time, or where the record has no data, only the name of the observatory is added.
         """
         if self._record is None or reference is None or not reference.has_field or reference.declination is None:
             return reference

@@ -22,10 +22,11 @@ class Output:
     #: `attitude`, `gravity`: dtype `wire.ATTITUDE` and `wire.GRAVITY`; one row for each IMU sample.
     attitude: Samples
     gravity: Samples
-    #: `interference`, `dynamics`: dtype `wire.INTERFERENCE` and `wire.DYNAMICS`
+    #: `interference`, `dynamics`: dtype `wire.INTERFERENCE` and `wire.DYNAMICS`; one row per half second and per
+    #: second.
     interference: Samples
     dynamics: Samples
-    surveys: list[DecidedSurvey] = dataclasses.field(default_factory=list)
+    surveys: list[DecidedSurvey] = dataclasses.field(default_factory=list)  #: surveys taken at rest
     refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a survey
     #: Faults of sensors that were found, narrowed down or cleared.
     health: list[SensorFault] = dataclasses.field(default_factory=list)
@@ -55,12 +56,13 @@ class Output:
 
 @dataclasses.dataclass
 class Counters:
-    """Counts of samples that were received but not used, and of times that time went back."""
+    """Number of samples received, number of samples not used, and number of times that time went back."""
 
+    #: `imu`, `mag`, `precision`: samples received from the conventional unit, the magnetometer and the precision unit.
     imu: int = 0
     mag: int = 0
     precision: int = 0
-    rejected: int = 0
-    late_mag: int = 0
-    spikes: int = 0
-    set_back: int = 0
+    rejected: int = 0  #: samples of all streams that were rejected
+    late_mag: int = 0  #: magnetic samples that arrived later than `tool.magnetometer.delay_s` after their stamp
+    spikes: int = 0  #: magnetic samples that were spikes
+    set_back: int = 0  #: number of restarts because time went back

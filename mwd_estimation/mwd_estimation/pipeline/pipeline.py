@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The estimator: samples in, attitude and surveys out; the same object serves the live node, replay and batch.
+The estimator: samples in, attitude and surveys out; the live node, replay and batch use the same object.
 
-Blocks may have any length. The output has the same bits however the streams are cut, and in whatever order the topics
-arrive, if a magnetic sample arrives at most `tool.magnetometer.delay_s` after its stamp.
+Blocks may have any length. The output has the same bits for any cut of the streams into blocks and for any order of the
+topics, if each magnetic sample arrives at most `tool.magnetometer.delay_s` after its stamp.
 
-Values pass the gate (`core.input_gate`) before anything else sees them. The pipeline checks their time: if time goes
-back (a recording that loops or is rewound), the estimate restarts. It also restarts if covariances state more noise
-than the tool's settings. The next stages, in the order of the signal, are in `estimate`.
+Values first pass the gate (`core.input_gate`). Then the pipeline checks their time: if time goes back (a recording that
+loops or is rewound), the estimate restarts. The estimate also restarts if covariances state more noise than the tool's
+settings. The next stages, in the order of the signal, are in `estimate`.
 """
 
 from __future__ import annotations
@@ -49,26 +49,26 @@ class Pipeline:
     ----------
     settings : EstimatorSettings
     reference : Reference, optional
-        Overrides the settings, for a field measured beforehand.
+        Reference that replaces the one of the settings, such as a field measured before the run.
     mount : Mount, optional
         Mount of the units in the tool; by default from the settings, without frames and static transforms.
     noise : mapping of Noise, optional
-        Noise that covariances stated before, by vector (`input_covariance.NoiseWatch`): it counts from the start.
+        Noise of each vector that covariances stated before (`input_covariance.NoiseWatch`); used from the start.
 
     Raises
     ------
     ValueError
-        The settings do not allow an estimate: a file cannot be read, or the place has no field.
+        If the settings do not allow an estimate: a file cannot be read, or the place has no field.
 
     Attributes
     ----------
     noise_notes : list of str
-        A sentence for each vector whose stated noise is larger than the tool's and is used.
+        A sentence for each vector whose stated noise is larger than that of the tool's settings and is therefore used.
     gate : InputGate
-        The gate that all samples pass. Samples that are used elsewhere too may pass it before they are pushed: samples
-        that have passed it once pass it again unchanged.
+        The gate that all samples pass. Samples may pass the gate before they are pushed, because a second pass does not
+        change them.
     temperature : TemperatureWatch
-        Watch of temperatures outside the calibration, where the sigmas are widened.
+        Temperatures outside the range of the calibration, at which the sigmas are increased.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Pipeline:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything except settings, counters and the survey numbering."""
+        """Restart the estimate; keep only settings, counters and the survey numbering."""
         self._clocks = Clocks()
         self._begin_anew()
 
@@ -108,7 +108,7 @@ class Pipeline:
         """
         Accept magnetic samples, dtype of `wire.MAG`, in axes of the unit.
 
-        They are left out if its mount is not known.
+        The samples are not used if the mount of the magnetometer is unknown.
         """
         if "mag" not in self.mount.unusable:
             self.counters.mag += len(samples)
@@ -117,9 +117,9 @@ class Pipeline:
 
     def push_precision(self, samples: Samples) -> None:
         """
-        Accept samples of the high-precision unit, dtype of `wire.IMU`.
+        Accept samples of the precision unit, dtype of `wire.IMU`, in axes of the unit.
 
-        They are left out if its mount is not known.
+        The samples are not used if the mount of the precision unit is unknown.
         """
         if "precision" not in self.mount.unusable:
             self.counters.precision += len(samples)
@@ -139,9 +139,9 @@ class Pipeline:
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
-        Process samples of the AHRS, dtype of `wire.IMU`, in axes of the unit.
+        Process samples of the conventional unit, dtype of `wire.IMU`, in axes of the unit.
 
-        Push all other samples of their time first.
+        Push the samples of all other streams of the same time first.
 
         followed : gravity of these samples in tool axes, if another method (a smoother) has already estimated it.
         """
@@ -168,7 +168,7 @@ class Pipeline:
         return output
 
     def _take_imu(self, samples: Samples, followed: Track | None) -> Output:
-        """Estimate samples of one time, in parts during which the same noise counts."""
+        """Process samples without a jump back of time; cut them where the stated noise changes."""
         output = Output.empty(0)
         while True:
             count, noise = self._onset.next_change(samples)
@@ -182,7 +182,11 @@ class Pipeline:
             followed = followed.part(slice(count, None)) if followed is not None else None
 
     def _set_back(self, begun: Samples) -> None:
-        """Restart with the samples that showed that time went back; their rows were already output as not used."""
+        """
+        Restart the estimate with the samples that confirmed the jump back of time.
+
+        Their rows were already output as rejected, so they give no output here.
+        """
         self.counters.set_back += 1
         self._begin_anew(self.mag_late_ns)
         for name, waiting in self._clocks.release().items():
@@ -199,9 +203,10 @@ class Pipeline:
 
     def _set_noise(self, stated: Mapping[str, Noise], output: Output) -> None:
         """
-        Use the noise stated by covariances if it is larger than the tool's; the estimate then restarts.
+        Use the noise stated by covariances if it is larger than that of the tool's settings; then restart the estimate.
 
-        Rows for the kept samples were already output, and the samples counted: they give no further rows.
+        The new estimate processes the kept samples again. They were already output and counted, so they give no further
+        rows and the counters are restored.
         """
         self._onset.count(stated)
         settings, self.noise_notes = with_noise(self.settings, stated)
@@ -220,22 +225,26 @@ class Pipeline:
 
     def finish(self) -> Output:
         """
-        Return the results still held back when no more samples arrive: a survey that waited for the gyro.
+        Return the survey that waits for the gyro, at the end of the data.
 
         More samples may still follow.
         """
         return self._estimate.finish()
 
     def revisions(self) -> dict[int, DecidedSurvey]:
-        """Surveys, by number, whose values changed through later surveys; the published values stay unchanged."""
+        """Return the surveys, by number, whose values later surveys changed; the published values stay unchanged."""
         return self._estimate.bin_stage.decision.revisions()
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
-        """Return a function that judges the newest surveys by the present state of the run, in any thread."""
+        """
+        Return a function that decides the newest surveys again with the present state of the run; for any thread.
+
+        newest: number of surveys.
+        """
         return self._estimate.bin_stage.decision.judging_again(newest)
 
     def set_reference(self, reference: Reference) -> None:
-        """Judge and correct by this field from now on; the interference is estimated anew."""
+        """Check and correct with this reference from now on; restart the estimate of the interference."""
         self._given = reference
         self._estimate.set_reference(reference)
 
@@ -254,7 +263,7 @@ class Pipeline:
 
     @property
     def still(self) -> StillSurvey:
-        """The current survey in a still interval: its progress, and the condition it waits for."""
+        """The current survey at rest, with its progress and the condition for which it waits."""
         return self._estimate.bin_stage.still
 
     @property
@@ -263,17 +272,17 @@ class Pipeline:
         return self._numbering.last
 
     def continue_numbering(self, last: int) -> None:
-        """Give the next survey a number after `last`, which is known from a run before this process."""
+        """Number the next survey after `last`, the last number of an earlier process."""
         self._numbering.last = max(self._numbering.last, last)
 
     @property
     def given_reference(self) -> Reference | None:
-        """The field that was given in place of the settings."""
+        """The reference that replaces the one of the settings; None if there is none."""
         return self._given
 
     @property
     def reference(self) -> Reference | None:
-        """The field by which azimuths and totals are judged."""
+        """The reference with which azimuths and totals are checked; None if there is none."""
         return self._estimate.field.reference
 
     @property
@@ -283,32 +292,32 @@ class Pipeline:
 
     @property
     def went_back(self) -> list[tuple[int, int]]:
-        """The latest stamp before and the first stamp after each time that time went back since the last reset, ns."""
+        """Latest stamp before and first stamp after each jump back of time since the last reset, ns."""
         return self._clocks.went_back
 
     @property
     def of_no_time(self) -> int:
-        """Number of samples of other streams that were left out because their time does not match the IMU's."""
+        """Number of samples of other streams that were dropped because their time does not match the IMU's."""
         return self._clocks.dropped
 
     @property
     def innovations(self) -> list[Innovation]:
-        """Expected and measured values of each source since the estimate began, with their differences."""
+        """Innovations of each source of measurements since the estimate began."""
         return self._estimate.innovations
 
     @property
     def mag_late_ns(self) -> int:
-        """Delay of the magnetometer's stamps against the IMU's, as found and corrected, ns; negative if early."""
+        """Delay of the magnetometer's stamps relative to the IMU's, as found and corrected, ns; negative if early."""
         return self._estimate.mag_late_ns
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample that the data show although `tool.samples` states another; empty if there is none."""
+        """Meaning of a sample according to the data, if it differs from `tool.samples`; empty if it does not differ."""
         return self._estimate.samples_are
 
     @property
     def last_imu_ns(self) -> int:
-        """Stamp of the last sample of the IMU, ns; far in the past if there was none."""
+        """Stamp of the last sample of the IMU, ns; the smallest integer before the first sample."""
         return int(self._estimate.last_imu_ns)
 
     @property
@@ -318,35 +327,35 @@ class Pipeline:
 
     @property
     def sensors_known(self) -> dict[str, int]:
-        """Conditions of units, axes and signs: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
+        """State of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
         return self._estimate.watch.known
 
 
-# When the noise that covariances state counts, and the samples from which the estimate then begins again.
+# Noise that covariances state: the time from which it is used, and the samples with which the estimate then restarts.
 
 
-# An estimate that is younger than this begins again with its first sample, ns: too young for a survey to be lost or
-# taken twice. An older one begins with the next sample.
+# An estimate younger than this, ns, restarts with its first sample: it is too young for a survey to be lost or taken
+# twice. An older estimate restarts with the next sample.
 _YOUNG_NS = 2_000_000_000
 # Largest number of samples kept of each stream: 2 s of a unit of 10 kHz. It also holds while the stamps do not advance.
 _MOST = 20_000
-_ALL = sum(len(vectors) for vectors in VECTORS.values())
+_ALL = sum(len(vectors) for vectors in VECTORS.values())  # number of vectors whose noise may be stated
 _MAG = "magnetic_field"
 
 
 class KeptSamples(NamedTuple):
-    """Samples with which an estimate begins again: of the conventional unit with their gravity, and of the others."""
+    """Samples with which an estimate restarts."""
 
-    imu: list[tuple[Samples, Track | None]]
-    beside: list[tuple[str, Samples]]
+    imu: list[tuple[Samples, Track | None]]  #: samples of the conventional unit, and their gravity from a smoother
+    beside: list[tuple[str, Samples]]  #: name of each other stream, and its samples
 
 
 class NoiseOnset:
     """
     Stated noise of the conventional unit and the magnetometer, and the samples that a new estimate needs again.
 
-    known: noise that counts from the first sample on, by vector; mag_delay_ns: a magnetic sample is there so long after
-    its stamp.
+    known: noise of each vector that is used from the first sample on; mag_delay_ns: time after its stamp at which a
+    magnetic sample has arrived, ns.
     """
 
     def __init__(self, known: Mapping[str, Noise], mag_delay_ns: int) -> None:
@@ -355,7 +364,7 @@ class NoiseOnset:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the samples that were kept: the estimate begins anew for another reason."""
+        """Discard the kept samples, because the estimate restarts for another reason."""
         self._begun_ns: int | None = None
         # Samples of other streams are used from this stamp on, ns.
         self._from_ns = np.iinfo(np.int64).min
@@ -363,11 +372,11 @@ class NoiseOnset:
         self._beside: dict[str, Samples] = {}
 
     def take_mag(self, samples: Samples) -> None:
-        """Read what the covariances of samples of the magnetometer state."""
+        """Read the noise that the covariances of magnetic samples state."""
         self._watch.take(samples, wire.MAG.type_name)
 
     def take_imu(self, samples: Samples) -> None:
-        """Read what the covariances of samples of the conventional unit state."""
+        """Read the noise that the covariances of samples of the conventional unit state."""
         self._watch.take(samples, wire.IMU.type_name)
 
     def next_change(self, samples: Samples) -> tuple[int, Mapping[str, Noise] | None]:
@@ -389,7 +398,7 @@ class NoiseOnset:
         return int(later[0]), {vector: self._watch.noise[vector] for vector in counting}
 
     def keep_imu(self, samples: Samples, followed: Track | None) -> None:
-        """Keep estimated samples of the conventional unit while the estimate is young and noise may still change."""
+        """Keep samples of the conventional unit while the estimate is young and the noise may still change."""
         if len(samples) and len(self._counting) < _ALL:
             last_ns = int(samples["stamp_ns"][-1])
             self._begun_ns = int(samples["stamp_ns"][0]) if self._begun_ns is None else self._begun_ns
@@ -401,18 +410,18 @@ class NoiseOnset:
                 self._beside = {name: part[part["stamp_ns"] > last_ns] for name, part in self._beside.items()}
 
     def keep_beside(self, name: str, samples: Samples) -> Samples:
-        """Keep samples of another stream for the same time, and return those that the present estimate uses."""
+        """Keep samples of another stream as long as those of the IMU; return those that the present estimate uses."""
         used = samples[samples["stamp_ns"] > self._from_ns]
         if len(self._counting) < _ALL:
             self._beside[name] = np.concatenate([self._beside.get(name, used[:0]), used])[-_MOST:]
         return used
 
     def count(self, noise: Mapping[str, Noise]) -> None:
-        """Record that this noise, by vector, counts from now on."""
+        """Record that the noise of these vectors is used from now on."""
         self._counting = set(noise)
 
     def begin_again(self, last_ns: int) -> KeptSamples:
-        """Return the samples that were kept, for an estimate that begins again after this stamp, ns."""
+        """Return the kept samples for an estimate that restarts; last_ns: stamp of the last processed sample, ns."""
         kept = KeptSamples(list(self._imu), list(self._beside.items()))
         if not self._imu:
             self._begun_ns, self._from_ns = None, last_ns

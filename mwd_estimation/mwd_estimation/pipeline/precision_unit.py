@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The high-precision unit: its samples bin by bin, its health, and the north found with it at a station."""
+"""The precision unit: its samples in bins, its health, and the north that its gyros find at a station."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from mwd_sensors.core.compiled import compiled
 class PrecisionBin:
     """Samples and health of the unit in one bin of time."""
 
-    samples: UnitSamples  #: NaN while the unit is faulty
+    samples: UnitSamples  #: samples of the unit; NaN while it is faulty
     changes: list[SensorFault]  #: faults found, narrowed down or cleared
-    fault: Reason | None  #: why the unit is left out; None if it is used
+    fault: Reason | None  #: reason why the unit is not used; None if it is used
 
 
 class PrecisionUnit:
-    """The high-precision unit of one tool."""
+    """The precision unit of one tool."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._settle_ns = settings.survey.settle_s * 1e9
@@ -55,7 +55,7 @@ class PrecisionUnit:
 
     @property
     def rates(self) -> tuple[Stamps, Array]:
-        """Stamps, ns, and rates, rad/s, shape (n, 3), of the kept samples; NaN where a gyro clipped or is in doubt."""
+        """Stamps, ns, and rates, rad/s, shape (n, 3), of the kept samples; NaN where a gyro clipped or is doubtful."""
         unknown = (self._clipped & ~np.uint8(clip_flags.ACCEL) != 0) | self._doubted
         rates = self._values[:, :3]
         return self._stamps, np.where(unknown[:, None], np.nan, rates) if unknown.any() else rates
@@ -66,9 +66,9 @@ class PrecisionUnit:
 
     def take(self, stamps: Stamps, values: Array, clipped: NDArray[np.uint8]) -> None:
         """
-        Accept samples and their `clip_flags`, as `UnitSamples`.
+        Accept samples and their clip flags, with shapes and units as in `UnitSamples`.
 
-        They are kept until the bin of their time is closed.
+        The samples are kept until the bin of their time is closed.
         """
         self._stamps = np.concatenate([self._stamps[self._at :], stamps])
         self._values = np.concatenate([self._values[self._at :], values])
@@ -81,11 +81,16 @@ class PrecisionUnit:
         self._health.take_refused(refused)
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
-        """Accept samples of the conventional unit of the same time for comparison, except those of a suspect sensor."""
+        """
+        Accept samples of the conventional unit of the same time, for comparison.
+
+        values: rates, rad/s, and forces, m/s^2, shape (n, 6); suspect, shape (n,): bits of doubtful sensors, whose
+        samples are not compared.
+        """
         unsure = suspect & (GYRO | ACCEL) != 0
         if unsure.any():
             values = np.where(unsure[:, None], np.nan, values)
-        # While the rate exceeds the range of the gyro, the centripetal difference between the two units is unknown.
+        # Do not compare forces while the x gyro clips: the difference of the centripetal forces is then unknown.
         fast = np.abs(values[:, 0]) >= AT_RANGE * self._gyro_range
         if fast.any():
             values = values.copy()
@@ -94,9 +99,9 @@ class PrecisionUnit:
 
     def close(self, imu: Bin, still_bins: int) -> PrecisionBin:
         """
-        Close one bin: judge the unit, and seek north with it if it has no fault.
+        Close one bin: check the unit, and pass its samples to the north seek at the station if it has no fault.
 
-        imu : the conventional unit's bin. still_bins : number of bins for which the tool has been still.
+        imu : bin of the conventional unit. still_bins : number of bins for which the tool has been still.
         """
         end_ns = (imu.index + 1) * BIN_NS
         # Pass samples by bins, not by blocks, so that the seek gets the same samples however the stream is cut.
@@ -110,7 +115,7 @@ class PrecisionUnit:
             refusal = self._health.refusal
             self.station.refuse(refusal, faulty)
             if self._health.suspect:
-                # Until it is known which of two units is wrong, the azimuth does not follow this one.
+                # Do not propagate the azimuth with this unit until it is known which of the two units is wrong.
                 self._doubted[part] = True
             if faulty:
                 fault = refusal
@@ -123,7 +128,7 @@ class PrecisionUnit:
 
 @compiled
 def first_not_before(stamps: Stamps, start: int, end_ns: int) -> int:
-    """Return the first index from `start` on whose stamp is not before `end_ns`."""
+    """Return the index of the first stamp, from index `start` on, that is not before `end_ns`, ns."""
     while start < len(stamps) and stamps[start] < end_ns:
         start += 1
     return start

@@ -19,8 +19,8 @@ from mwd_estimation.survey.rotary_survey import RotarySurvey
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
-LONGEST_S = 3600.0  # for a request
-_ROTARY_S = 30.0  # for a rotary survey whose request states no duration
+LONGEST_S = 3600.0  # longest duration of a request, s
+_ROTARY_S = 30.0  # duration of a rotary survey whose request states no duration, s
 
 
 class Requests:
@@ -35,12 +35,15 @@ class Requests:
 
     def start_north(self, duration_s: float, mode: str, gravity: float | None) -> None:
         """
-        Start a north seek; `gravity` is the local gravity, m/s^2, None if not known.
+        Start a north seek.
+
+        duration_s: duration, s, 0 for the default of the mode; mode: see `NorthSession`; gravity: local gravity, m/s^2,
+        None if unknown.
 
         Raises
         ------
         ValueError
-            The request cannot be carried out, a seek is running already, or the latitude is not known.
+            If the request cannot be carried out, a seek is running already, or the latitude is unknown.
         """
         latitude = self._settings.place.lat_deg
         if self._north is not None:
@@ -61,15 +64,15 @@ class Requests:
         return self._north
 
     def take_rates(self, stamps: Stamps, gyro: Array) -> None:
-        """Pass rates of the conventional unit, rad/s, shapes (n,) and (n, 3), to the seek."""
+        """Pass stamps, ns, shape (n,), and rates, rad/s, shape (n, 3), of the conventional unit to the north seek."""
         if self._north is not None:
             self._rates = np.concatenate([self._rates[0], stamps]), np.concatenate([self._rates[1], gyro])
 
     def seek(self, end_ns: int, precision: UnitSamples) -> Solution | None:
         """
-        Pass a bin that ends at `end_ns` to the seek, unless the seek began later.
+        Pass a bin that ends at `end_ns`, ns, to the north seek, unless the seek began later.
 
-        Return the result when the seek ends.
+        Return the result when the seek ends, otherwise None.
         """
         stamps, rates = self._rates
         if self._north is None or not len(stamps) or stamps[0] >= end_ns:
@@ -83,7 +86,7 @@ class Requests:
         return found
 
     def end_north(self, reason: Reason) -> Solution | None:
-        """End the seek for a reason; return its result, None if there was no seek."""
+        """End the north seek for a reason; return its result, None if there was no seek."""
         if self._north is None:
             return None
         found, self._north = dataclasses.replace(self._north.solution(), reason=reason), None
@@ -91,12 +94,12 @@ class Requests:
 
     def start_rotary(self, duration_s: float) -> None:
         """
-        Start averaging in axes that do not turn with the string.
+        Start a rotary survey, which averages in axes that do not turn with the string.
 
         Raises
         ------
         ValueError
-            The duration is not valid, or a rotary survey is running already.
+            If the duration, s, is not valid, or a rotary survey is running already.
         """
         if self._rotary is not None:
             raise ValueError("a rotary survey is already being taken")
@@ -113,9 +116,10 @@ class Requests:
 
     def average(self, samples: Samples, pairs: Samples) -> tuple[StillAverage | Refusal, float] | None:
         """
-        Pass a block, dtype `attitude.sample.SAMPLE`, to the rotary survey.
+        Pass a block to the rotary survey.
 
-        When the survey ends, return its average or refusal, and the rotary speed, rad/s.
+        samples: dtype `attitude.sample.SAMPLE`; pairs: dtype `attitude.time_alignment_state.PAIR`. When the survey
+        ends, return its average or refusal, and the rotary speed, rad/s; otherwise None.
         """
         if self._rotary is None:
             return None
@@ -127,7 +131,7 @@ class Requests:
 
 
 def _bounded(duration_s: float) -> float:
-    """Return the duration of a request, or raise ValueError if it is too long."""
+    """Return the duration of a request, s; raise ValueError if it is too long."""
     if duration_s > LONGEST_S:
         raise ValueError(f"duration: must be at most {LONGEST_S:g} s, got {duration_s:g}")
     return duration_s

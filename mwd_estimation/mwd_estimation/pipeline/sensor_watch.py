@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of the conventional unit and the magnetometer, as stretches of samples with the same usable sensors."""
+"""Health of conventional unit and magnetometer; it cuts a block into stretches with the same usable sensors."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
-# Numbers of the sensors by message field; and the faults that a sensor shows if it is declared not provided.
+# Number of the sensor of each message field; and faults that are found for a sensor that is declared not provided.
 _SENSOR_OF = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.INVALID, FaultCode.DEAD)
-# Number of half seconds for which a declaration "not provided" is remembered.
+# Number of half seconds for which a declaration "not provided" is kept.
 _DECLARED_BINS = 240
 
 
 @dataclasses.dataclass(frozen=True)
 class Stretch:
-    """Samples during which the same sensors are usable."""
+    """Part of a block in which the same sensors are usable."""
 
-    part: slice  #: samples of the block
+    part: slice  #: indices of the samples in the block
     #: `stamps`, `gyro`, `accel`: shapes (n,), (n, 3) and (n, 3); ns, rad/s and m/s^2.
     stamps: Stamps
     gyro: Array
     accel: Array
-    suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the sensors in doubt at each sample
+    suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the doubtful sensors at each sample
     unusable: int  #: bits of the sensors that are unusable in the whole stretch
-    drifted: bool  #: whether gravity shows that the gyros report a turn that the tool does not make
-    #: `begins_contamination`, `contaminated`: whether wrong values of a faulty sensor are found to have entered the
-    #: azimuth from here on, or already before.
+    drifted: bool  #: whether gravity shows that the gyros measure a rotation that does not exist
+    #: `begins_contamination`, `contaminated`: whether a fault at the start of this stretch shows that the azimuth
+    #: contains wrong values of a sensor, and whether this is known from here or from an earlier stretch.
     begins_contamination: bool
     contaminated: bool
     changes: list[SensorFault]  #: faults found, narrowed down or cleared at the first sample
@@ -50,7 +50,7 @@ class SensorWatch:
     """
     Health of the sensors and its history.
 
-    mat_tu, shape (3, 3): rotation from the axes of the conventional unit to those of the tool, which the samples have.
+    mat_tu, shape (3, 3): rotation from the axes of the conventional unit to tool axes; the samples are in tool axes.
     """
 
     def __init__(self, settings: EstimatorSettings, mat_tu: Array) -> None:
@@ -60,9 +60,9 @@ class SensorWatch:
         self._state = monitor.initial()
         self.history = FaultHistory()
         self._contaminated = self._drifted = False
-        # By sensor and half second: stamp of the first sample that was declared not provided.
+        # For each sensor and half second: stamp, ns, of the first sample that was declared not provided.
         self._declared_ns: dict[int, dict[int, int]] = {}
-        # Stamp from which magnetic samples have been used while the magnetometer appeared healthy.
+        # Stamp, ns, of the first magnetic sample that was used since the azimuth was last free of wrong values.
         self._mag_since_ns = np.iinfo(np.int64).max
 
     @property
@@ -72,20 +72,20 @@ class SensorWatch:
 
     @property
     def known(self) -> dict[str, int]:
-        """Conditions of units, axes and signs: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
+        """State of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
         return monitor.known(self._state)
 
     def expect_mag(self, *, expected: bool) -> None:
-        """Set whether magnetic samples are expected: without a known mount they are left out on purpose."""
+        """Set whether magnetic samples are expected; if the mount of the magnetometer is unknown, none are used."""
         self._params = self._params._replace(mag_expected=self._mag_expected and expected)
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Judge force and field by this reference from now on."""
+        """Compare force and field with this reference from now on."""
         known = (reference.gravity, reference.total, reference.dip) if reference is not None else (None, None, None)
         monitor.set_reference(self._state, *known)
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Accept unchanged magnetic samples, T."""
+        """Accept all magnetic samples as received: stamps, ns, shape (n,), and field, T, shape (n, 3)."""
         monitor.push_mag(self._state, stamps, b_t)
 
     def take_refused(self, refused: Samples) -> None:
@@ -93,7 +93,7 @@ class SensorWatch:
         monitor.push_refused(self._state, refused)
 
     def note_declared(self, samples: Samples) -> None:
-        """Note which vectors the samples, of either type, declare as not provided."""
+        """Record the vectors that samples of the IMU or the magnetometer declare as not provided."""
         for vector in _SENSOR_OF.keys() & set(samples.dtype.names or ()):
             absent = input_covariance.not_provided(samples, vector)
             if absent.any():
@@ -104,7 +104,12 @@ class SensorWatch:
                     del known[next(iter(known))]
 
     def _explained(self, fault: SensorFault, now_ns: int) -> SensorFault:
-        """Return the fault in axes of the unit, and whether messages up to `now_ns` declare its sensor not provided."""
+        """
+        Return the fault in axes of the unit.
+
+        `declared` is set if messages between the beginning of the fault and `now_ns`, ns, declare the sensor not
+        provided.
+        """
         fault = fault.in_unit_axes(self._mat_tu)
         declared = self._declared_ns.get(fault.place // 3, {}).values()
         if fault.code in _MISSING and any(fault.since_ns <= at <= now_ns for at in declared):
@@ -113,22 +118,22 @@ class SensorWatch:
 
     def shift_mag(self, late_ns: int, wait_ns: int) -> None:
         """
-        Correct the stamps of waiting magnetic samples, which are late by `late_ns`, ns.
+        Subtract `late_ns`, ns, from the stamps of waiting magnetic samples.
 
-        wait_ns : how much longer to wait for later magnetic samples, ns.
+        wait_ns : time added to the waiting time for magnetic samples, ns.
         """
         monitor.shift_mag(self._state, late_ns)
         self._params = self._params._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
     def mag_used(self, first_ns: int) -> None:
-        """Note that magnetic samples from this stamp on enter the azimuth."""
+        """Record that magnetic samples from this stamp, ns, on are used for the azimuth."""
         self._mag_since_ns = min(self._mag_since_ns, first_ns)
 
     def stretches(self, stamps: Stamps, gyro: Array, accel: Array) -> Iterator[Stretch]:
         """
-        Cut a block where the health of a sensor changes, which is rare.
+        Yield the stretches of a block, which is cut where the health of a sensor changes.
 
-        Each stretch is judged when it is requested.
+        The history of the faults is updated when a stretch is requested.
         """
         found = monitor.run(self._params, self._state, stamps, gyro, accel)
         for start, stop in itertools.pairwise(sorted({0, *found.places, len(stamps)})):
