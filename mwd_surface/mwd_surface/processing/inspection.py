@@ -80,8 +80,8 @@ class Inspection:
         How the units are mounted, as text.
     turns_about : str
         Axis of the unit about which the string was seen to turn, and its direction; empty if it never turned.
-    rests : int
-        Intervals at rest that are long enough for a survey.
+    rests : int or None
+        Intervals at rest that are long enough for a survey; None if the samples are too few to tell.
     rest_s : float
         Longest of them, s.
     faults : list of SensorFault
@@ -103,7 +103,7 @@ class Inspection:
     units: dict[str, str]
     mount: str
     turns_about: str
-    rests: int
+    rests: int | None
     rest_s: float
     faults: list[SensorFault]
     remarks: list[str]
