@@ -8,6 +8,7 @@ differ by tens of nT, which is a realistic size for the error of a global model 
 
 from __future__ import annotations
 
+import calendar
 import dataclasses
 import datetime
 import functools
@@ -171,7 +172,7 @@ def years(model: str) -> tuple[float, float]:
 def decimal_year(date: datetime.date) -> float:
     """Return a date as a decimal year, for the start of the day."""
     start = datetime.date(date.year, 1, 1)
-    days = (datetime.date(date.year + 1, 1, 1) - start).days
+    days = 366 if calendar.isleap(date.year) else 365
     return date.year + (datetime.date(date.year, date.month, date.day) - start).days / days
 
 

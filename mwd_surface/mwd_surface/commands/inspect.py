@@ -98,7 +98,7 @@ def inspect(
             if found.turns_about
             else "the tool never turns in this recording: axes not checked",
         ),
-        ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),
+        ("at rest", _rests(found.rests, found.rest_s)),
         ("surveys", _verdicts(found.surveys)),
         ("settings", recorded.source or "none in the recording"),
     ]
@@ -115,6 +115,13 @@ def inspect(
     if found.refusal:
         raise ValueError(f"`mwd process` cannot process {bag}: {found.refusal}")
     console.print(f"\n{found.command}", markup=False)
+
+
+def _rests(count: int | None, longest_s: float) -> str:
+    """Return how often the tool rested for long enough, in words."""
+    if count is None:
+        return "not known: a survey needs 3 samples in each half second"
+    return f"{count} times long enough for a survey, longest {longest_s:.0f} s"
 
 
 def _not_used(topics: list[TopicInfo]) -> str:

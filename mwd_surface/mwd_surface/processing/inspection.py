@@ -80,8 +80,8 @@ class Inspection:
         Mount of the units in the tool, as text.
     turns_about : str
         Axis of the unit about which the string turned, and its direction; empty if the string never turned.
-    rests : int
-        Number of intervals at rest that are long enough for a survey.
+    rests : int or None
+        Number of intervals at rest that are long enough for a survey; None if the samples are too few to judge.
     rest_s : float
         Longest interval at rest, s.
     faults : list of SensorFault
@@ -104,7 +104,7 @@ class Inspection:
     units: dict[str, str]
     mount: str
     turns_about: str
-    rests: int
+    rests: int | None
     rest_s: float
     faults: list[SensorFault]
     remarks: list[str]

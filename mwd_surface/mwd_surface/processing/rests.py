@@ -32,8 +32,9 @@ class Rests:
 
     Attributes
     ----------
-    count : int
-        Number of intervals of at least the settling and averaging time.
+    count : int or None
+        Number of intervals of at least the settling and averaging time; None if most half seconds have too few samples
+        to judge.
     longest_s : float
         Longest interval, s.
     hidden_s : float
@@ -43,7 +44,7 @@ class Rests:
     def __init__(self, settings: SurveySettings) -> None:
         self._settings = settings
         self._needed_s = settings.settle_s + settings.duration_s
-        self.count = 0
+        self._count = self._half_seconds = self._sampled = 0
         self.longest_s = self.hidden_s = 0.0
         self._still_s = self._hiding_s = 0.0
         self._before = np.full(3, np.nan)
@@ -65,8 +66,15 @@ class Rests:
         away = values - np.repeat(mean, counts, axis=0)
         noise = np.sqrt(np.add.reduceat(away * away, starts[:-1]) / counts[:, None])
         follows = np.diff(bins[starts[:-1]], prepend=bins[0] - 1) == 1
+        self._half_seconds += len(counts)
+        self._sampled += int(np.count_nonzero(counts >= _FEW))
         for k in range(len(counts)):
             self._close(mean[k], noise[k], bool(follows[k]) and counts[k] >= _FEW)
+
+    @property
+    def count(self) -> int | None:
+        """Number of rests, as described above."""
+        return self._count if 2 * self._sampled > self._half_seconds else None
 
     def problems(self, imu: str, gyro_unit: str) -> list[Problem]:
         """Return a problem if a wrong unit of the gyro hides rests; gyro_unit is the unit with which it was read."""
@@ -89,7 +97,7 @@ class Rests:
             before = self._still_s
             self._still_s += BIN_NS * 1e-9
             self.longest_s = max(self.longest_s, self._still_s)
-            self.count += int(before < self._needed_s <= self._still_s)
+            self._count += int(before < self._needed_s <= self._still_s)
         else:
             self._still_s = 0.0
         down = mean[3:] / max(float(np.linalg.norm(mean[3:])), 1e-9)

@@ -153,6 +153,15 @@ def test_a_rest_is_long_enough_by_the_settings_given(sent, tmp_path):
     assert dict(found.missing)["surveys"].startswith("no rest lasted 22 s")
 
 
+@pytest.mark.fault_case(50)
+@pytest.mark.parametrize(("every", "known"), [(100, False), (25, False), (10, True)])
+def test_samples_that_are_too_few_to_judge_a_rest_are_not_called_motion(every, known, sent, tmp_path):
+    imu, mag = sent
+    found = inspected(written(tmp_path / "bag", imu[::every], mag), PLACE)
+    assert (found.rests is not None) == known
+    assert ("too few samples" in dict(found.missing).get("surveys", "")) != known
+
+
 def test_what_is_missing_is_named_with_the_result_that_needs_it(sent, tmp_path):
     found = inspected(written(tmp_path / "bag", *sent), place={})
     assert [result for result, _ in found.missing] == [
