@@ -102,12 +102,12 @@ class Grid:
 # Crank angle of each pump at any time, from counted strokes.
 
 
-# A pause of this many usual intervals means that the pump stands or its switch failed.
-_PAUSE = 2.5
+# A pause of this many usual intervals means that the pump stands or its switch failed. Of a counter that misses 5 % of
+# the strokes, two in a row are missed every few minutes, and four in a row hardly ever.
+_PAUSE = 4.5
 _LEAST = 8  # least strokes to determine a pump's rate
-# The strokes are smoothed if the angle of this harmonic (second number) has a larger error than the first number, rad.
-# The third number limits the smoothing (1 sigma, strokes), because a pump changes its rate within some ten seconds.
-_ANGLE, _HARMONIC, _MOST_SMOOTHED = 0.3, 6.0, 6.0
+# Widths of the smoothing of strokes that are tried, 1 sigma, strokes.
+_SMOOTHED = (1.0, 2.0, 4.0, 8.0)
 # Significance level at which a line is attributed to a pump.
 _BY_CHANCE = 0.05
 
@@ -190,8 +190,8 @@ class Strokes:
             if len(inside) < _LEAST:
                 continue
             usual = float(np.median(np.diff(inside)))
-            # After its last stroke a pump is assumed to run on for one more interval.
-            known = np.append(time, time[-1] + usual)
+            # After its last known stroke a pump is assumed to run on for some more intervals.
+            known = np.append(time, time[-1] + math.floor(_PAUSE) * usual)
             # A missed stroke leaves an interval of two turns.
             turns = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(np.diff(known) / usual), 1.0))])
             known = _without_jitter(known, turns)
@@ -203,26 +203,30 @@ class Strokes:
 
 def _without_jitter(time: Array, turns: Array) -> Array:
     """
-    Return stroke times smoothed by a local line over as many strokes as their jitter requires; shape (n,).
+    Return stroke times smoothed by a local line; shape (n,).
 
-    The jitter is estimated from the second difference of the times, which contains little of a slow change of the rate.
+    The width of the smoothing is the one that predicts each stroke best from the strokes around it: wide if the
+    counter has much jitter, narrow if the pump changes its rate.
     """
-    step = np.diff(turns)
-    late = np.diff(time) / step
-    even = (step[1:] == 1.0) & (step[:-1] == 1.0)
-    if np.count_nonzero(even) < _LEAST:
+    if len(time) < _LEAST:
         return time
-    jitter = 1.4826 * float(np.median(np.abs(np.diff(late)[even]))) / math.sqrt(6.0)
-    sigma = min((2.0 * math.pi * _HARMONIC * jitter / float(np.median(late)) / _ANGLE) ** 2, _MOST_SMOOTHED)
-    if sigma < 1.0:
-        return time
-    out = np.empty(len(time))
+    tried = [_local_line(time, turns, sigma) for sigma in _SMOOTHED]
+    errors = [float(np.median(np.abs(time - others))) for _, others in tried]
+    return np.maximum.accumulate(tried[int(np.argmin(errors))][0])
+
+
+def _local_line(time: Array, turns: Array, sigma: float) -> tuple[Array, Array]:
+    """Return each time on the Gaussian-weighted line through all times near it, and through those times without it."""
     reach = math.ceil(2.5 * sigma)
-    for k in range(len(time)):
-        near = slice(max(k - reach, 0), k + reach + 1)
-        x, y = turns[near] - turns[k], time[near]
-        g = np.exp(-0.5 * (x / sigma) ** 2)
-        mean_x, mean_y = g @ x / g.sum(), g @ y / g.sum()
-        slope = g @ ((x - mean_x) * (y - mean_y)) / max(g @ (x - mean_x) ** 2, 1e-12)
-        out[k] = mean_y - slope * mean_x
-    return np.maximum.accumulate(out)
+    near = np.arange(len(time))[:, None] + np.arange(-reach, reach + 1)
+    at = np.clip(near, 0, len(time) - 1)
+    x = turns[at] - turns[:, None]
+    weight = np.where(near == at, np.exp(-0.5 * (x / sigma) ** 2), 0.0)
+    y = time[at] - time[:, None]
+    both = []
+    for own in (1.0, 0.0):
+        weight[:, reach] = own
+        s0, s1, s2 = (np.sum(weight * x**k, axis=1) for k in range(3))
+        t0, t1 = np.sum(weight * y, axis=1), np.sum(weight * x * y, axis=1)
+        both.append(time + (s2 * t0 - s1 * t1) / np.maximum(s0 * s2 - s1 * s1, 1e-12))
+    return both[0], both[1]

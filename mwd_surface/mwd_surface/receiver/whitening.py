@@ -28,7 +28,13 @@ _BEGINS, _LASTS = 1.0 / 5000.0, 8.0
 
 @compiled
 def prediction_error_filter(
-    noise: Array, weight: Array, order: int, floor: float, out: Array, kept: float = 1.0
+    noise: Array,
+    weight: Array,
+    order: int,
+    floor: float,
+    out: Array,
+    kept: float = 1.0,
+    unsure: Array | None = None,
 ) -> float:
     """
     Fill the filter that turns noise into white noise of unit variance.
@@ -47,6 +53,9 @@ def prediction_error_filter(
         Coefficients of the filter; the first belongs to the newest sample.
     kept : float
         Share of the previous sample that is subtracted. Below 1 the noise must have zero mean.
+    unsure : ndarray, shape (order + 2,), optional
+        Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it belongs to
+        the expected noise.
 
     Returns
     -------
@@ -64,6 +73,9 @@ def prediction_error_filter(
     for k in range(order + 1):
         for i in range(1, n - k):
             lags[k] += step[i] * step[i + k]
+    if unsure is not None:
+        for k in range(order + 1):
+            lags[k] += (1.0 + kept * kept) * unsure[k] - kept * (unsure[abs(k - 1)] + unsure[k + 1])
     out[:] = 0.0
     if count < 2.0 * order or lags[0] <= 0.0:
         return 0.0

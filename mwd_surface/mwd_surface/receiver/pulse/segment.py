@@ -223,7 +223,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS_AGAIN - 1):
-            pumps = _new_noise(stretch, _train(stretch, probability * present), state, weight)
+            pumps = _new_noise(stretch, probability * present, state, weight)
     g = _whitened(state.response, state.whitener)
     ways = trellis.log_ways(packets)
     own = slice(max(stretch.start - BEFORE, 0), stretch.end)
@@ -293,9 +293,7 @@ def _add_known(stretch: Stretch, train: Array) -> None:
 
 
 def _places(stretch: Stretch, probability: Array) -> Array:
-    """Return the places of all pulses that are used to estimate the response, as `Stretch.pulses`."""
-    if stretch.end:
-        return stretch.pulses
+    """Return the places of all pulses, as `Stretch.pulses`."""
     at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
     own = [
         np.column_stack([one, p, np.full(len(p), k)])[p > 0.0]
@@ -392,20 +390,36 @@ def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array
     return precision(whitened - explained, stretch.known)
 
 
-def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> Array:
+def _new_noise(stretch: Stretch, pulses: Array, state: Channel, weight: Array) -> Array:
     """Fit the noise model to the pressure without pulses and pumps; return the level and pump noise."""
-    explained = np.empty(len(train))
-    reconstruct(train, state.response, explained)
+    explained = np.empty(len(weight))
+    reconstruct(_train(stretch, pulses), state.response, explained)
     residual = stretch.pressure - explained
     background = _background(residual, weight, state.memory, stretch.angles)
     residual -= background
     root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
-    unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise)
+    unsure = _unsure(_places(stretch, pulses), state.response, weight)
+    unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise, 1.0, unsure)
     if unexpected > 0.0:
         # Use the better predictor of the two: if the level drifts or steps, the one with the level does not help.
-        steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT) < unexpected
+        steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT, unsure) < unexpected
         state.stepwise, state.whitener = stepwise, level if steady else stepwise
     return background
+
+
+def _unsure(places: Array, response: Array, weight: Array) -> Array:
+    """
+    Return the autocorrelation of the error of the expected pulses, Pa^2 summed over the samples; shape (ORDER + 2,).
+
+    places: as `Stretch.pulses`. The expected power of the noise is that of the residual plus that of this error (A. P.
+    Dempster et al., J. R. Stat. Soc. B 39 (1977) 1); without it the noise of unsure pulses is too small, and their
+    words are too sure.
+    """
+    pairs = np.empty(_LAGS)
+    place_pairs(places, weight, pairs)
+    lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(_LAGS)[:, None]
+    common = np.correlate(np.pad(response, (0, int(lags[-1] + apart[-1, 0]))), response)
+    return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
 
 
 def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
