@@ -2,8 +2,8 @@
 """
 Streams of a recording's samples as the estimator needs them: each once, on one clock, complete, and in SI.
 
-Every command that works on the sensors of a recording reads the samples through these streams; `mwd inspect` and `mwd
-process` refuse a recording for the same reasons.
+Every command that works on the sensors of a recording reads the samples through these streams. `mwd inspect` and
+`mwd process` refuse a recording for the same reasons.
 """
 
 from __future__ import annotations
