@@ -53,7 +53,7 @@ class AngleConvention(enum.StrEnum):
 
     @property
     def points(self) -> str:
-        """Direction of positive dips, "up" or "down", as readers of lists name it; empty for inclinations."""
+        """Direction in which dips are positive, "up" or "down", for the settings of lists; empty for inclinations."""
         return {AngleConvention.DIP_UP: "up", AngleConvention.DIP_DOWN: "down"}.get(self, "")
 
     @property
@@ -63,12 +63,12 @@ class AngleConvention(enum.StrEnum):
 
     @property
     def heading(self) -> str:
-        """Short title of the angle's column on paper; the dip of the magnetic field is called Dip."""
+        """Short title of the angle's column in reports; differs from Dip, the title of the magnetic field's dip."""
         return _TITLES[self]
 
     @property
     def meaning(self) -> str:
-        """Definition of the angle in words, for the head of lists."""
+        """Definition of the angle in words, for the heading of lists."""
         return _MEANINGS[self]
 
 

@@ -68,7 +68,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         """
         Compile a called kernel for the types of its arguments, not for their literal values.
 
-        numba would compile one more version for each literal argument (0, 1), which takes a fifth of the total time.
+        numba would compile one more version for each literal argument (0, 1), a fifth of the total compilation time.
         """
         return super().get_call_template(
             tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}

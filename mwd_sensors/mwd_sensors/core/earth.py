@@ -121,7 +121,8 @@ def reference_field(
     Raises
     ------
     ValueError
-        The model is unknown, the place is off the Earth, or the date is outside the model (no extrapolation).
+        The model is unknown, latitude, longitude or height is out of range, or the date is outside the years of the
+        model.
     """
     return field_of(magnetic_field(lat, lon, height, date, model), *_local(lat, lon, height), _SOURCES[model])
 
@@ -190,7 +191,7 @@ def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670
         Depth of the point below the ground, m. Gravity changes with depth by the free-air gradient minus twice the pull
         of the slab of rock above the point.
     density : float
-        Density of that rock, kg/m^3.
+        Density of the rock above the point, kg/m^3.
 
     Source: Somigliana's formula and free-air series, NIMA TR8350.2, section 4.2; Poincare-Prey reduction for depth.
     """
@@ -347,7 +348,7 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
 
 
 def _check_area(known: Any, crs: str, lat_deg: float, lon_deg: float) -> None:
-    """Raise ValueError for a place far outside the area that a grid is made for."""
+    """Raise ValueError for a place more than `_BESIDE_DEG` outside the area of a grid."""
     area = known.area_of_use
     if area is None:
         return

@@ -36,7 +36,7 @@ def unprintable(text: str) -> str:
 
 
 def first_of(names: Sequence[str], most: int = 20) -> str:
-    """Return the first names as a list in text, each at most 200 characters long, and how many more there are."""
+    """Return the first `most` names as text, each cut to 200 characters, with the number of further names."""
     shown = [name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}..." for name in names[:most]]
     more = [f"and {len(names) - most} more"] if len(names) > most else []
     return ", ".join(shown + more)

@@ -74,7 +74,8 @@ def mat_nt(inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> A
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        The rotation: the transpose of S0 eq (2) with theta = inclination - 90 deg and phi = toolface - 180 deg.
+        The rotation: the transpose of S0 eq (2) (docs/references.md) with theta = inclination - 90 deg and phi =
+        toolface - 180 deg.
     """
     inc, azi, tf = np.broadcast_arrays(
         np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float), np.asarray(toolface, dtype=float)

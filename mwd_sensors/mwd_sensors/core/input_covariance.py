@@ -187,7 +187,7 @@ def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
 
 
 def sentence(topic: str, vector: str, note: str) -> str:
-    """Write a sentence about a vector of a topic: the problem, from a note of `judge`, and what is done about it."""
+    """Return a sentence about a vector of a topic: the problem, which is a note of `judge`, and the consequence."""
     if note == ABSENT:
         return f"{topic}: {vector} is declared {note}: it is not used"
     return f"{topic}: {vector} comes with {note}: the noise of the tool's settings is used"

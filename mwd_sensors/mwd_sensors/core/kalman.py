@@ -104,7 +104,7 @@ def scalar_update(P: Array, x: Array, ph: Array, variance: float, innovation: fl
 
 @compiled
 def reset_state(P: Array, i: int, variance: float) -> None:
-    """Make state i independent of the others and give it this variance, in P, shape (n, n)."""
+    """Make state i independent of the other states and set its variance, in the covariance P, shape (n, n)."""
     for j in range(P.shape[0]):
         P[i, j] = 0.0
         P[j, i] = 0.0

@@ -3,7 +3,7 @@
 Conversion between records and ROS messages of equal field names, so that a new field needs no conversion code.
 
 No ROS code is imported: a message is any object with the fields of its definition, and the caller passes the function
-that makes one (`mwd_sensors.ros.messages.make` in a node, `Definitions.make` for a file).
+that makes messages (`mwd_sensors.ros.messages.make` in a node, `Definitions.make` for a file).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class UnknownNumberError(ValueError):
 
 class MessageRecord:
     """
-    Base of dataclasses whose fields are those of a message.
+    Base class of dataclasses that have the fields of a message.
 
     A field `x_ns`, ns since 1970, is the time `x` in the message; `stamp_ns` and `frame_id` are in the message's
     header. A tuple is an array in the message, and a member of an enumeration is its number. Two records are equal if
@@ -113,12 +113,12 @@ class MessageRecord:
 
 
 def stamp_of(time: Any) -> int:
-    """Return the nanoseconds of a builtin_interfaces/Time."""
+    """Return a builtin_interfaces/Time as ns since 1970."""
     return int(time.sec) * NANOSECONDS + int(time.nanosec)
 
 
 def time_message(stamp_ns: int, make: Make) -> Any:
-    """Return the builtin_interfaces/Time of nanoseconds."""
+    """Return a time, ns since 1970, as builtin_interfaces/Time."""
     seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
     return make(TIME, {"sec": seconds, "nanosec": nanoseconds})
 

@@ -36,11 +36,11 @@ def tangent(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
 
 def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = VERTICAL) -> npt.NDArray[np.complex128]:
     """
-    Return the azimuth of the hole at each station, and how well it is known.
+    Return the azimuth of the hole at each station, and its certainty from 0 to 1.
 
-    A vertical station has no azimuth: the number that a list prints there carries no meaning. Such a station takes the
-    azimuth of the hole next to it, first that of the hole below, then that of the hole above, because the arcs to them
-    leave the vertical in these directions. Between the vertical and `known_from` the station's own azimuth has the
+    A vertical station has no azimuth: the number that a list prints there has no meaning. Such a station takes the
+    azimuth of the hole below it, or else of the hole above it, because the arcs to the neighbouring stations leave the
+    vertical in these directions. Between the vertical and `known_from` the station's own azimuth has the
     weight (sin(inclination) / sin(known_from))^2, so that the result is continuous in inclination and azimuth.
 
     Parameters
@@ -53,8 +53,8 @@ def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = V
     Returns
     -------
     ndarray of complex, shape (n,)
-        The argument is the azimuth. The magnitude, from 0 to 1, says how well it is known; it is 0 if no station of the
-        hole has an azimuth.
+        The argument is the azimuth, the magnitude is the certainty, from 0 to 1. The magnitude is 0 if no station of
+        the hole has an azimuth.
     """
     inc, azi = np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float)
     weight = np.minimum((np.sin(inc) / math.sin(known_from)) ** 2, 1.0)
@@ -139,7 +139,7 @@ def interpolate(
     -------
     inclination, azimuth : ndarray, shape (...)
         Angles, rad; at a station exactly the given values, with azimuth wrapped to [0, 2 pi). Where the hole is
-        vertical, the azimuth is that of the hole next to it (`directions`).
+        vertical, the azimuth is the azimuth of the nearest inclined hole (`directions`).
     position : ndarray, shape (..., 3)
         North, east, down, m.
 
@@ -234,7 +234,7 @@ def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: fl
 
 def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (0.0, 0.0)) -> Array:
     """
-    Return the horizontal distance along one azimuth.
+    Return the horizontal distance of positions from an origin along one azimuth.
 
     positions, shape (..., 2 or 3): north, east(, down), m. azimuth: direction of the section, rad. origin, shape (2,):
     north and east of the zero of the section, m. Returns shape (...), m.

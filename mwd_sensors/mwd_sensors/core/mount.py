@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Orientation of the sensor units in the tool: rotations from the axes of each unit to those of the tool.
+Orientation of the sensor units in the tool: rotations from the axes of each unit to the tool axes.
 
-A mount is written as a preset (which axis of the unit points where), as a matrix, as a quaternion, or as `tf`, which
-uses the static transforms of a recording or of the graph. The live estimator and recordings resolve it in the same way.
+A mount is written as a preset (axis of the unit that points down-hole or up-hole), as a matrix, as a quaternion, or as
+`tf`, which uses the static transforms of a recording or of the graph. The live estimator and the processing of
+recordings find the rotations in the same way.
 """
 
 from __future__ import annotations
@@ -163,7 +164,7 @@ class Transforms:
 @dataclasses.dataclass(frozen=True)
 class Mount:
     """
-    Rotations from the axes of each unit to those of the tool, as resolved from settings and transforms.
+    Rotations from the axes of each unit to the tool axes, found from settings and transforms.
 
     Attributes
     ----------
@@ -217,7 +218,7 @@ def resolve(
     ----------
     given : MountSettings
     names : mapping of str to str, optional
-        Frame that the messages of imu, mag and precision name; missing or empty if not known.
+        Frame name in the messages of each unit (imu, mag, precision); missing or empty if not known.
     transforms : Transforms, optional
 
     Returns

@@ -9,7 +9,7 @@ type checker reads the class, numba and numpy use the dtype made from it, and in
         head: int                              state = np.zeros(1, RING)
         down: Annotated[Array, 512, 3]         step(params, state[0], ...)
 
-A record is passed to a kernel by reference. To copy, save, compare or reset a state, do so with the one-element array.
+A record is passed to a kernel by reference. To copy, save, compare or reset a state, use the one-element array.
 """
 
 from __future__ import annotations

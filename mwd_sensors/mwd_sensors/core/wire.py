@@ -341,7 +341,7 @@ TOOL_STATUS = Layout(
         ("failed_self_tests", "uint32", 1),
     ),
 )
-#: Self-tests by their bit in TOOL_STATUS.
+#: Bit in `self_tests` and `failed_self_tests` of TOOL_STATUS -> name of the self-test.
 SELF_TESTS = {1: "sensors", 2: "magnetometer", 4: "detector", 8: "memory", 16: "clock", 32: "battery"}
 
 #: Vector without a stated quantity or unit; no topic of this project uses it.

@@ -89,8 +89,8 @@ class Emulator:
         self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
-        # The unit's time: stamp of a sample, steady time at which it was due, and unit seconds per second of the wall
-        # clock.
+        # Clock of the unit: stamp of the first sample (at rate 0 of the newest), ns; steady time at which the first
+        # sample was sent, s; unit seconds per second of the wall clock.
         self._unit_ns, self._began, self._rate = 0, 0.0, 0.0
         self.sent = 0
 
@@ -192,7 +192,7 @@ class Emulator:
         self._answer()
 
     def _answer(self) -> None:
-        """Send the waiting answers, between frames and never inside one; a polled unit answers once it has measured."""
+        """Send the waiting answers between two frames; a polled unit answers only after its first IMU sample."""
         if self._unit is not None and self._asked is not None and "imu/data_raw" in self._beside:
             asked, self._asked = self._asked, None
             self._send(asked if isinstance(asked, bytes) else polled_line.reply(self._unit.frame, asked, self._values))

@@ -3,7 +3,7 @@
 Polled line (RS-485, one master) with the CRC-16 of Modbus: master and unit, without access to a port.
 
 Request: start bytes, address, command, fixed data, check. Reply: start bytes, address, command, number of data bytes
-if `counted`, data, check. The check covers all bytes from the address on. With the usual settings this is Modbus RTU.
+if `counted`, data, check. The check covers all bytes from the address on. The default settings are Modbus RTU.
 A unit refuses a request as Modbus does: command + 128, then a code. The frame is described in a YAML file.
 Source: Modbus Organization, MODBUS over Serial Line, Specification and Implementation Guide, V1.02, 2006.
 """
@@ -144,7 +144,7 @@ class Poll:
 
 
 def _probe_polls() -> tuple[Poll, ...]:
-    """Return the usual poll of a probe: Modbus registers 0 to 41 with time and all sensors."""
+    """Return the default poll of a probe: Modbus registers 0 to 41 with time and all sensors."""
     axes = [*NAMES["imu/data_raw"], *NAMES["imu/mag"], *NAMES["gyro/data_raw"], "temperature"]
     numbers = tuple(Item(name) for name in axes)
     items = (Item(TIME, "int64", 1e-9), *numbers, Item(STATUS, "uint16"))
@@ -209,7 +209,7 @@ def read(path: Path, names: Iterable[str]) -> PolledFrame:
     path : Path
         YAML file.
     names : iterable of str
-        Quantities that the reader of the line knows.
+        Names of the quantities that the file may contain.
 
     Raises
     ------
@@ -242,7 +242,7 @@ PROBE_QUANTITIES = (TIME, STATUS, *(name for names in NAMES.values() for name in
 
 def check(data: bytes, frame: PolledFrame) -> bytes:
     """Return the CRC-16 of bytes in the order of the frame."""
-    number: int = FramerRTU.compute_CRC(data)  # low byte first when written as big endian
+    number: int = FramerRTU.compute_CRC(data)  # has its two bytes swapped: big endian writes the low byte first
     return number.to_bytes(_CHECK_BYTES, "big" if frame.check_order == "low_first" else "little")
 
 

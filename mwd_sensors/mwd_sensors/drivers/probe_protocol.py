@@ -24,7 +24,7 @@ _SAMPLES = {1: ("IMU", "imu/data_raw", 6), 2: ("MAG", "imu/mag", 3), 3: ("GYRO",
 _SAMPLES |= {4: ("TEMP", "imu/temperature", 1)}
 _TIME, _INFO = 16, 17
 COMMANDS = {"start": 32, "stop": 33, "time": 34, "info": 35}
-"""Commands to a probe: start and stop samples, ask for its time, ask for its name; with the kind of their frames."""
+"""Command to a probe -> kind of its frame. The commands start and stop the samples, and request time and name."""
 _BY_NAME = {name: (topic, count) for name, topic, count in _SAMPLES.values()}
 _BY_TOPIC = {topic: (kind, name) for kind, (name, topic, _) in _SAMPLES.items()}
 # A longer run of bytes without an end is not a frame and is dropped.

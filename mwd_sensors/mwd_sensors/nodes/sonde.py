@@ -34,7 +34,7 @@ from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 
 _BLOCK_S = 0.1  # s of the scenario that are simulated at a time
-_TIMER_PERIOD = 0.005  # s
+_TIMER_PERIOD = 0.005  # s; time between two timer callbacks, which simulate and publish
 _CALL_S = 0.05  # s; longest time of one timer callback, not counting the last simulated block
 _MOST_BEHIND_S = 1.0  # s of wall time that the simulation may lag before it gives up catching up
 # Largest number of messages that one timer callback publishes: more messages at once, after a delay, would overrun the
@@ -122,7 +122,7 @@ class SondeSettings:
 
 
 class SondeNode(GraphNode[SondeSettings]):
-    """Publishes the topics of `wire.SONDE_TOPICS`; the stamps start at the wall time of activation."""
+    """Publishes the topics of `wire.SONDE_TOPICS`; the stamps start at the node's time at the start of the scenario."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonde", SondeSettings(), **node_options)
@@ -315,7 +315,7 @@ class SondeNode(GraphNode[SondeSettings]):
         return response
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return progress, published messages, and the state of rig commands and telemetry link if there are any."""
+        """Return the progress of the scenario, and the state of rig commands and telemetry link if there are any."""
         link = self._telemetry.diagnostics() if self._telemetry is not None else []
         return (self._progress_diagnostic(), *self._rig_commands.diagnostics(), *link)
 

@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 _FRAME_PREFIX = re.compile(r"[A-Za-z0-9_/.-]{0,200}")
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
-_DIAGNOSTICS_PERIOD = 1.0  # s
+_DIAGNOSTICS_PERIOD = 1.0  # s; time between two messages of diagnostics and heartbeat
 # Least time from the last message to the end of a process that ends by itself, s: it lets messages reach best-effort
 # readers, which do not acknowledge.
 _DELIVERY_TIME = 0.5
@@ -481,7 +481,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class Heartbeat:
-    """Creates the heartbeat messages of one node; `name` is the full name of the node."""
+    """Creates the heartbeat messages of one node; `name` is its full name, `namespace` its namespace."""
 
     def __init__(self, name: str, namespace: str) -> None:
         self._name, self._namespace = name, namespace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages made by name, and messages whose numbers are unknown until they are set."""
+"""Create messages by the name of their type, and messages whose numbers are NaN until they are set."""
 
 from __future__ import annotations
 

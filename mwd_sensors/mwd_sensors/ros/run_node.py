@@ -39,9 +39,9 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise. Files that the process
     creates are not readable by other users.
 
-    SIGINT and SIGTERM shut the nodes down (deactivate, clean up) and the status is 0. If that takes longer than
-    `STOP_PATIENCE`, the process ends with status 1. Parameters that are not allowed end it with status 2 and a message,
-    and so does a topic, service or action that the permissions of a secured node lack.
+    SIGINT and SIGTERM shut the nodes down (deactivate, clean up) and the status is 0. If the shutdown takes longer than
+    `STOP_PATIENCE`, the process ends with status 1. It ends with status 2 and a message if a parameter is not allowed,
+    or if the permissions of a secured node lack a topic, service or action.
     """
     # Set the range here too, for nodes that are started without `mwd run`.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

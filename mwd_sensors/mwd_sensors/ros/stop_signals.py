@@ -27,7 +27,7 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 class StopSignals:
     """
-    Calls a function from a thread when SIGINT or SIGTERM arrives, from its creation to the end of the process.
+    Calls a function from a thread when SIGINT or SIGTERM arrives, until the end of the process.
 
     If the process is still starting two seconds after the signal, it has nothing to shut down and ends with status 0.
 
@@ -92,8 +92,8 @@ def leave_background_threads(status: int) -> None:
     """
     End this process at once if background threads are still working.
 
-    The node that wanted their results is gone, and a normal end of Python would wait for them. The node has already
-    waited for work that must finish (recordings, exports).
+    The node that needed the results of these threads has ended, and a normal end of Python would wait for the threads.
+    The node has already waited for work that must finish (recordings, exports).
     """
     if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
         sys.stdout.flush()

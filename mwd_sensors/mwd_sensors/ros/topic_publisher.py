@@ -29,7 +29,7 @@ class TopicPublisher(LifecyclePublisher):
     on_refusal : callable
         Called with the error of each message that was not sent.
     on_published : callable or None
-        Called with each message that was handed to `publish` while the publisher is active.
+        Called with each message that was passed to `publish` while the publisher is active.
     """
 
     on_refusal: Callable[[Exception], None]

@@ -40,11 +40,11 @@ class CarrierSent:
     ----------
     words : tuple of SentWord
     spans : tuple of CarrierSpan
-        In order of time.
+        Spans of symbols in order of time.
     frequency_hz, symbol_s : float
         Carrier frequency, Hz, and symbol duration, s, by the clock of the surface.
     shift : float
-        Share of a symbol during which the phase changes to the next one.
+        Share of a symbol during which the phase changes from the phase of the symbol before.
     """
 
     words: tuple[SentWord, ...]
@@ -79,8 +79,8 @@ class CarrierStream:
         """
         Send symbols from a time on, s.
 
-        If they follow the last symbols without a gap, the carrier's phase continues. Symbols that are still being sent
-        at that time are cut off there.
+        If the new symbols follow the last ones without a gap, the carrier's phase continues. Symbols that are still
+        being sent at that time are cut off at that time.
         """
         if self._spans:
             last, symbol, frequency = self._spans[-1]

@@ -142,7 +142,7 @@ class CoilVoltage:
         return np.asarray(channel.volt_per_t * np.abs(field))
 
     def _hum(self, time: Array) -> NDArray[np.complex128]:
-        """Return the harmonics of the mains in the band, T; a frequency error of the mains is times each number."""
+        """Return the mains harmonics in the band, T; harmonic k has k times the frequency error of the mains."""
         channel, decay = self._channel, math.exp(-1.0 / (_MAINS_S * RATE_HZ))
         white = _MAINS_SIGMA_HZ * math.sqrt(1.0 - decay**2) * self._mains.normal(size=len(time))
         error, self._wander = scipy.signal.lfilter([1.0], [1.0, -decay], white, zi=self._wander)

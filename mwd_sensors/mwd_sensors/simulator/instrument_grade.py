@@ -14,7 +14,7 @@ from mwd_sensors.core.settings import SettingsError, from_mapping, setting, unkn
 
 @dataclasses.dataclass(frozen=True)
 class GyroGrade:
-    """Errors of a gyro triad; a figure that is drawn at random is the 1 sigma over tools."""
+    """Errors of a gyro triad; for an error that is drawn at random for each tool, the figure is 1 sigma."""
 
     range_deg_s: tuple[float, float, float] = setting(
         (2000.0, 2000.0, 2000.0), "Range of each axis. Larger rates are clipped.", unit="deg/s", low=0.001
@@ -49,7 +49,7 @@ class GyroGrade:
 
 @dataclasses.dataclass(frozen=True)
 class AccelerometerGrade:
-    """Errors of an accelerometer triad; a figure that is drawn at random is the 1 sigma over tools."""
+    """Errors of an accelerometer triad; for an error that is drawn at random for each tool, the figure is 1 sigma."""
 
     range_g: tuple[float, float, float] = setting(
         (16.0, 16.0, 16.0), "Range of each axis. Larger forces are clipped.", unit="g", low=0.1
@@ -77,7 +77,7 @@ class AccelerometerGrade:
 
 @dataclasses.dataclass(frozen=True)
 class MagnetometerGrade:
-    """Errors of a magnetometer triad without the drill string's interference; drawn figures are 1 sigma over tools."""
+    """Errors of a magnetometer triad without drill string interference; figures as for `GyroGrade`."""
 
     range_ut: float = setting(800.0, "Range of all axes. Larger fields are clipped.", unit="uT", low=1.0)
     noise_nt: float = setting(0.0, "Noise of one sample.", unit="nT", low=0.0)

@@ -2,7 +2,7 @@
 """
 Magnetic disturbances: field of the string, soft iron, casings, offset wells, tool joints, daily variation.
 
-Disturbances that rotate with the tool are given in tool axes, those fixed in the ground in north, east, down.
+Disturbances that rotate with the tool are given in tool axes; disturbances fixed in the ground in north, east, down.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 
-# Closest distance of a pole, m: no sensor is inside a pole.
+# Smallest distance from a sensor to a pole, m; a smaller distance is replaced by this.
 _CLOSEST = 0.3
 
 

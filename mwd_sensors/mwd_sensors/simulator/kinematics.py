@@ -162,7 +162,7 @@ def _hole_point(path: WellPath, arc: int, x: float) -> HolePoint:
 
 @compiled
 def _hole_rotation(hole: HolePoint, v: float, v_dot: float) -> tuple[Vector, Vector]:
-    """Return rate, rad/s, and its derivative of the hole axes, in hole axes; v is the feed, m/s, v_dot in m/s^2."""
+    """Return the rate of the hole axes, rad/s, and its derivative, in hole axes; v, m/s, v_dot, m/s^2: feed."""
     inc_1, azi_1 = hole.inc_s * v, hole.azi_s * v
     inc_2 = hole.inc_ss * v * v + hole.inc_s * v_dot
     azi_2 = hole.azi_ss * v * v + hole.azi_s * v_dot

@@ -22,7 +22,7 @@ from mwd_sensors.simulator.mud_line import Well, responses
 # Triplex mud pumps: flow of three pistons with common pump faults, and the switch that counts strokes.
 
 
-_ROD = 0.2  # length of the crank divided by that of the connecting rod
+_ROD = 0.2  # length of the crank divided by the length of the connecting rod
 
 
 @dataclasses.dataclass(frozen=True)

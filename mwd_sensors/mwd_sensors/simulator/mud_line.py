@@ -65,7 +65,7 @@ def wave_speed(well: Well) -> float:
 def _line(well: Well, omega: Array, radius: float, area: float, friction: float) -> tuple[Complex, Complex]:
     """Return propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe; omega, (n,), in rad/s."""
     s = radius * np.sqrt(1j * omega * well.density / well.viscosity)
-    # I1 / I0 from exponentially scaled functions, because the plain ones overflow at some hertz.
+    # Compute I1 / I0 from exponentially scaled functions, because the unscaled functions overflow above some hertz.
     series = 1j * omega * well.density / area / (1.0 - 2.0 * scipy.special.ive(1, s) / (s * scipy.special.ive(0, s)))
     series = series + 2.0 * friction / well.flow_m3_s
     shunt = 1j * omega * area / (well.density * wave_speed(well) ** 2)
@@ -86,7 +86,7 @@ def _carried(load: Complex, length: float, line: tuple[Complex, Complex]) -> Com
 
 
 def _dampener(well: Well, omega: Array) -> Complex:
-    """Return the impedance of the pulsation dampener: its gas and the mud in its neck."""
+    """Return the impedance of the pulsation dampener, Pa s/m^3: its gas and the mud in its neck."""
     gas = well.dampener_m3 * well.precharge
     if gas <= 0.0 or well.precharge >= 1.0:
         return np.full(len(omega), 1e15 + 0j)

@@ -156,7 +156,7 @@ class _Lanes:
         return self.bit.rate != 0.0 or self.angle.rate != 0.0
 
     def jump(self, targets: Targets) -> None:
-        """Set the targets at once, for a run that starts in the middle of its work."""
+        """Set the targets at once, for a run that starts in the middle of a phase."""
         for name, value in targets.items():
             if name in ("bit_rate", "angle_rate"):
                 (self.bit if name == "bit_rate" else self.angle).rate = value

@@ -604,8 +604,8 @@ class MeasuringUnit:
         self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
         self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
         self._integrated = unit.output == "integrated"
-        # A single sample has noise of the sensor's own bandwidth; noise that is integrated has the converter's full
-        # bandwidth.
+        # The noise of a single sample has the sensor's bandwidth; noise that is integrated has the full bandwidth of
+        # the converter.
         full = float(self.grade.adc_hz)
         self._gyro_band = full if self._integrated else instrument.noise_band(gyro.bandwidth_hz, full)
         self._accel_band = full if self._integrated else instrument.noise_band(accelerometer.bandwidth_hz, full)

@@ -196,7 +196,7 @@ class String:
     ----------
     steering : Steering
     timeline : Timeline
-        Depth, weight and pumps; before the first command also the rotation.
+        Schedule of depth, weight and pumps; before the first command also of the rotation.
     toolface : float
         Toolface of the string's end at the beginning, rad.
     rate : int

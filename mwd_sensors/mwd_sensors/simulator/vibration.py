@@ -118,7 +118,7 @@ class Sweep:
 
 @dataclasses.dataclass(frozen=True)
 class Shocks:
-    """Hits of the wall: half-sine accelerations with approach and rebound, so that the tool stays in place."""
+    """Impacts on the wall: half-sine accelerations with approach and rebound, so that the tool stays in place."""
 
     rate_hz: float = setting(2.0, "Mean number of shocks per second.", unit="Hz", low=0.001, high=50.0)
     peak_g: tuple[float, float] = setting(
@@ -134,7 +134,7 @@ class Shocks:
 
 @dataclasses.dataclass(frozen=True)
 class StickSlip:
-    """Stick-slip of the bit: the rotary speed varies between zero and twice its mean, or beyond."""
+    """Stick-slip of the bit: the rotary speed varies between zero and twice its mean, or more."""
 
     frequency_hz: float = setting(0.2, "Number of stick-slip cycles per second.", unit="Hz", low=0.02, high=5.0)
     depth: float = setting(

@@ -128,8 +128,8 @@ _ANGLE_CHANNELS = (5, 3, 4)
 
 
 def _stick_slip(item: StickSlip) -> list[tuple[int, int, float, float, float]]:
-    # Rate / mean = 1 - d cos(w t). Sticky: its square scaled to mean 1, 1 - 4/3 cos(w t) + 1/3 cos(2 w t), flat at
-    # zero.
+    # Rate / mean = 1 - d cos(w t). Sticky: (1 - cos(w t))^2 scaled to mean 1, which is
+    # 1 - 4/3 cos(w t) + 1/3 cos(2 w t) and flat at zero.
     omega = 2.0 * math.pi * item.frequency_hz
     harmonics = ((1, -4.0 / 3.0), (2, 1.0 / 3.0)) if item.sticky else ((1, -1.0),)
     envelope = ENVELOPES.index("stick_slip")

@@ -112,7 +112,7 @@ class Carrier:
 
 @dataclasses.dataclass(frozen=True)
 class Coil:
-    """Transmitting coil of a sonde, wound about the tool axis; its field is changed in strength by the carrier."""
+    """Transmitting coil of a sonde, wound about the tool axis; the carrier modulates the strength of its field."""
 
     frequency_hz: float = setting(
         8025.0,
@@ -151,8 +151,8 @@ def interleaver(count: int) -> Indices:
     """
     Return the index of the coded bit that is sent at each position, shape (count,).
 
-    Neighbouring positions are a golden section of the block apart, so that a long disturbance hits bits far from each
-    other.
+    Coded bits that are sent at neighbouring positions are 0.618 of the block apart (golden section), so that a long
+    disturbance hits coded bits far from each other.
     """
     step = round(count * (math.sqrt(5.0) - 1.0) / 2.0)
     while math.gcd(step, count) > 1:

@@ -37,7 +37,7 @@ HEAD, TAIL = (LEVELS - 1, 0, LEVELS - 1), (LEVELS - 1,)
 
 @dataclasses.dataclass(frozen=True)
 class Downlink:
-    """Settings of the downlink; surface and tool need the same."""
+    """Settings of the downlink; surface and tool must have the same settings."""
 
     medium: str = setting(
         ROTATION, "Quantity that is changed: rotation of the string or flow.", choices=(ROTATION, FLOW)

@@ -21,7 +21,7 @@ from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import Word
 
 GAMMA, BATTERY_VOLTAGE = "gamma", "battery_voltage"
-#: Unit of a channel whose values are sums of bits: they have no mean, and no depth.
+#: Unit of a channel whose values are sums of bits, which are neither averaged nor assigned to a depth.
 FLAGS = "flags"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MOST_SECTORS = 16
@@ -121,7 +121,7 @@ class LogChannel:
         Raises
         ------
         ValueError
-            The word has a unit that does not measure the quantity.
+            The unit of the word belongs to another quantity.
         """
         if self.source == GAMMA and word_unit == "cps":
             return self.tool_factor

@@ -4,7 +4,7 @@ Parse and write sequences, the lists of words that a tool sends, in the grammar 
 
 `Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, number of bits, and P for a parity bit (N or nothing: none). A number
 before braces repeats their content. Spaces, commas or semicolons separate words. Names may be written in any case if
-only one word fits. A name without bits takes them from the table of words.
+only one word fits. A word without a number of bits has the number of the table of words.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
 
 
 def about(tool: ToolConfiguration, frame: Frame) -> str:
-    """Describe what a command does."""
+    """Return the effect of a command in words."""
     downlink = downlink_of(tool)
     name = COMMANDS[frame.command]
     if frame.command == _PULSE_WIDTH:

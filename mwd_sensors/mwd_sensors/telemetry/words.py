@@ -124,7 +124,7 @@ class Word:
         Parameters
         ----------
         bits : int
-            Length; 0 uses the word's own.
+            Number of bits of the word; 0 uses `Word.bits`.
         rate : float
             1 sigma of the rate of change of the value, unit / s.
         age_s : float

@@ -17,7 +17,7 @@ from mwd_surface.surveys.well import Well
 
 _TIMEOUT_S = 2.0  # time without feedback or progress after which its source counts as silent
 _SUPERVISED = {row.alarm for row in TABLE}
-_WARN, _ERROR = 1, 2  # diagnostic_msgs/DiagnosticStatus
+_WARN, _ERROR = 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 _DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
 _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
 
@@ -69,7 +69,7 @@ class DiagnosticsMonitor:
             values = {pair.key: pair.value for pair in status.values}
             if status.name.endswith("estimator: survey") and not self._live.parts.over_link:
                 figures = (_number(values.get("elapsed_s")) or 0.0, _number(values.get("remaining_s")) or 0.0)
-                # The feedback of an action is more recent.
+                # Ignore the diagnostics while an action sends feedback, which is more recent.
                 if self._clock.now - self._action_at > _TIMEOUT_S:
                     waits_for = values.get("waits_for", "")
                     self._show_progress(

@@ -42,7 +42,7 @@ def _of_battery(state: BatteryHealth, battery: Battery) -> Causes:
         found["tool.battery.voltage"] = (int(Severity.CRITICAL), text, remedy)
     hours, sigma = state.remaining / 3600.0, state.sigma_remaining / 3600.0
     # Compare the lower end of the range (2 sigma) with the limit. If the time is assumed, compare the time itself:
-    # its range is so wide that every battery without data would raise an alarm.
+    # the range of an assumed time is so wide that every battery without data would raise an alarm.
     least = hours if state.assumed else hours - 2.0 * sigma
     if math.isfinite(least) and least < battery.warning_h:
         basis = f"; assumed: {'; '.join(state.assumed)}" if state.assumed else ""

@@ -34,7 +34,7 @@ class PlanMonitor:
 
     @staticmethod
     def read(settings: PlanSettings, well: Well) -> Plan | ListFileError | None:
-        """Return the plan of the settings, an error if it cannot be used, or None without a plan; for any thread."""
+        """Return the plan of the settings, an error if it cannot be used, or None without a plan; thread-safe."""
         if not settings.file:
             try:
                 return _straight(settings, well)

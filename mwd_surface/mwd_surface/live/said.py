@@ -144,7 +144,7 @@ class SaidByTheSurface:
         if hand is None or math.isnan(hand.bit_depth + hand.data_age):
             return
         set_ns = stamp_of(message.header.stamp) - round(hand.data_age * NANOSECONDS)
-        # A depth is published with age 0 when it is set; a recording that begins later has the depth with a later age.
+        # A depth is published with age 0 when it is set; a recording that begins later has the depth with a larger age.
         known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
         if hand.data_age == 0.0 or not known:
             self._on_depth_by_hand(hand.bit_depth, hand.data_age)

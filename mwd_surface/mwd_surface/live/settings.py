@@ -141,7 +141,7 @@ class LiveSettings:
 
 @dataclasses.dataclass(frozen=True)
 class PlanSettings(ListSettings):
-    """The planned well path: a list and how it is read, or a straight hole from its opening."""
+    """Planned well path: a list file and the options for reading it, or a straight hole from its opening."""
 
     file: str = setting(
         "",

@@ -68,7 +68,7 @@ class StreamDecoder:
         self._context, self._live = context, context.live
         self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
         self._on_rig_input = on_rig_input
-        # In the order of decoding: the shown values of a topic may depend on the topics before it.
+        # Topics in the order of decoding: the shown values of a topic may depend on the topics before it.
         self._topics: dict[str, tuple[wire.Layout, Handler]] = {
             RIG: (wire.RIG_STATE, self._take_rig_state),
             "gravity": (wire.GRAVITY, self._live.on_gravity),

@@ -50,7 +50,7 @@ _REMEDIES = {
 
 class SurveyBook:
     """
-    The survey list of one well.
+    Survey list of one well, with bit depth, log channels and tool health.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class SurveyBook:
     depth : DepthRules
         Rules for pairing surveys with depths.
     log_step : float
-        Depth step of the logs, m.
+        Depth step of the log channels, m.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ def read_token(file: str, environment: Mapping[str, str]) -> str:
     Raises
     ------
     ValueError
-        The file cannot be read, others than its owner and group may read it, or the secret is too short.
+        The file cannot be read or is empty, every user may read it, or the secret is too short.
     """
     token = environment.get(VARIABLE, "")
     if file:
@@ -77,15 +77,15 @@ class Access:
         self._wrong: OrderedDict[str, tuple[int, float]] = OrderedDict()
 
     def wait_s(self, peer: str) -> int:
-        """Return how long an address must wait until its next secret is checked, whole s."""
+        """Return the time until the next secret of an address is checked, whole s."""
         count, at = self._wrong.get(peer, (0, 0.0))
         return max(0, math.ceil(at + _WAIT_S - self._clock())) if count >= _MOST_WRONG else 0
 
     def allows(self, peer: str, given: str, *, forgive: bool = True) -> bool:
         """
-        Return whether a secret is right; a wrong one is counted against its address.
+        Return whether a secret is right; count wrong secrets by the address that sent them.
 
-        forgive: whether a right secret clears that count.
+        forgive: whether a right secret resets the count of its address.
         """
         if hmac.compare_digest(_hashed(given), self._hash):
             if forgive:

@@ -14,7 +14,7 @@ from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
 _UINT8, _UINT32 = range(2**8), range(2**32)  # ranges of the integer fields in the requests of the services
-# Arguments of each command: type (a range: of whole numbers), and whether the argument is optional.
+# Arguments of each command: type (a range stands for the whole numbers in it), and whether the argument is optional.
 COMMANDS: dict[str, dict[str, tuple[type | range, bool]]] = {
     "accept_survey": {
         "sequence": (_UINT32, False),

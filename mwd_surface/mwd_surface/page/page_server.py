@@ -102,7 +102,7 @@ class PageServer:
     page : Path
         Folder of the page's files, which are read once at start.
     on_replay : callable, optional
-        Called with the checked request of `replay_route`, for a page that plays a recording.
+        Called with the checked request of `replay_handler`, for a page that plays a recording.
     now : callable, optional
         Clock of the snapshots' `now` if it is not `clock`, as for a recording.
     exports : Path, optional
@@ -309,7 +309,7 @@ class PageServer:
             loop.call_later(self.settings.request_timeout, self._expire, protocol)
 
     def _has_room(self, server: web.Server, peer: str) -> bool:
-        """Return whether another connection of an address is accepted; drop one without a request to make room."""
+        """Return whether a further connection from an address is accepted; drop one without a request if needed."""
         there = [peer_of(handler.transport) for handler in server.connections]
         full = len(there) >= self.settings.max_connections
         if not full and there.count(peer) < self.settings.max_per_peer:
@@ -568,8 +568,8 @@ class QuietPeer(asyncio.Protocol):
     """
     Protocol that closes a connection when its peer sends more than `most` bytes in a minute.
 
-    The web server sees complete messages only. A message that never ends, or frames without content, would occupy it
-    for good. All events are passed on to the protocol that the connection had before.
+    The web server gets complete messages only. A message that never ends, or frames without content, would occupy the
+    web server forever. All events are passed on to the protocol that the connection had before.
     """
 
     def __init__(self, transport: asyncio.Transport, most: int, clock: Callable[[], float]) -> None:

@@ -51,7 +51,7 @@ def number(value: Any) -> float | None:
 
 
 def numbers(values: Iterable[Any]) -> list[float | None]:
-    """Return `number` of each value."""
+    """Return each value as a finite number rounded to ten digits, or None."""
     return [number(v) for v in values]
 
 

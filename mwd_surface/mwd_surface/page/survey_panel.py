@@ -93,7 +93,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
 
 
 def _other_value(survey: Survey | None, north: North) -> dict[str, Any] | None:
-    """Return azimuth, its sigma and verdict of a value that is not the definitive one; None if there is none."""
+    """Return azimuth, sigma and verdict of a value of a survey that is not in force; None without such a value."""
     if survey is None:
         return None
     return {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Address of the page's texts in a language: the catalogue as JSON."""
+"""Route to the page's texts in a language: the message catalogue as JSON."""
 
 from __future__ import annotations
 
