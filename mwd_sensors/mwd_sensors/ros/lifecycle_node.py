@@ -87,7 +87,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **node_options)
         given = given_at_start(self)
         self.declare_parameter("autostart", True)
-        words = "What the frames of this node begin with; auto: its namespace and a slash. Set at start only."
+        words = "Prefix of the names of this node's frames; auto: its namespace and a slash. Set at start only."
         fixed = ParameterDescriptor(description=words, read_only=True)
         prefix = self.declare_parameter("frame_prefix", _NAMESPACE, fixed).value
         if not _FRAME_PREFIX.fullmatch(prefix):

@@ -20,7 +20,9 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import POSITION
 
-DEEPEST = 20_000.0  # m; the caller must confirm a greater depth; the longest hole so far is 15.2 km long
+# Largest measured depth of a survey, m; a list with a greater depth must be confirmed. The longest hole so far has
+# 15.2 km.
+DEEPEST = 20_000.0
 _ARC = 60.0  # m; between stations farther apart than this, stations are missing from the list
 _IMPOSSIBLE = 100_000.0  # m; the caller cannot confirm a greater depth
 _FARTHEST = 4.1e7  # m; no coordinate of a map is larger than the circumference of the Earth

@@ -7,10 +7,10 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
+from mwd_surface.list_files.list_checks import DEEPEST
 from mwd_surface.live.inputs import GAUGE, SONDE, Clock, DepthSources, InputClock, InputTable
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS, SourceSelection, short_name
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.surveys.list_rules import DEEPEST
 
 # Data of these rig interfaces get the surface's time when they arrive.
 _OURS = (OPCUA, WITS, MODBUS)

@@ -25,7 +25,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import FLAGS, LogSample, is_channel_name
-from mwd_surface.surveys.list_rules import DEEPEST as DEEPEST_M
+from mwd_surface.list_files.list_checks import DEEPEST as DEEPEST_M
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)

@@ -19,7 +19,7 @@ import math
 from collections.abc import Iterable
 
 from mwd_sensors.core.settings import setting
-from mwd_surface.surveys.list_rules import DEEPEST
+from mwd_surface.list_files.list_checks import DEEPEST
 
 NS = 1e-9
 _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey

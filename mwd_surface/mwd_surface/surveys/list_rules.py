@@ -7,7 +7,6 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
-DEEPEST = 15_000.0  # m; largest valid measured depth
 LAST_SEQUENCE = 999_999  # largest valid survey number: one survey per minute for two years
 
 

@@ -20,9 +20,10 @@ from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.foreign_text import unprintable
+from mwd_surface.list_files.list_checks import DEEPEST
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
-from mwd_surface.surveys.list_rules import DEEPEST, LAST_SEQUENCE, ListRules
+from mwd_surface.surveys.list_rules import LAST_SEQUENCE, ListRules
 from mwd_surface.surveys.station_checks import (
     at_same_depth,
     conflicts,

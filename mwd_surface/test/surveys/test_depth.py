@@ -89,7 +89,7 @@ def test_a_person_sets_the_depth_against_what_the_rig_reported():
     assert got.sensor_depth(14 * S, 0.0).measured_depth == 1000.0
     assert not got.update(17 * S, 1000.0)
     assert got.update(18 * S, 1034.1)
-    with pytest.raises(ValueError, match="bit_depth: must be within 0 and 15000 m, got -3"):
+    with pytest.raises(ValueError, match="bit_depth: must be within 0 and 20000 m, got -3"):
         got.set_by_hand(0, -3.0)
 
 
