@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conformance test of a control authority, ours or a rig's: tests as a client whether it keeps the lease contract."""
+"""Conformance test of a control authority, of this project or of a rig: a client tests whether it follows its rules."""

@@ -15,11 +15,11 @@ HEARTBEAT = 0  # sequence number of a heartbeat
 
 
 class NotPossibleError(Exception):
-    """Raised if the interface cannot express an action, so that this misuse is impossible."""
+    """Raised if the interface cannot express an action, so that the misuse under test is impossible."""
 
 
 class CaseError(Exception):
-    """Raised if a precondition of a case fails; the message names it."""
+    """Raised if a precondition of a case fails; the message names the precondition."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +36,7 @@ class View:
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """Answer to a request for control, as `control.status.Decision`."""
+    """Answer to a request for control, with the fields of `control.status.Decision`."""
 
     permission: int
     lease: int
@@ -45,7 +45,7 @@ class Answer:
 
 @dataclasses.dataclass(frozen=True)
 class Wish:
-    """A request for control; units as in mwd_msgs/RequestControl. A limit of 0 means as set at the rig."""
+    """Request for control, in the units of mwd_msgs/RequestControl; a limit of 0 means the limit set at the rig."""
 
     name: str = "conformance one"
     priority: int = 5
@@ -57,7 +57,7 @@ class Wish:
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """A set-point, SI and rad."""
+    """Set-point, in SI and rad."""
 
     mode: int = Mode.ROTATE
     speed: float = 0.5
@@ -67,24 +67,24 @@ class Point:
 
 
 class AuthorityClient(Protocol):
-    """One client of an interface, which the authority can distinguish from all others."""
+    """Client of an interface, which the authority can distinguish from all other clients."""
 
     def ask(self, wish: Wish) -> Answer:
-        """Ask for control, or for its renewal."""
+        """Request control, or the renewal of a lease."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
         """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""
 
     def release(self, lease: int) -> bool:
-        """Give a lease back; return whether that was done."""
+        """Give a lease back; return whether the authority released it."""
 
 
 class Interface(Protocol):
-    """A connection to the authority under test."""
+    """Connection to the authority under test."""
 
     name: str
     largest: int  # largest set-point number that the interface can send
-    lag_s: float  # time after which `view` shows the last action
+    lag_s: float  # time after which `view` shows the last action, s
 
     def peer(self, number: int) -> AuthorityClient:
         """Return a client; the same number gives the same client."""
@@ -93,20 +93,20 @@ class Interface(Protocol):
         """Read the public state."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the cases that exist for this interface only: title, expectation, and function."""
+        """Return the additional cases of this interface: title, expected result, and function."""
 
     def close(self) -> None:
         """Close all clients."""
 
 
 class Person(Protocol):
-    """The person who decides at the rig."""
+    """Person who decides at the rig."""
 
     def grant(self, number: int) -> bool:
-        """Grant a request; return whether it was done."""
+        """Grant a request; return whether the authority carried this out."""
 
     def abort(self, name: str = "conformance") -> bool:
-        """Take control back; return whether it was done."""
+        """Take control back; return whether the authority carried this out."""
 
 
 class Bench:
@@ -117,9 +117,9 @@ class Bench:
     ----------
     interface : Interface
     person : Person or None
-        None: nobody can grant or take back control, so cases that need a person are skipped.
+        Person at the rig; None: nobody can grant or take back control, so cases that need a person are skipped.
     heartbeat_s : float
-        Time after which the authority counts a silent controller as dead.
+        Time after which the authority ends the lease of a silent controller, s.
     """
 
     def __init__(self, interface: Interface, person: Person | None, heartbeat_s: float) -> None:
@@ -128,7 +128,7 @@ class Bench:
 
     @property
     def person(self) -> Person:
-        """The person who decides at the rig."""
+        """Person who decides at the rig; raise NotPossibleError if there is none."""
         if self._person is None:
             raise NotPossibleError("nobody can decide at the rig; add --ros NAMESPACE")
         return self._person
@@ -147,14 +147,14 @@ class Bench:
         return self.interface.view()
 
     def ask(self, peer: AuthorityClient, **wish: object) -> Answer:
-        """Ask for control without a grant by a person."""
+        """Request control; a pending request is not granted by the person."""
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))
         return answer
 
     def take(self, peer: AuthorityClient, **wish: object) -> int:
-        """Ask for control, have the request granted, and return the lease."""
+        """Request control, let the person grant a pending request, and return the number of the lease."""
         answer = self.ask(peer, **wish)
         if answer.permission == Permission.PENDING:
             self.person.grant(answer.lease)
@@ -165,7 +165,7 @@ class Bench:
         return answer.lease
 
     def turning(self, peer: AuthorityClient, lease: int, sequence: int = 1, **point: object) -> None:
-        """Let the owner send a set-point, and check that it comes into force."""
+        """Let the owner send a set-point, and check that the set-point comes into force."""
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
@@ -177,7 +177,7 @@ class Bench:
         return (view.lease, view.sequence) == (lease, sequence)
 
     def until(self, true: Callable[[], bool], seconds: float = 3.0) -> bool:
-        """Wait until a condition is true; return whether it became true."""
+        """Wait until a condition is true, at most `seconds`; return whether it became true."""
         end = time.monotonic() + seconds
         while not true():
             if time.monotonic() > end:
@@ -193,7 +193,7 @@ class Bench:
             time.sleep(min(0.2, self.heartbeat_s / 5.0))
 
     def ends(self, lease: int, within: float | None = None) -> bool:
-        """Return whether a lease ends in time, by default within the heartbeat time plus a margin."""
+        """Return whether a lease ends within a time, s; by default the heartbeat time plus a margin of 1.5 s."""
         return self.until(
             lambda: self.interface.view().lease != lease, self.heartbeat_s + 1.5 if within is None else within
         )

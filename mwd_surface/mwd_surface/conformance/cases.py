@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Cases that every interface of a control authority must pass; each misuses it in one way and reads the public state.
+Cases that every interface of a control authority must pass: each misuses the interface and reads the public state.
 
 A case is a function that takes a `Bench` and returns whether the authority behaved correctly, and what was observed.
 """
@@ -20,12 +20,12 @@ from mwd_surface.control.status import Permission
 Case = Callable[[Bench], tuple[bool, str]]
 CASES: list[tuple[str, str, Case]] = []
 _OBEYS = (Mode.ROTATE, Mode.ORIENT, Mode.PUMP)
-_FAR = 1e6  # value beyond every limit, in any unit
+_FAR = 1e6  # value that exceeds every limit, in any unit
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Result of one case; passed is None if the interface cannot express the misuse or nobody could decide."""
+    """Result of one case; passed: None if the interface cannot express the misuse, or no person could decide."""
 
     case: str
     interface: str
@@ -45,7 +45,7 @@ def case(title: str, expected: str) -> Callable[[Case], Case]:
 
 
 def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iterator[Result]:
-    """Run every case on an interface, one after the other."""
+    """Run every case on an interface, one after the other, and yield the results."""
     bench = Bench(interface, person, heartbeat_s)
     for title, expected, function in (*CASES, *interface.attacks()):
         passed: bool | None
@@ -61,17 +61,17 @@ def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iter
 
 
 def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
-    """Return whether the owner's set-point with this number is still in force, and a text about it."""
+    """Return whether a misuse was refused, so that the owner's set-point stays in force, and a text about this."""
     view = bench.view()
     if not taken and view.lease != lease:
-        # Not a set-point that was obeyed: a late heartbeat of this program, or an MWD that fell silent.
+        # The misuse was refused, but the lease ended: a heartbeat of this program was late, or the MWD fell silent.
         return False, f"refused, but the owner lost its lease {lease} meanwhile (now {view.lease}); look at its reason"
     if taken or view.sequence != sequence:
         return False, f"taken: lease {view.lease}, set-point {view.sequence} in force"
     return True, f"refused; set-point {sequence} stays in force"
 
 
-# A contract.
+# Correct use.
 
 
 @case("an honest controller", "granted, obeyed, given back")
@@ -157,7 +157,7 @@ def _second_name(bench: Bench) -> tuple[bool, str]:
     return answer.permission == Permission.DENIED, f"permission {answer.permission}"
 
 
-# Numbers.
+# Sequence numbers of set-points.
 
 
 @case("a repeated number, turn", "refused; the turn is made once")
@@ -464,7 +464,7 @@ def _asks_left(bench: Bench) -> tuple[bool, str]:
     return not taken, "refused" if not taken else "taken"
 
 
-# A person takes back.
+# A person takes control back.
 
 
 def _abort(title: str, before: Callable[[Bench], object]) -> None:

@@ -14,13 +14,13 @@ from mwd_surface.control.set_point import Mode
 _REQUEST, _COMMAND, _STATE = 110, 120, 38
 _ASK, _RELEASE = 1, 2
 _RPM, _DEGREE, _LITRE_PER_MINUTE = math.pi / 30.0, math.pi / 180.0, 1e-3 / 60.0
-_LAG_S = 0.5  # values are sent ten times a second
+_LAG_S = 0.5  # s; longer than the period of 0.1 s at which the registers are updated
 _LARGEST = 3e38  # largest float32 that is sent
 
 
 class ModbusConformance:
     """
-    A Modbus server under test.
+    Modbus server under test.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ModbusConformance:
         return client
 
     def peer(self, number: int) -> ModbusPeer:
-        """Return a client."""
+        """Return the client with a number, and connect it at first use."""
         if number not in self._peers:
             self._peers[number] = ModbusPeer(self, self.connect())
         return self._peers[number]
@@ -68,7 +68,7 @@ class ModbusConformance:
         return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the cases that exist for this interface only."""
+        """Return the additional cases of this interface."""
         return [
             ("a part of a block", "exception; what was in force stays", _part),
             ("a single register", "exception; what was in force stays", _single),
@@ -94,7 +94,7 @@ class ModbusPeer:
         return not self.client.write_registers(address, list(words), device_id=self._interface.unit).isError()
 
     def ask(self, wish: Wish) -> Answer:
-        """Ask for control; a Modbus request has no limits and only whole seconds."""
+        """Request control; a Modbus request has no limits, and a duration in whole seconds."""
         if wish.wait or wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such field")
         if not (math.isfinite(wish.duration) and 0.0 <= wish.duration <= 0xFFFF):
@@ -115,7 +115,7 @@ class ModbusPeer:
         return self.write(_COMMAND, block(lease, sequence, point))
 
     def release(self, lease: int) -> bool:
-        """Give the lease back under the number of its request, else under the owner's number, which is public."""
+        """Give a lease back with the controller number of its request, or else with the owner's public number."""
         own = self.client.read_input_registers(_STATE + 4, count=1, device_id=self._interface.unit).registers[0]
         return self.write(_REQUEST, (_RELEASE, self._names.get(lease, own), 0, 0))
 

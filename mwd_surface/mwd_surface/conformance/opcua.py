@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from mwd_surface.conformance.bench import Answer, Bench, NotPossibleError, Point, View, Wish
 
-_LAG_S = 0.5  # values are sent ten times a second
+_LAG_S = 0.5  # s; longer than the period of 0.1 s at which the variables are updated
 _NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
 
 
@@ -25,7 +25,7 @@ class OpcuaKeys(NamedTuple):
 
 class OpcuaConformance:
     """
-    An OPC UA server under test.
+    OPC UA server under test.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class OpcuaConformance:
         self._reader = OpcuaPeer(self)
 
     def peer(self, number: int) -> OpcuaPeer:
-        """Return a client."""
+        """Return the client with a number, and open its session at first use."""
         if number not in self._peers:
             self._peers[number] = OpcuaPeer(self)
         return self._peers[number]
@@ -62,7 +62,7 @@ class OpcuaConformance:
         return View(lease, mode, sequence, speed, turn, pending)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the cases that exist for this interface only."""
+        """Return the additional cases of this interface."""
         return [
             ("a variable of control is written", "refused by the server", self._write),
             ("a method with an argument missing", "refused by the server", self._missing),
@@ -152,7 +152,7 @@ class OpcuaPeer:
         return self._variables[name]
 
     def read(self, names: tuple[str, ...]) -> list[Any]:
-        """Read variables together, whatever their status."""
+        """Read the values of several variables in one request, whatever their status."""
         from asyncua.ua.attribute_ids import AttributeIds
 
         nodes = [self.variable(name) for name in names]
@@ -164,7 +164,7 @@ class OpcuaPeer:
         return self._well.call_method(f"{self._index}:{name}", *arguments)
 
     def ask(self, wish: Wish) -> Answer:
-        """Ask for control; the method has no argument for limits."""
+        """Request control; the method has no argument for limits."""
         if wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such argument")
         if not 0 <= wish.priority <= 255:

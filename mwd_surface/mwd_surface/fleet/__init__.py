@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processing of many recordings: one task per recording, one data set for all, and a page with the outcome of each."""
+"""Processing of many recordings (a fleet): one task per recording, one data set, and a page with all outcomes."""

@@ -29,14 +29,14 @@ _NAMES = (*_SUMS, *_MOTION, *(flag.name or "" for flag in FLAGS))
 
 
 class AttitudeStatistics:
-    """Sums over ten seconds of stamp; the rows do not depend on order or length of the blocks."""
+    """Sums over intervals of ten seconds of sample time; the rows do not depend on order or length of the blocks."""
 
     def __init__(self) -> None:
         self._sums: dict[int, NDArray[np.float64]] = {}
         self._range: dict[int, tuple[float, float]] = {}
 
     def add(self, attitude: Samples, gravity: Samples) -> None:
-        """Add samples, dtypes of `wire.ATTITUDE` and `wire.GRAVITY`, with equal times row by row."""
+        """Add samples of `wire.ATTITUDE` and `wire.GRAVITY`, shape (n,) each; row k of both has the same time."""
         if not len(attitude):
             return
         bins, place = np.unique(np.ascontiguousarray(attitude["stamp_ns"]) // BIN_NS, return_inverse=True)
@@ -67,7 +67,7 @@ class AttitudeStatistics:
             self._range[index] = min(low, float(lowest[k])), max(high, float(highest[k]))
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one row for every ten seconds with samples, in order of time: deg, r/min, m/s^2; None if unknown."""
+        """Return one row for each interval with samples, in order of time, in deg, r/min, m/s^2; None if unknown."""
         return [self._row(index) for index in sorted(self._sums)]
 
     def _row(self, index: int) -> dict[str, Any]:

@@ -3,9 +3,9 @@
 Data set of a fleet: folders `bags/`, `surveys/` and `attitude/` with Parquet files.
 
 Each recording has one file in each folder. The file name (key) is the hash of the recording's bytes, the settings and
-this project's version. A file appears completely or not at all, and the file in `bags/` is written last, so everything
-it names is finished. An interrupted run therefore continues where it stopped, and nothing is in the data set twice.
-polars, duckdb and pandas read each folder as one table.
+this project's version. A file appears completely or not at all, and the file in `bags/` is written last, when the other
+files of the recording are complete. An interrupted run therefore continues where it stopped, and no result is in the
+data set twice. polars, duckdb and pandas read each folder as one table.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ SCHEMAS = {
 
 def key_of(path: Path, settings: str, version: str) -> str:
     """
-    Return the key of a recording's results: a hash of its bytes, wherever it lies, and of settings and version.
+    Return the key of a recording's results: a hash of its bytes, of settings and of version, but not of its path.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def key_of(path: Path, settings: str, version: str) -> str:
         total.update(text.encode() + b"\0")
     files = sorted(one for one in path.iterdir() if one.is_file()) if path.is_dir() else [path]
     for file in files:
-        # metadata.yaml only repeats the content of the files, with names that change when a folder is moved.
+        # Skip metadata.yaml, which repeats the content of the other files, with names that change if a folder moves.
         if file.name == "metadata.yaml" and len(files) > 1:
             continue
         total.update(file.stat().st_size.to_bytes(8, "little"))
@@ -119,7 +119,7 @@ def key_of(path: Path, settings: str, version: str) -> str:
 
 def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) -> None:
     """
-    Write the rows of one recording; `bags` must be among the tables and is written last.
+    Write the rows of one recording, by table; the table `bags` must be given and is written last.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) ->
 
 
 def finished(folder: Path, key: str) -> dict[str, Any] | None:
-    """Return the `bags` row of a recording that was processed before; None if it was not processed or failed."""
+    """Return the row of table `bags` of a recording that was processed before; None without one, or if it failed."""
     file = folder / "bags" / f"{key}.parquet"
     if not file.is_file():
         return None
@@ -157,7 +157,7 @@ def tidy(folder: Path, keys: Mapping[str, str]) -> int:
     """
     Delete unfinished files, results without a row in `bags`, and earlier results of the given recordings.
 
-    keys: present key by path of the recording. Return the number of deleted files.
+    keys: present key of each recording, by its path. Return the number of deleted files.
     """
     going: list[Path] = []
     for name in TABLES:

@@ -61,7 +61,7 @@ tr.failed td { background: #fff3e0; } tr.failed td:first-child { border-left: 4p
 
 
 def index_html(outcomes: Sequence[Outcome]) -> str:
-    """Return the page as text; texts from recordings are escaped."""
+    """Return the page as HTML text; texts from recordings are escaped."""
     done = [one.row for one in outcomes if one.row["outcome"] != FAILED]
     totals = [
         ("processed", f"{len(done)} of {len(outcomes)}"),

@@ -2,8 +2,8 @@
 """
 Processing of a fleet of recordings on a Dask cluster, one task per recording.
 
-See `fleet_task` and `fleet_dataset` for what a task does and why it can safely run twice. This module finds the
-recordings, distributes them, and returns an outcome for each, even if its worker fails.
+`fleet_task` describes a task, and `fleet_dataset` the reason why a task can safely run twice. This module finds the
+recordings, distributes them to workers, and returns an outcome for each recording, even if its worker fails.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ENDINGS = (".mcap", ".db3", ".bag")
 
 def find_bags(patterns: Sequence[str]) -> list[Path]:
     """
-    Return the recordings that the patterns name, each once, sorted: folders with a metadata.yaml, and single files.
+    Return the recordings that match the patterns, each once, sorted: folders with a metadata.yaml, and single files.
 
     A pattern may be a path, a folder to search, or contain `*` and `**`.
 
@@ -59,7 +59,7 @@ def _bag_of(file: Path) -> Path:
 
 @dataclasses.dataclass(frozen=True)
 class Tls:
-    """Files for an encrypted cluster, PEM: certificate authority, and our certificate and key."""
+    """PEM files for an encrypted cluster: certificate of the authority, and certificate and key of this client."""
 
     ca: str = ""
     cert: str = ""
@@ -80,17 +80,18 @@ def _security(scheduler: str, tls: Tls) -> distributed.Security | None:
 @contextlib.contextmanager
 def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterator[distributed.Client]:
     """
-    Yield a Dask client of an existing cluster (`tls://...`, `tcp://...`) or of one made for the run.
+    Yield a Dask client of an existing cluster (`tls://...`, `tcp://...`), or of a cluster that is made for the run.
 
-    scheduler: "local" or "processes" (one process per core, restarted when it dies), "threads" (in this process).
-    workers: number of workers; 0: one per core. tls: files for a cluster at tls://.
+    scheduler: address of the cluster; or "local" or "processes" (worker processes, restarted when they die), or
+    "threads" (workers in this process). workers: number of workers; 0: one per core. tls: files for a cluster at
+    tls://.
 
     Raises
     ------
     ValueError
         The name is unknown, or files for a tls:// cluster are missing.
     OSError
-        Nothing answers at the address.
+        No scheduler answers at the address.
     """
     if "://" in scheduler:
         with distributed.Client(scheduler, timeout="10s", security=_security(scheduler, tls or Tls())) as client:
@@ -116,7 +117,7 @@ def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterato
 
 @contextlib.contextmanager
 def _interrupts_ignored() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C on the terminal; the parent process ends them."""
+    """Ignore SIGINT in this block: processes that are started here ignore Ctrl-C, and the parent process ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -142,11 +143,11 @@ def run(
     Parameters
     ----------
     bags : sequence of Path
-        Recordings from `find_bags`. Workers on other machines must see them, and `folder`, under the same paths.
+        Recordings from `find_bags`. Workers on other machines need them, and `folder`, under the same paths.
     report : callable
-        Called with each outcome and the share of recordings done.
+        Called with each outcome and the share of recordings done, 0 to 1.
     changes : mapping, optional
-        Changes to the settings of recordings that bring their own. None: process all recordings with `estimator`.
+        Changes to the settings of recordings that contain settings. None: process all recordings with `estimator`.
 
     Returns
     -------
@@ -163,7 +164,7 @@ def run(
     place = str(folder.resolve())
     own = "" if changes is None else changes_text(changes)
     works = [Work(str(bag), place, text, given or InputSettings(), own) for bag in bags]
-    # If a worker dies, Dask gives its task to another one, until the task has killed a few of them.
+    # If a worker dies, Dask gives its task to another worker, until the task has killed a few workers.
     futures = {client.submit(carry_out, work, pure=False): work for work in works}
     outcomes: dict[str, Outcome] = {}
     try:

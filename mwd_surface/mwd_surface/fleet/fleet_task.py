@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Task of one worker: turns a recording into its rows of the data set, in another process or on another machine."""
+"""Task of a worker, in another process or on another machine: compute the rows of one recording for the data set."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from mwd_surface.surveys.survey_csv import list_cells
 @dataclasses.dataclass(frozen=True)
 class Work:
     """
-    One recording to process.
+    Recording to process, with the settings for it.
 
     bag: path of the recording. folder: folder of the data set. config: settings of the estimator as YAML, so that all
-    workers have the same. given: how to read the recording. changes: changes to the recording's own settings, YAML, if
-    these are to be used; "" uses `config` for every recording.
+    workers use the same settings. given: settings for reading the recording. changes: changes to the settings that the
+    recording contains, as YAML; if it is empty, `config` is used for every recording.
     """
 
     bag: str
@@ -51,9 +51,9 @@ class Work:
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """
-    Result of a recording: its row of the table `bags`, and whether it was there before.
+    Outcome of a recording: its row of the table `bags`, and whether an earlier run had written the row.
 
-    key: "" if the recording could not be read.
+    key: key of the results; empty if the recording could not be read.
     """
 
     bag: str
@@ -63,21 +63,21 @@ class Outcome:
 
 
 def config_text(estimator: EstimatorSettings) -> str:
-    """Return all settings as YAML."""
+    """Return all settings of the estimator as YAML."""
     return changes_text(settings_of.to_mapping(estimator))
 
 
 def changes_text(changes: Mapping[str, Any]) -> str:
-    """Return some settings as YAML."""
+    """Return changed settings as YAML."""
     text: str = yaml.safe_dump(dict(changes), sort_keys=True)
     return text
 
 
 def carry_out(work: Work) -> Outcome:
     """
-    Process a recording and write its rows, unless they exist.
+    Process a recording and write its rows, unless the rows exist.
 
-    A recording that cannot be processed gives an outcome with the reason, not an exception; a full disk raises one.
+    For a recording that cannot be processed, return an outcome with the reason. A full disk raises OSError.
     """
     began = time.monotonic()
     path, folder = Path(work.bag), Path(work.folder)
@@ -103,7 +103,7 @@ def failed(work: Work, key: str, reason: str, began: float | None = None) -> Out
 
 
 def _row(work: Work, key: str, began: float | None) -> dict[str, Any]:
-    """Return the columns of table `bags` that every recording has; the others are None."""
+    """Return the row of table `bags` with the columns that every recording has; the other columns are None."""
     return dict.fromkeys(fleet_dataset.SCHEMAS["bags"].names) | {
         "key": key,
         "bag": work.bag,
@@ -147,14 +147,14 @@ def _estimated(
 
 
 def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
-    """Return the estimator's settings: those of the recording with the changes, else those of the command."""
+    """Return the estimator's settings: those in the recording with the changes, or else `config` of the work."""
     if recorded.estimator is None:
         return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
     return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))
 
 
 def _survey_row(cells: Mapping[str, str]) -> dict[str, Any]:
-    """Return a line of a table of surveys as numbers and texts; an unknown number is None."""
+    """Return the cells of a survey as numbers, booleans and texts, by column; an unknown number is None."""
     read: dict[str, Callable[[str], Any]] = {"Double": float, "Int64": int, "Boolean": "yes".__eq__, "String": str}
     return {
         listed.key: read[signal.type](text) if (text := cells[listed.key]) or signal.type == "String" else None

@@ -36,7 +36,7 @@ _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
 
 class ControlServer:
     """
-    The control authority of one well.
+    ROS interface of the control authority of one well.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class ControlServer:
     authority : ControlAuthority
         Authority for rig interfaces and other parts of the node; usable from any thread.
     handlers : dict
-        Topic to the function that is called with each serialised message.
+        Function that is called with each serialised message, by topic.
     """
 
     def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
@@ -58,11 +58,12 @@ class ControlServer:
         first, self._unsafe = 1, ""
         if settings.enabled:
             try:
-                # The first lease number is at least the clock in seconds: the rig may have seen leases of a folder that
-                # was deleted, and leases are granted less often than once a second.
+                # The first lease number is at least the time in seconds since the epoch. If the folder with the numbers
+                # was deleted, the new numbers are then above all earlier ones, because a lease is granted less often
+                # than once a second.
                 first = self._numbers.first(int(time.time()))
             except ValueError as error:
-                # Page, recording and survey list work without control.
+                # Continue without control: page, recording and survey list do not need it.
                 self._unsafe = f"nobody can have control: {error}"
                 settings = dataclasses.replace(settings, enabled=False)
         self.authority = ControlAuthority(settings, first, self._unsafe)
@@ -89,7 +90,7 @@ class ControlServer:
     # Services.
 
     def _sender(self, name: str, sealed: Any) -> Sender:
-        """Return who sent a sealed message; raise SealError if nobody can be identified."""
+        """Return the sender of a sealed message; raise SealError if the sender cannot be identified."""
         return Sender(_INTERFACE, self._seals.key_of(self._names[name], sealed))
 
     def _request(self, request: Any, response: Any) -> Any:
@@ -147,13 +148,13 @@ class ControlServer:
         answer = deserialize_message(data, msg.RigAcknowledge)
         self.authority.on_acknowledge(answer.lease, answer.sequence, answer.obeyed, answer.message)
 
-    # Time.
+    # Periodic update.
 
     def update(self, now: float) -> None:
         """
-        Update the authority with rig and MWD, send due commands to the rig, and publish the state.
+        Update the authority with the state of rig and MWD, send due commands to the rig, and publish the state.
 
-        `now` is monotonic, s.
+        now: monotonic time, s.
         """
         if now - self._updated_at < _PERIOD:
             return
@@ -216,7 +217,7 @@ class ControlServer:
         return message
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return who has control, and what was refused."""
+        """Return the owner of control, and the number of refused commands."""
         if self._unsafe:
             return [Diagnostic("control", WARN, self._unsafe, _RESTART)]
         if not self.authority.settings.enabled:

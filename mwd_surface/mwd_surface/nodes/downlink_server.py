@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The downlink over ROS: services and action, control of the rig while a command runs, journal and page."""
+"""Downlink over ROS: services and action, control of the rig while a command is sent, journal and page."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 
-_STATE_PERIOD = 1.0
-# States whose details change without a transition: what the machine waits for, symbol, set-point.
+_STATE_PERIOD = 1.0  # s between two messages of an unchanged state
+# States whose details change without a transition: failed interlocks, symbol, set-point.
 _SHOWN = {DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING}
 _NO_TOOL = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
 _RESTART = "then restart the surface"
@@ -50,9 +50,9 @@ class DownlinkServer:
     context : SurfaceContext
         Node, live state and alarm log.
     settings : DownlinkSettings
-        Without a tool file, no topic or service is opened.
+        Settings of the downlink; without a tool file, no topic or service is opened.
     authority : ControlAuthority
-        Grants control of the rig.
+        Authority that grants control of the rig.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class DownlinkServer:
             try:
                 kept = self._memory.read(tool)
             except ValueError as error:
-                # Page, recording and survey list work without downlink.
+                # Continue without downlink: page, recording and survey list do not need it.
                 self._refusal = f"no command can be sent to the tool: {error}"
                 context.alarm_log.raise_alarm("downlink.memory", Severity.WARNING, self._refusal, _RESTART)
             else:
@@ -89,13 +89,13 @@ class DownlinkServer:
         node.add_service(srv.DraftDownlink, "draft_downlink", self.draft)
         node.add_service(srv.DecideDownlink, "decide_downlink", self.decide)
         if self._machine is None:
-            # The services are open: they answer each request with the reason.
+            # Open only the services, which answer each request with the reason why no command can be sent.
             return
         self._state = node.add_publisher(msg.DownlinkState, "downlink/state", TOPICS["downlink/state"][1])
         node.add_action_server(Downlink, "downlink", self._start_goal, self._cancel_goal)
 
     def activate(self) -> None:
-        """Publish the state for subscribers that join before the first command."""
+        """Publish the state, so that subscribers get a state before the first command."""
         if self._machine is not None:
             self._publish(self._machine, self._now())
 
@@ -119,7 +119,7 @@ class DownlinkServer:
         )
 
     def decide(self, request: Any, response: Any) -> Any:
-        """Submit, grant, deny or abort (service)."""
+        """Submit, grant, deny or abort a downlink (service)."""
         name, kind = request.operator_name, srv.DecideDownlink.Request
 
         def carry_out(machine: Machine, now: float) -> str:
@@ -142,7 +142,7 @@ class DownlinkServer:
             response.message, response.success = call(machine, now), True
         except ValueError as error:
             response.message, response.success = str(error), False
-        # Follow the change at once: an abort must not wait for the next period.
+        # Carry out the change at once, because an abort must not wait for the next period.
         self._follow(machine, now)
         return response
 
@@ -168,7 +168,7 @@ class DownlinkServer:
     # Messages.
 
     def _on_word(self, data: bytes) -> None:
-        """Pass on a serialised word of the link, which is the tool's answer if it is believed."""
+        """Pass a serialised word of the link to the machine if it is an accepted echo, the tool's answer."""
         word = deserialize_message(data, msg.LinkWord)
         if word.name.lower() == ECHO_WORD.lower() and word.status == msg.LinkWord.BELIEVED and self._machine:
             self._machine.on_echo(int(word.raw), self._now())
@@ -176,12 +176,12 @@ class DownlinkServer:
             self._remember(self._machine)
 
     def _on_quality(self, data: bytes) -> None:
-        """Pass on the serialised state of the link."""
+        """Store whether the link is locked, from a serialised message."""
         state = deserialize_message(data, msg.LinkQuality).state
         self._link_seen = (time.monotonic(), state == msg.LinkQuality.LOCKED)
 
     def on_rig_state(self, samples: Samples) -> None:
-        """Pass on the state of the rig, `wire.RIG_STATE`; the downlink programme follows its stamps."""
+        """Update the machine with the state of the rig, `wire.RIG_STATE`; its stamps time the downlink programme."""
         machine = self._machine
         if machine is None:
             return
@@ -190,13 +190,13 @@ class DownlinkServer:
             machine.update(now, self._readings(row), time.monotonic())
             self._follow(machine, now)
 
-    # Time.
+    # Clock and periodic update.
 
     def _now(self) -> float:
         return self._clock.now(time.monotonic(), self._context.now_ns() * 1e-9)
 
     def update(self, now: float) -> None:
-        """Check for a rig that has stopped sending. `now` is monotonic time, s."""
+        """Update the machine if the rig has stopped sending data; now: monotonic time, s."""
         machine = self._machine
         if machine is not None and self._clock.silent(now):
             machine.update(self._now(), Readings(), now)
@@ -224,8 +224,8 @@ class DownlinkServer:
         )
 
     def _follow(self, machine: Machine, now: float) -> None:
-        """Carry out what a changed machine requires: rig, journal, memory, message, result."""
-        # The authority uses the monotonic clock: its heartbeat comes from computers, not from the rig.
+        """Carry out the changes of a machine: command the rig, write journal and memory, publish state and result."""
+        # The authority uses the monotonic clock, because heartbeats come from computers, not from the rig.
         steady = time.monotonic()
         if machine.set_point is not None:
             why = "" if self._rig.has else self._rig.take(machine.decided_by, steady)

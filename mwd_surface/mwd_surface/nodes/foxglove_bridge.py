@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live server for Foxglove: disabled by default; started again later if its port is in use."""
+"""Live server for Foxglove: disabled by default; the start is retried while its port is in use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RETRY_S = 10.0
 
 class FoxgloveBridge:
     """
-    Forwards serialised messages to the live server of one well.
+    Forwarder of serialised messages to the live server of one well.
 
     Raises
     ------
@@ -43,7 +43,7 @@ class FoxgloveBridge:
     def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
         """Pass on a message with the time of the graph, which is not the wall time in a simulation."""
         now_ns = self._now_ns()
-        # Before the first message of /clock the time is 0, which viewers would take for the beginning of their plots.
+        # Skip messages before the first message of /clock: their time is 0, and plots of viewers would begin at 0.
         if self._server is not None and (now_ns > 0 or latched):
             self._server.put(topic, type_name, data, now_ns, latched=latched)
 

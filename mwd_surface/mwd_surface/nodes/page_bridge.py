@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: served, retried while its port is in use, and its buttons carried out as service requests."""
+"""Live page: its server, which is retried while its port is in use, and its buttons, which call the node's services."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]
 
 
 class PageBridge:
-    """The page of one well."""
+    """Live page of one well."""
 
     def __init__(self, context: SurfaceContext, settings: SurfaceSettings) -> None:
         self._context, self._settings = context, settings
@@ -83,7 +83,7 @@ class PageBridge:
         """
         Send the state of the well to the page.
 
-        without_clients : send it also while no browser is connected, for requests of a single state.
+        without_clients: whether to send the state even if no browser is connected, for requests of a single state.
         """
         if self._server is not None and (without_clients or self._server.clients):
             self._server.push(self._state_json.snapshot(self._context.state()))
@@ -100,7 +100,7 @@ class PageBridge:
 def call_service(
     services: Services, name: str, arguments: Mapping[str, Any]
 ) -> Answer | concurrent.futures.Future[Answer]:
-    """Call the callback of one of the node's own services for a button of the page; a later answer is a future."""
+    """Call the callback of a service of this node for a button of the page; return the answer, or a future of it."""
     srv_type, callback = services[name]
     request = srv_type.Request()
     if srv_type is srv.JudgeSurvey:

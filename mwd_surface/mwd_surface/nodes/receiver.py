@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver node: pressure, voltage or bytes in; words, surveys, attitude and state of the links out."""
+"""Receiver node: receives pressure, voltage or bytes; publishes words, surveys, attitude and state of the links."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ from mwd_surface.ros import link_messages
 
 _PERIOD_S = 0.05
 _SILENT_S = 5.0
-_QUALITY_S, _ATTITUDE_S = 1.0, 0.5
+_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # s between two messages
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
-_DEEPEST_M = 20_000.0  # no hole is deeper
-_TURNING = 0.5  # rad/s of the top drive; a slower string counts as sliding
+_DEEPEST_M = 20_000.0  # depth that no hole exceeds, m
+_TURNING = 0.5  # speed of the top drive below which the string counts as sliding, rad/s
 _TYPES: dict[str, Any] = {
     gauge_burst.PRESSURE: msg.PressureBurst,
     gauge_burst.VOLTAGE: msg.VoltageBurst,
@@ -71,12 +71,12 @@ class _Input:
 
     @property
     def silent(self) -> bool:
-        """Whether no burst has arrived for a while."""
+        """Whether no burst has arrived for `_SILENT_S`."""
         return time.monotonic() - self.received_at > _SILENT_S
 
 
 class ReceiverNode(GraphNode[ReceiverSettings]):
-    """Node that subscribes to measurements of the rig only, never to topics of the tool."""
+    """Node that decodes the telemetry; it subscribes only to measurements of the rig, never to topics of the tool."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
@@ -107,7 +107,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self.add_subscription(msg.DownlinkState, "downlink/state", self._on_downlink, qos.EVENT)
         self._word = self.add_publisher(msg.LinkWord, "link/word", qos.EVENT)
         self._frame_publisher = self.add_publisher(msg.LinkFrame, "link/frame", qos.EVENT)
-        # Waiting pressure gives many states at once, and none may be lost, because states report missed surveys.
+        # A backlog of pressure gives many states at once. No state may be lost, because states report missed surveys.
         self._quality = self.add_publisher(msg.LinkQuality, "link/quality", qos.buffered(qos.STATE))
         self._attitude = self.add_publisher(msg.Attitude, "link/attitude", qos.STATE)
         self._survey = self.add_publisher(msg.Survey, "link/survey", qos.EVENT)
@@ -115,7 +115,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self.add_timer(_PERIOD_S, self._on_timer)
 
     def _serial_line(self) -> SerialBytes | None:
-        """Return the serial line of a wired tool, if a port is set."""
+        """Return the serial line of a wired tool; None if no port is set."""
         wired = [tool for tool in self._tools if tool.link == "serial"]
         if not self.settings.serial_port:
             return None
@@ -125,9 +125,9 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def _buffer(self, link: str) -> MessageBuffer | None:
         """
-        Return the buffer for the topic of a link.
+        Subscribe to the topic of a link and return its buffer.
 
-        None if the node reads the serial line itself and publishes its bytes.
+        Return None if the node reads the serial line itself and publishes its bytes.
         """
         topic, kind = gauge_burst.TOPICS[link]
         if link == "mud_pulse" and self.settings.gauge == 2:
@@ -148,7 +148,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
 
     def changeable_at_runtime(self, name: str) -> bool:
-        """Place and verdict can change and apply to the next survey; a link keeps its other settings while it runs."""
+        """Return whether a parameter is one of place or verdict; changes of these apply to the next survey."""
         return name.startswith(("place.", "verdict."))
 
     def on_settings_changed(self, settings: ReceiverSettings) -> None:
@@ -190,7 +190,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 one.feed.link.attitude.take_quill(seconds, float(message.position[0]))
 
     def _on_downlink(self, message: msg.DownlinkState) -> None:
-        """Follow the tool to the configuration that a command leads to, once the tool reports that it has obeyed."""
+        """Decode with the configuration after a downlink command, once the tool reports that it obeyed the command."""
         try:
             for one in self._inputs:
                 if one.feed.tool.downlink is not None:
@@ -204,7 +204,11 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._publish_state()
 
     def _take_all(self) -> None:
-        """Process all arrived messages: pump strokes before pressure, because they are published after it."""
+        """
+        Process all messages that have arrived, pump strokes before pressure.
+
+        Pump strokes are published after the pressure of the same time, so the pressure is taken from its buffer first.
+        """
         self._read_line()
         arrived = [one.buffer.take() if one.buffer is not None else [] for one in self._inputs]
         for data, _ in self._strokes.take() if self._strokes is not None else ():
@@ -282,9 +286,9 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def _publish_state(self) -> None:
         """
-        Publish attitude twice and quality once a second of sample time.
+        Publish the attitude twice and the quality once per second of sample time.
 
-        Of wall time while sample time stands still.
+        While no samples arrive, the seconds are those of the monotonic clock.
         """
         for one in self._inputs:
             link = one.feed.link
@@ -326,7 +330,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         """Return the state of the links."""
         found = [self._diagnostic(one) for one in self._inputs]
         heard = [one.feed for one in self._inputs if one.feed.heard]
-        # The field depends on the date, which the samples of the gauge carry.
+        # The reference field depends on the date, which is taken from the stamps of the samples.
         if heard:
             found.append(reference_diagnostic(self._reference_at(heard[0].stamp_of(heard[0].link.now_s))))
         return found
@@ -367,13 +371,13 @@ def main(args: Sequence[str] | None = None) -> int:
 # Compile the receiver's kernels before the first sample arrives.
 
 
-# Samples per time unit of the code, or per carrier period; more than in the receiver's grid, as from a gauge.
+# Samples per time unit of the code, or per carrier period: more than in the receiver's grid, as with a real gauge.
 _SAMPLES = 100.0
 _NOISE = 0.1  # standard deviation relative to the amplitude; the noise model needs some noise
 
 
 def warm_up(tools: Iterable[ToolConfiguration]) -> None:
-    """Receive an artificial survey of each tool, which runs every kernel, so that the first sample is not delayed."""
+    """Receive an artificial survey of each tool, to compile every kernel before the first sample arrives."""
     for tool in tools:
         if tool.code != "serial":  # no kernel is needed to read bytes
             _receive_survey(tool)
@@ -391,7 +395,7 @@ def _receive_survey(tool: ToolConfiguration) -> None:
 
 
 def _pulses(tool: ToolConfiguration, time_s: Array) -> Array:
-    """Return the pulses of a survey of zeros at times from its start, s; shapes (n,), no unit."""
+    """Return the pulse signal, 0 or 1, of a survey whose words are 0, at times from its start, s; shape (n,)."""
     items = tool.surveys[0]
     edges = np.array(encode(tool, items, (0,) * len(items), 0).edges) * tool.tu_s
     since = time_s - edges[np.maximum(np.searchsorted(edges, time_s, side="right") - 1, 0)]
@@ -399,7 +403,7 @@ def _pulses(tool: ToolConfiguration, time_s: Array) -> Array:
 
 
 def _carrier(tool: ToolConfiguration, time_s: Array) -> Array:
-    """Return the carrier of a survey of zeros at times from its start, s; shapes (n,), no unit."""
+    """Return the carrier, -1 to 1, of a survey whose words are 0, at times from its start, s; shape (n,)."""
     phases: list[float] = []
     for group in on_air.groups(tool, "survey", 0):
         phases += on_air.signal(tool, group, tool.sent(group.items, (0,) * len(group.items))).phases

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a well: services start, stop and split them; the topic `recorder` has the recorder's status."""
+"""Recordings of a well: services to start, stop and split recordings, and the recorder's status on a topic."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ Attachment = tuple[str, str, bytes]
 
 class RecordingServer:
     """
-    The recordings of one well.
+    Recordings of one well.
 
     Parameters
     ----------
     context : SurfaceContext
         Node, folder, live state and alarm log.
     settings : SurfaceSettings
-        Only the sections `record` and `recorder` are used.
+        Settings of the surface, of which only the sections `record` and `recorder` are used.
     tables : callable
-        Returns named tables of strings; they become metadata of every file.
+        Function that returns named tables of strings, which become metadata of every file.
     attachments : callable
-        Returns the files that are attached to a recording when it ends.
+        Function that returns the files that are attached to a recording when it ends.
     on_start : callable
-        Called when a recording has begun, before its first message.
+        Function that is called when a recording has begun, before its first message.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class RecordingServer:
         self._attachments, self._on_start = attachments, on_start
         self._wanted = False
         self._tried_at = -_RETRY_S
-        # Reason why a wanted recording has not started, and the remedy.
+        # Reason why an enabled recording has not started, and the remedy.
         self._refusal = ("", "")
         self._recorder = Recorder(
             context.folder / "bags",
@@ -82,14 +82,14 @@ class RecordingServer:
             tables=tables,
             event_topic=self._node.resolve_topic_name("recorder/events"),
         )
-        # By recorded topic of samples: first stamp in this recording, ns; 0 before the first sample. Bursts count under
-        # the topic of their single samples.
+        # First stamp in this recording of each recorded topic of samples, ns; 0 before the first sample. For a topic of
+        # bursts, the name is that of the topic with single samples.
         self._first_ns: dict[str, int] = {}
         self._unheard: dict[str, tuple[str, str]] = {}
         self._heard = False
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, qos: str = "") -> bool:
-        """Record a message, see `Recorder.put`."""
+        """Record a message; arguments and result are those of `Recorder.put`."""
         taken = self._recorder.put(topic, type_name, data, log_ns, qos=qos)
         if taken and topic in self._unheard:
             name, single = self._unheard.pop(topic)
@@ -99,7 +99,7 @@ class RecordingServer:
         return taken
 
     def tell_streams(self) -> None:
-        """Publish the status at once when a topic of samples begins to arrive, because the estimator waits for it."""
+        """Publish the status if a topic of samples has begun to arrive, because the estimator waits for this status."""
         if self._heard:
             self._heard = False
             self._publish_status(self._recorder.status())
@@ -124,7 +124,7 @@ class RecordingServer:
         self._start_wanted()
 
     def _start_wanted(self) -> None:
-        """Start the wanted recording; on failure raise an alarm and try again later."""
+        """Start a recording if it is enabled and not started; after a failure raise an alarm and try again later."""
         if not self._wanted or time.monotonic() - self._tried_at < _RETRY_S:
             return
         self._tried_at = time.monotonic()
@@ -204,7 +204,7 @@ class RecordingServer:
         return self._respond(response, self._recorder.split, "finished")
 
     def snapshot(self, _request: Any, response: Any) -> Any:
-        """Write the last seconds kept in memory to a separate recording (service)."""
+        """Write the last seconds of messages, which are kept in memory, to a separate recording (service)."""
         return self._respond(response, self._recorder.snapshot, "written")
 
     def _respond(self, response: Any, action: Callable[[], Path], word: str) -> Any:
@@ -219,7 +219,7 @@ class RecordingServer:
             response.path = str(path)
         return response
 
-    # Once a second.
+    # Update once a second.
 
     def update(self) -> None:
         """Publish the recorder's status, raise its alarms, and retry a start that failed."""

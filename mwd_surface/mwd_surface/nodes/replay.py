@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay node: publishes the messages of a recording again, at their own rate or another, with /clock."""
+"""Replay node: publishes the messages of a recording again, at the original or another rate, with /clock."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from mwd_surface.bags.pace import Pace
 from mwd_surface.bags.topic_info import REMEDY
 from mwd_surface.ros.topics import message_class
 
-_TIMER_PERIOD = 0.002  # s
+_TIMER_PERIOD = 0.002  # s between two timer callbacks
 # Largest number of messages per timer callback, so that services respond and subscribers keep up after a delay.
 _MAX_PER_CALLBACK = 100
-_MAX_PER_STEP_CALLBACK = 50  # a step runs without pace, so subscribers must keep up
-_SAY_EVERY_S = 10.0  # between two log lines on the progress of the replay
-_MOST_LATCHED = 1000  # messages kept of a latched topic; also for a recorded depth of 0, which means no limit
-_FOREVER_S = 9e9  # durations above this are the value that recordings store for "no limit"
+_MAX_PER_STEP_CALLBACK = 50  # messages; smaller, because a step publishes without pauses and subscribers must keep up
+_SAY_EVERY_S = 10.0  # s between two log lines on the progress of the replay
+_MOST_LATCHED = 1000  # largest depth of a latched topic; used for a recorded depth of 0, which means no limit
+_FOREVER_S = 9e9  # a longer recorded duration, s, stands for "no limit"
 _NOT_STARTED = "the replay has not begun"
 
 
@@ -82,7 +82,7 @@ class ReplaySettings:
 
 @dataclasses.dataclass
 class _Step:
-    """A running step: it ends after `remaining` messages, or before the first message later than `until_ns`."""
+    """Running step: it ends after `remaining` messages, or before the first message later than `until_ns`."""
 
     remaining: int
     until_ns: int | None
@@ -135,7 +135,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._last_clock = -math.inf
 
     def deactivate(self) -> None:
-        """Answer a step that cannot end any more."""
+        """Answer the request of a running step, which ends here unfinished."""
         self._end_step(False, "the replay stops")
 
     def cleanup(self) -> None:
@@ -146,14 +146,14 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
     def _start(self) -> None:
         rate = self.settings.rate if self.settings.rate > 0.0 else math.inf
-        # Reading the first chunk takes time; start the pace after that.
+        # Start the pace after the first message has been read, because reading the first chunk takes time.
         begin = self._go_to(self._from_ns)
         self._pace = Pace(begin, time.monotonic(), rate)
         self._rounds = 1
         self._said_at = time.monotonic()
 
     def _go_to(self, log_ns: int) -> int:
-        """Continue with the first message received at or after `log_ns`; return the time it was received, ns."""
+        """Continue with the first message recorded at or after `log_ns`; return its time of recording, ns."""
         if self._bag is None:
             raise RuntimeError("the bag is closed; configure the node first")
         self._messages: Iterator[Message] = self._bag.messages(list(self._topic_publishers), log_ns, self._to_ns)
@@ -364,9 +364,9 @@ def profile(recorded: str) -> QoSProfile:
     """
     Return a profile to publish with, compatible with every subscriber of the recorded profile.
 
-    A writer forgets messages beyond its depth even if a subscriber has not acknowledged them, and a replay publishes
-    faster than the sensor did: the depth is therefore `LONG_QUEUE`. A latched topic keeps the recorded depth, because
-    the depth decides what late subscribers receive.
+    A writer discards messages that exceed its depth, even if a subscriber has not acknowledged them, and a replay
+    publishes faster than the sensor: the depth is therefore `LONG_QUEUE`. A latched topic gets the recorded depth,
+    because the depth determines the messages that late subscribers receive.
     """
     try:
         first = parse_qos(recorded)[0]
@@ -386,7 +386,7 @@ def profile(recorded: str) -> QoSProfile:
 
 
 def _duration(recorded: Mapping[str, Any]) -> Duration:
-    """Convert a recorded duration; the middleware's value for "infinite" becomes no limit."""
+    """Return a recorded duration; the middleware's value for "infinite" becomes 0, which means no limit."""
     seconds = float(recorded["sec"]) + float(recorded["nsec"]) / NANOSECONDS
     return Duration(seconds=seconds if 0.0 <= seconds < _FOREVER_S else 0.0)
 

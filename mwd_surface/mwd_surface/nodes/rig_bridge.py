@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rig interfaces: send the values of the page and the surveys, receive rig data and requests."""
+"""Rig interfaces of the node: send the values of the page and the surveys, and receive rig data and requests."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.survey_list import SurveyList
 
 _VALUES_PERIOD = 0.1  # s between two sets of values sent to the rig interfaces
-_STATUS_PERIOD = 1.0  # s between two writes of their status file
+_STATUS_PERIOD = 1.0  # s between two writes of the status file of the rig interfaces
 
 
 class RigBridge:
@@ -37,7 +37,7 @@ class RigBridge:
     Parameters
     ----------
     context : SurfaceContext
-        Node, live state, alarm log and request queue; its folder takes the interfaces' status and certificates.
+        Node, live state, alarm log and request queue, and the folder for the interfaces' status and certificates.
     settings : RigSettings
         Settings of the interfaces.
     well : str
@@ -45,7 +45,7 @@ class RigBridge:
     authority : ControlAuthority
         Authority for controllers that connect through the interfaces.
     simulated : callable
-        Returns whether the tool is a simulation.
+        Function that returns whether the tool is simulated.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class RigBridge:
             self._alarm_log.log_event(f"rig {name}", error, Severity.WARNING)
 
     def open(self) -> None:
-        """Open the topic of the rig's data if an interface can receive any."""
+        """Open the topic of the rig's data if an interface can receive rig data."""
         if self._settings.takes_data:
             self._publisher = self._node.add_publisher(msg.RigState, "rig/state", TOPICS["rig/state"][1])
 
@@ -92,8 +92,8 @@ class RigBridge:
         self._status_file.unlink(missing_ok=True)
 
     def _on_rig_data(self, source: str, samples: Samples) -> None:
-        """Accept rig data in the thread of an interface; data is dropped while the node is inactive."""
-        # Data kept until activation would then be published with the wrong time: an old depth would look current.
+        """Queue rig data, in the thread of an interface; data are dropped while the node is inactive."""
+        # Data that waited until activation would be published with the time of activation: an old depth would look new.
         if self._node.active:
             self._rig_data.put((source, samples))
 
@@ -107,11 +107,11 @@ class RigBridge:
         """Publish received rig data; send values and write the status file when due. `now` is monotonic time, s."""
         while self._publisher is not None and not self._rig_data.empty():
             source, samples = self._rig_data.get()
-            # The interfaces stamp with the wall clock; use the node's clock on the graph.
+            # The interfaces stamp with the wall clock; stamp with the clock of the node for the ROS graph.
             samples["stamp_ns"] = self._context.now_ns()
             self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(source))[0].tobytes())
         if now >= self._send_at:
-            # Count from the due time, so that a late call does not lower the rate.
+            # Count the period from the due time, so that a late call does not lower the rate.
             self._send_at = max(self._send_at, now - _VALUES_PERIOD) + _VALUES_PERIOD
             self.send_values()
         if now - self._status_written_at >= _STATUS_PERIOD:
@@ -119,7 +119,7 @@ class RigBridge:
             self._write_status(now)
 
     def send_values(self, *, active: bool = True) -> None:
-        """Send the newest values to every interface; `active` False tells receivers not to act on them."""
+        """Send the newest values to every interface; active: False marks the values as unusable."""
         if not self._port.enabled:
             return
         self._values = rig_values(

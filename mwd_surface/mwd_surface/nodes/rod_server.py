@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Depth by counting rods: the operator enters each rod, the tally gives the bit depth, and its log survives a crash."""
+"""Depth by counting rods: the operator enters each rod, the tally gives the bit depth, and a log stores the tally."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ _REMEDY = "count the rods in the hole, and correct the tally by their number"
 
 class RodServer:
     """
-    Rods of one well.
+    Rod tally of one well.
 
     Parameters
     ----------
     context : SurfaceContext
     settings : RodSettings
     surveys : SurveyListServer
-        Takes the bit depth of the tally as one given by hand, so that recordings have it.
+        Survey list, where the bit depth of the tally is set like a depth by hand, so that recordings have this depth.
 
     Attributes
     ----------
     rig_depth : callable
-        Returns the bit depth that the rig gives, m, also while a depth by hand is in force; None if it gives none.
+        Function that returns the bit depth from the rig, m, even while a depth by hand is in force; None if the rig
+        sends no depth.
     """
 
     rig_depth: Callable[[], float | None]
@@ -43,13 +44,13 @@ class RodServer:
         self._log = RodLog(context.folder / "surveys" / NAME)
         self.tally = RodTally(settings.first_m)
         self.rig_depth = lambda: None
-        self._agreed = True  # whether the rig gave the depth of the tally, or none, at the last change or later
-        self._taken = 0  # surveys in the list at the last change
+        self._agreed = True  # whether tally and rig agreed, or the rig sent no depth, at the last change or later
+        self._taken = 0  # number of surveys in the list at the last change
         self._read()
         self.show()
 
     def _read(self) -> None:
-        """Read the tally from its log; an alarm says what cannot be read."""
+        """Read the tally from its log; raise an alarm if the log, or lines of it, cannot be read."""
         try:
             self.tally, bad = self._log.read(self._settings.first_m)
         except OSError as error:
@@ -60,7 +61,7 @@ class RodServer:
             self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text, _REMEDY)
 
     def begin(self) -> None:
-        """Put the depth of the last change in force again, from its own time, unless a depth has come already."""
+        """Restore the bit depth of the last change, with the time of this change, unless a newer depth is known."""
         if self._settings.length_m is None or not self.tally.changes or self._surveys.depth.latest is not None:
             return
         last, log = self.tally.changes[-1], self._context.alarm_log
@@ -82,7 +83,7 @@ class RodServer:
         Change the tally, and set the bit depth.
 
         change: 1 adds a rod that has been drilled down, -1 removes one. count: number of rods counted by a person.
-        length: of a rod that differs from the others, m. Returns whether it was done, and the outcome in words.
+        length: length of a rod that differs from the others, m. Return whether the change was made, and a message.
         """
         usual = self._settings.length_m
         if usual is None:
@@ -123,24 +124,24 @@ class RodServer:
         return True, words
 
     def show(self) -> None:
-        """Show the tally on the page; nothing where depth is not counted by rods."""
+        """Show the tally on the page; does nothing if depth is not counted by rods."""
         length = self._settings.length_m
         if length is not None:
             known = RodCount(len(self.tally.lengths), self.tally.bit_depth, length)
             self._context.well.live.show(self._context.well.clock.now, rods=known)
 
     def update(self) -> None:
-        """Compare the tally with the rig, and write what the disk has refused; called once a second."""
+        """Compare the tally with the rig, and write changes that could not be written before; called once a second."""
         if self._settings.length_m is not None:
             self._write()
             self._compare(self._settings.length_m, changed=False)
 
     def _compare(self, length: float, *, changed: bool) -> None:
         """
-        Keep an alarm while the tally differs from the depth of the rig.
+        Raise an alarm while the bit depth of the tally differs from the bit depth of the rig.
 
-        At a change both are equal within half a rod. Until the next change the bit moves by up to one rod more, down
-        or up, if they were equal at the last one.
+        When a rod is added or removed, both depths must agree within half a rod. Until the next change the bit moves by
+        up to one rod down or up, so the limit is then one and a half rods if both agreed at the last change.
         """
         rig = self.rig_depth()
         near = rig is None or not disagreement(self.tally, rig, length)
@@ -150,7 +151,7 @@ class RodServer:
         self._context.alarm_log.set_alarms("rods.apart", causes)
 
     def _without_survey(self) -> str:
-        """Return a warning if no survey was taken since the last rod change; empty if there was one, or no rod yet."""
+        """Return a warning if no survey was taken since the last rod change, or an empty text; empty before any rod."""
         rods, taken = len(self.tally.lengths), len(self._surveys.surveys.records)
         known, self._taken = self._taken, taken
         if not rods or taken > known:
@@ -158,7 +159,7 @@ class RodServer:
         return f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until it is taken"
 
     def _write(self) -> None:
-        """Append the changes that the log does not hold yet; a full disk raises an alarm, and the tally goes on."""
+        """Append the changes that are not in the log yet; if the disk is full, raise an alarm and continue."""
         log, tally = self._context.alarm_log, self.tally
         if self._log.holds(tally):
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the surface node; each room of this package defines its own parameters."""
+"""Parameters of the surface node; each subpackage of mwd_surface defines its own parameters."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The surface node: it connects recorder, survey list, page and rig interfaces with the graph and with each other.
+Surface node: connects recorder, survey list, page and rig interfaces with the ROS graph and with each other.
 
-Each part has its own module in this folder; this module creates the parts, calls them from two timers, and connects
+Each part has its own module in this folder. This module creates the parts, calls them from two timers, and connects
 them with the topics.
 """
 
@@ -71,7 +71,7 @@ from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.trajectory.slide_file import NAME, SLIDES, read_stretches, stretch_table
 
 _LIVE_PERIOD = 0.05  # s between two updates of page and toolface
-_SLOW_PERIOD = 1.0  # s between two updates of everything else
+_SLOW_PERIOD = 1.0  # s between two updates of all other parts
 
 
 class SurfaceNode(GraphNode[SurfaceSettings]):
@@ -84,7 +84,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._page_due = True
 
     def changeable_at_runtime(self, name: str) -> bool:
-        """Well, leg, plan, advisory and rules of the list can change at run time; folders and ports cannot."""
+        """Return whether a parameter can change at run time: well, leg, plan, advisory and rules of the list can."""
         return name.startswith(("well.", "rules.", "leg.", "plan.", "advisory."))
 
     def on_settings_changed(self, settings: SurfaceSettings) -> None:
@@ -125,7 +125,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._outlet = outlet = NodeOutlet(self, worker, slide_file)
         self._time = SteadyTime()
         clock = WellClock(self._time.now_ns())
-        # In a graph with simulated time, alarms have that time.
+        # In a ROS graph with simulated time, alarms get the simulated time.
         stamp = self._graph_ns if self.get_parameter("use_sim_time").value else None
         outlet.alarm_log = AlarmLog(clock, outlet.tell, stamp)
         well_context = WellContext(clock, LiveState(live_settings(settings)), outlet.alarm_log, outlet)
@@ -200,7 +200,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return part
 
     def _on_recording_started(self) -> None:
-        """Write the latched messages and the slide sheet into a recording that begins, for a later playback."""
+        """Write the latched messages and the slide sheet into a recording that begins: its playback needs them."""
         self._router.repeat_latched()
         self._recording.add_tables({SLIDES: stretch_table(self._well.slides.stretches())})
 
@@ -249,7 +249,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self.add_timer(_SLOW_PERIOD, self._update_slow)
 
     def _open_requests_to_the_tool(self) -> None:
-        # The feedback of an action is a topic to which others than the action's client may subscribe.
+        # The feedback of an action is a topic, to which not only the client of the action may subscribe.
         for action, action_type, callback in (
             ("north_seek", NorthSeek, self._well.diagnostics.on_north_seek),
             ("rotary_survey", RotarySurvey, self._well.diagnostics.on_rotary_survey),
@@ -279,7 +279,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         for close in closers:
             try:
                 close()
-            except Exception:  # noqa: BLE001  (one part that fails to close must not keep the others open)
+            except Exception:  # noqa: BLE001  (if one part fails to close, the others must still be closed)
                 self.get_logger().error(printable(f"cannot close:\n{traceback.format_exc()}"))
 
     # Messages and requests.
@@ -317,7 +317,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     # Timers.
 
     def _update_live(self) -> None:
-        # Messages that arrive from here on wait for the next call, so that no message is late for its time cell.
+        # Messages that arrive from here on wait for the next call, so that no message is late for its interval of time.
         until_ns = self._time.now_ns()
         self._shared.requests.run_requests()
         self._shared.worker.run_callbacks()
@@ -326,7 +326,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         now, before_ns = time.monotonic(), self._well.clock.now_ns
         self._rig.update(now)
         self._well.advance(until_ns)
-        # The page gets the state at the end of a time cell, so that a recording played to the same time shows the same.
+        # The page gets the state at the end of an interval, so that playback to the same time shows the same state.
         if self._well.clock.now_ns > before_ns:
             self._page.update(without_clients=self._page_due)
             self._page_due = False
@@ -349,7 +349,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._page_due = True
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return the states of recorder, page, inputs, rig, control, list, messages and recorded topics."""
+        """Return the diagnostics of all parts of the node."""
         parts = (
             self._recording,
             self._page,
@@ -367,7 +367,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return [*found, self._of_inputs()]
 
     def _of_inputs(self) -> Diagnostic:
-        """Return the source of the depth, and the clock of each input."""
+        """Return the diagnostic of the inputs: the source of the depth, and the clock of each input."""
         table = self._well.inputs.table
         name = table.depth_source
         found = [f"depth from {name}" if name else "no depth is received"]
@@ -393,14 +393,14 @@ def main(args: Sequence[str] | None = None) -> int:
     return run_node(SurfaceNode, args)
 
 
-# The fixed transforms of one well: wellhead and rig floor at the origin of the path, the bit ahead of the sonde.
+# Static transforms of one well: wellhead and rig floor at the origin of the path, the bit ahead of the sonde.
 
 
 _NORTH_EAST_DOWN = [float(v) for v in frames.orientation_et(np.eye(3))]
 
 
 class StaticFrames:
-    """Publisher of `/tf_static`; it publishes again when the tool's frame or its distance to the bit changes."""
+    """Publisher of `/tf_static`, which publishes again when the tool's frame or its distance to the bit changes."""
 
     def __init__(self, context: SurfaceContext) -> None:
         self._context = context
@@ -414,7 +414,7 @@ class StaticFrames:
         """
         Publish the transforms if they changed.
 
-        tool_frame : frame of the tool's messages, empty while unknown. sensor_to_bit : distance along the tool, m.
+        tool_frame: frame id of the tool's messages, empty while unknown. sensor_to_bit: distance along the tool, m.
         """
         if self._published == (tool_frame, sensor_to_bit):
             return
@@ -424,8 +424,8 @@ class StaticFrames:
         turned = wellhead.transform.rotation
         turned.x, turned.y, turned.z, turned.w = _NORTH_EAST_DOWN
         floor = node.frame(wire.RIG_FRAME)
-        # Rig data received through an interface of this project have the interface's name as frame; it is the rig
-        # floor.
+        # Rig data from a rig interface of this project have the name of the interface as frame id; this frame equals
+        # the rig floor.
         ours = [self._transform(floor, node.frame(name)) for name in (OPCUA, WITS, MODBUS)]
         transforms = [wellhead, self._transform(local, floor), *ours]
         if tool_frame:

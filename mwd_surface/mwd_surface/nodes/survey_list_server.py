@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey list of a well: input are surveys and the operator's decisions; output are list, path and exports.
+Survey list of a well in the surface node: receives surveys and the operator's decisions, and publishes list and path.
 
-The list is stored on disk.
+The list is stored on disk, and exported to files.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ class SurveyListServer(SurveyBook):
     context : SurfaceContext
         Node, folder, alarm log and worker. The list is stored in the subfolder `surveys`, exported files in `exports`.
     settings : SurfaceSettings
-        Only the sections `well`, `rules`, `leg` and `depth` are used.
+        Settings of the surface, of which only the sections `well`, `rules`, `leg` and `depth` are used.
     plan : PlanMonitor
-        The planned path.
+        Monitor with the planned path.
 
     Attributes
     ----------
     slide_sheet : callable
-        Returns the slide sheet, for reports.
+        Function that returns the slide sheet, for reports.
     on_depth_by_hand : callable
-        Called with a bit depth, m, that a person has set, and its age, s.
+        Function that is called with a bit depth, m, that a person has set, and the age of the depth, s.
 
     Raises
     ------
@@ -128,10 +128,10 @@ class SurveyListServer(SurveyBook):
 
     def use_leg(self, *, leg: str, operator_name: str, kick_off_depth: float | None = None) -> Answer:
         """
-        Let the next surveys belong to a leg by the operator's decision, with the parameters of the node.
+        Assign the next surveys to a leg by the operator's decision, and set the parameters of the node accordingly.
 
-        leg: an earlier leg, or the name of a new one, which leaves the present leg at kick_off_depth, m. Returns
-        whether it was done, and the outcome in words.
+        leg: name of an earlier leg, or of a new leg, which leaves the present leg at kick_off_depth, m. Return whether
+        this was done, and a message.
         """
         name, earlier = leg.strip(), {one.name for one in self.surveys.legs}
         if not name or (name not in earlier and kick_off_depth is None):
@@ -219,12 +219,12 @@ class SurveyListServer(SurveyBook):
 
     def restore_depth(self, stamp_ns: int, bit_depth: float, operator_name: str) -> None:
         """
-        Put a bit depth, m, that a person set before the node started in force again, from the time at which it was set.
+        Restore a bit depth, m, that a person set before the node started, with the time at which it was set, ns.
 
         Raises
         ------
         ValueError
-            See `DepthTrack.set_by_hand`.
+            The depth is not valid, as in `DepthTrack.set_by_hand`.
         """
         self.set_depth_by_hand(stamp_ns, bit_depth)
         self.on_depth_by_hand(bit_depth, (self._alarm_log.now_ns() - stamp_ns) / wire.NANOSECONDS)
@@ -275,7 +275,7 @@ class SurveyListServer(SurveyBook):
     # Saving, publishing, reports.
 
     def replace(self, surveys: SurveyList) -> None:
-        """Replace and save the list; a list that cannot be written as a file (ValueError) changes nothing."""
+        """Replace and save the list; raise ValueError, without a change, if the list cannot be written as a file."""
         if surveys is not self.surveys:
             self._save(surveys)
             super().replace(surveys)
@@ -284,7 +284,7 @@ class SurveyListServer(SurveyBook):
         try:
             self._store.save(surveys)
         except StoreError as error:
-            # Saving is retried every second, and the error is logged once.
+            # Saving is retried every second: raise the alarm only once for an error.
             if str(error) != self._save_error:
                 remedy = "free the disk; it is retried every second"
                 self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)
@@ -329,7 +329,7 @@ class SurveyListServer(SurveyBook):
         """
         Write the report of the current list in the background.
 
-        Of several changes meanwhile only the last is reported.
+        Changes while a report is being written lead to one further report, of the last change.
         """
         if self._reporting or self._reported is self.surveys or not self.surveys.records:
             return

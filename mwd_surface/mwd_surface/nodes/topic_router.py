@@ -2,10 +2,10 @@
 """
 Routing of the messages of the surface node to the recording, to Foxglove and to the well.
 
-Stream messages wait in buffers and are processed twenty times a second. A message of any other topic is processed at
-once, after the stream messages received before it. A message that the node itself publishes is recorded as it is
-published. Recording and well get the same messages in the same order with the same times, so that a recording played
-into a well gives the state that the live page showed.
+Messages of streams (topics with a high rate) wait in buffers and are processed twenty times a second. A message of any
+other topic is processed at once, after the stream messages received before it. A message that the node itself publishes
+is recorded when it is published. Recording and well get the same messages in the same order with the same times, so
+that playback of a recording gives the state that the live page showed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Handler = Callable[[bytes], None]
 
 class TopicRouter:
     """
-    Subscriber to the topics of the contract and to further topics that are to be recorded.
+    Subscriber to the topics in `TOPICS` (the contract), and to further topics that are to be recorded.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ class TopicRouter:
     foxglove : FoxgloveBridge
         Receives every message if it is enabled.
     handlers : mapping
-        Topic to the function that is called at once with each serialised message.
+        Function that is called at once with each serialised message, by topic.
     well : LiveWell
-        Receives the messages of its topics, recorded or not.
+        Well that receives the messages of its topics, recorded or not.
     steady : SteadyTime
-        The time of the well.
+        Time of the well.
     """
 
     def __init__(
@@ -71,14 +71,14 @@ class TopicRouter:
         self._well, self._steady = well, steady
         self._streams: list[tuple[MessageBuffer, Callable[[bytes, int], None]]] = []
         self._missing: set[str] = set()
-        # Latched topics of this node: their last messages, and the function that records one.
+        # Latched topics of this node: their last messages, and the function that records a message.
         self._latched: list[tuple[deque[bytes], Callable[[bytes], None]]] = []
 
     def open(self, recorded_topics: list[str], excluded: Collection[str] = ()) -> None:
         """
         Subscribe to the topics of the contract that are recorded, forwarded or handled.
 
-        excluded : topics that are never subscribed to, even if requested.
+        excluded: topics that are not subscribed to, even if they are in `recorded_topics`.
         """
         node = self._node
         own = {one.topic_name: one for one in node.publishers if isinstance(one, TopicPublisher)}
@@ -128,7 +128,7 @@ class TopicRouter:
             self._node.add_subscription(msg_type, name, on_event, buffered(profile), raw=True)
 
     def _keep_published(self, publisher: TopicPublisher, name: str, *, is_recorded: bool) -> None:
-        """Record and forward a topic of this node when it is published, with the time at which the page shows it."""
+        """Record and forward each message of a topic of this node when it is published, with the time of the well."""
         msg_type, profile = TOPICS[name]
         full_name, typed, offered = publisher.topic_name, type_name(msg_type), profile_yaml(profile)
         record, forward = self._record if is_recorded else None, self._foxglove.put
@@ -153,7 +153,7 @@ class TopicRouter:
         publisher.on_published = on_published
 
     def repeat_latched(self) -> None:
-        """Record again the latched messages of this node's own topics, which a recording that has just begun needs."""
+        """Record the latched messages of this node's topics again, for a recording that has just begun."""
         for last, keep in self._latched:
             for data in last:
                 keep(data)
@@ -192,7 +192,7 @@ class TopicRouter:
                     self._alarm_log.log_event("recorder", text, Severity.WARNING)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the topics to be recorded that do not exist yet."""
+        """Return the diagnostic of the topics that are to be recorded and do not exist yet."""
         if not self._missing:
             return []
         message = f"not there yet: {', '.join(sorted(self._missing))}"

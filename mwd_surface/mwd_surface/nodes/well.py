@@ -15,7 +15,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the three nodes until one of them is stopped; the sonde ends first.
 
-    Messages inside the process are passed on without the transport. One callback runs at a time, and a crash
-    ends all three: several processes use the cores and survive each other.
+    Messages between nodes of one process do not go through the network. Only one callback runs at a time, and a crash
+    ends all three nodes; separate processes run on several cores and survive the crash of another.
     """
     return run_nodes([SurfaceNode, EstimatorNode, SondeNode], args)

@@ -43,7 +43,7 @@ class NodeOutlet(WellOutlet):
     ----------
     node : GraphNode
     worker : BackgroundWorker
-        Runs slow work.
+        Worker thread for slow work.
     slide_file : Path
         File of the slide sheet.
 
@@ -52,13 +52,13 @@ class NodeOutlet(WellOutlet):
     alarm_log : AlarmLog
         Alarm log of the same well; set by the code that creates both.
     surveys : SurveyListServer or None
-        Publishes the list.
+        Survey list, which publishes itself.
     listeners : list of callable
-        Called with the survey list after each change.
+        Functions that are called with the survey list after each change.
     rig_listeners : list of callable
-        Called with the rig data in force as received.
+        Functions that are called with the samples of the rig data source in force when they arrive.
     recorder : callable
-        Returns the status of the recorder.
+        Function that returns the status of the recorder.
     """
 
     alarm_log: AlarmLog
@@ -84,7 +84,7 @@ class NodeOutlet(WellOutlet):
     def tell(self, text: str, severity: Severity) -> None:
         """Write an event or an alarm into the log of the process."""
         logger = self._node.get_logger()
-        # rclpy allows only one severity for each line of code.
+        # Use two lines, because rclpy allows only one severity for each line of code.
         if severity == Severity.CRITICAL:
             logger.error(text)
         else:
@@ -109,14 +109,14 @@ class NodeOutlet(WellOutlet):
         self._toolface.publish(message)
 
     def on_inputs(self, table: InputTable) -> None:
-        """Publish the inputs."""
+        """Publish the table of inputs."""
         message = table.to_message(make)
         message.header.stamp = stamp(self.alarm_log.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._inputs.publish(message)
 
     def on_advice(self, advice: Advice) -> None:
-        """Publish the advice."""
+        """Publish the steering advice."""
         message = advice.to_message(make)
         message.header.stamp = stamp(advice.stamp_ns) if advice.stamp_ns else self._now()
         message.header.frame_id = self._node.frame(wire.SONDE_FRAME)
@@ -132,7 +132,7 @@ class NodeOutlet(WellOutlet):
         self._alarms.publish(alarms)
 
     def on_stretch(self, stretch: Stretch) -> None:
-        """Save an interval of the slide sheet."""
+        """Save a stretch of the slide sheet; raise an alarm if it cannot be saved."""
         try:
             append_stretch(self._slide_file, stretch)
         except OSError as error:
@@ -167,7 +167,7 @@ class NodeOutlet(WellOutlet):
         return self.simulator_seen() or bool(self._node.get_parameter("use_sim_time").value)
 
     def readings(self) -> dict[str, float]:
-        """Return the load of the recorder's queue and disk, by the rows of the table of supervision."""
+        """Return the fill of the recorder's queue, %, and of the disk, 1/GB, by names of the supervision table."""
         if self.recorder is None:
             return {}
         status = self.recorder()
@@ -183,9 +183,9 @@ class NodeOutlet(WellOutlet):
 
 def _disk(folder: Path) -> dict[str, float]:
     """
-    Return the inverse of the free space, 1/GB, on the disk of a folder.
+    Return the inverse of the free space on the disk of a folder, 1/GB, as the reading "disk.low".
 
-    Empty if the recorder reports a disk failure.
+    Return an empty dict if the free space cannot be read.
     """
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plots of recordings, surveys and forecasts; plots of recordings need constant memory."""
+"""Plots of recordings, surveys and forecasts; the memory for a plot does not depend on the length of the recording."""

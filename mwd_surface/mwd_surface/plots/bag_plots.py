@@ -20,7 +20,7 @@ from mwd_surface.plots.traces import WHAT
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-# Okabe and Ito's palette: distinguishable for colour-blind readers.
+# Heading of each part of the plot, by its word in `WHAT`.
 _HEADINGS = {
     "sensors": "Sensors",
     "rig": "Rig",
@@ -30,7 +30,7 @@ _HEADINGS = {
     "spectra": "Spectra",
     "allan": "Allan deviation of the longest still interval",
 }
-# Inches.
+# Width of the plot, its margins, and heights of its parts, inches.
 _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM = 12.5, 0.95, 1.85, 0.6, 0.35
 _PANEL, _HEADING, _SQUARE, _TITLE, _AXIS = 1.35, 0.3, 3.0, 0.28, 0.5
 _DOTS_PER_INCH = 110
@@ -39,7 +39,7 @@ _NORTH_TRUE = 2
 
 @dataclasses.dataclass
 class _Row:
-    """A row of the plot: height and space below, inches, and the functions that draw its axes, side by side."""
+    """Row of the plot: height and space below, inches, and the functions that draw the axes of the row."""
 
     height: float
     draw: list[Callable[[Axes], None]]
@@ -48,7 +48,7 @@ class _Row:
 
 
 def sections(data: PlotData, what: Sequence[str]) -> list[str]:
-    """Return the words of `what` that have something to draw, in the order of drawing."""
+    """Return those words of `what` for which there are data, in the order of drawing."""
     return [word for word in WHAT if word in what and _section(data, word)]
 
 
@@ -58,7 +58,7 @@ def figure(data: PlotData, what: Sequence[str]) -> Figure:
 
     Every panel has a title with its topic, an axis with its unit, and a legend.
     """
-    # Not pyplot, which keeps every figure in a global list.
+    # Do not use pyplot, which keeps every figure in a global list.
     from matplotlib.figure import Figure
 
     rows = [row for word in WHAT if word in what for row in _section(data, word)]
@@ -90,7 +90,7 @@ def image(picture: Figure, kind: str) -> bytes:
     Raises
     ------
     ValueError
-        Any other kind.
+        The kind is neither png nor svg.
     """
     if kind not in ("png", "svg"):
         raise ValueError(f"a plot is written as .png or .svg, not as .{kind}")
@@ -113,7 +113,7 @@ def _section(data: PlotData, word: str) -> list[_Row]:
     if word == "spectra":
         rows = _spectrum_rows(data)
     elif word == "allan":
-        # An IMU's gyros and accelerometers side by side.
+        # Draw the gyros and the accelerometers of an IMU side by side.
         for start in range(0, len(data.allan), 2):
             pair = [drawer(_draw_allan, item) for item in data.allan[start : start + 2]]
             rows.append(_Row(_SQUARE, pair, _AXIS))
@@ -185,7 +185,7 @@ def _per_second(speed_rpm: Any) -> Any:
 
 
 def _truth_beside(data: PlotData, panel: Panel) -> Panel | None:
-    """Return the truth panel to compare an attitude panel with; for an azimuth only with the same north."""
+    """Return the truth panel for comparison with an attitude panel; None for an azimuth that is not from true north."""
     key = panel.trace.key
     if panel.trace.what != "attitude" or not key or (key == "azimuth" and panel.north != _NORTH_TRUE):
         return None
@@ -208,7 +208,7 @@ def _as_angles(ax: Axes, half: bool) -> None:
         ax.set_ylim(-185.0, 185.0)
         ax.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
     else:
-        # A nearly constant angle is drawn as a line, not as noise magnified to the height of the panel.
+        # Show at least 1 deg, so that the noise of a nearly constant angle does not fill the height of the panel.
         if high - low < 1.0:
             middle = 0.5 * (low + high)
             ax.set_ylim(middle - 0.5, middle + 0.5)
@@ -220,7 +220,7 @@ def _spectrum_rows(data: PlotData) -> list[_Row]:
     rows: list[_Row] = []
     for start in range(0, len(data.spectra), 3):
         drawers = [drawer(_draw_spectrum, item) for item in data.spectra[start : start + 3]]
-        # One or two axes keep the width of three.
+        # One or two axes get the same width as three.
         rows.append(_Row(_SQUARE, drawers + [_nothing] * (3 - len(drawers)), _AXIS))
     rows += [
         _Row(1.6, [drawer(_draw_waterfall, data, item)], _AXIS)

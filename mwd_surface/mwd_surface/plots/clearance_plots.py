@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plots of clearance: the ladder along the hole, the travelling cylinder around it, and the plan view of all wells."""
+"""Plots of clearance: ladder plot along the hole, travelling-cylinder plot, and plan view of all wells."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST = 12  # largest number of wells drawn; more would hide each other
-# The axis ends at this factor.
+# Largest separation factor on the axis.
 _FAR = 10.0
 _ELLIPSE_SIGMAS = 2.0
 
 
 def ladder(found: Sequence[Clearance]) -> Figure:
     """
-    Draw separation factor and centre-to-centre distance along the hole; dashed: least allowed distance.
+    Draw separation factor and centre-to-centre distance along the hole; dashed: smallest allowed distance.
 
-    found: clearances, the smallest separation factor first; at most twelve are drawn.
+    found: clearances, the smallest separation factor first; at most twelve wells are drawn.
     """
     from matplotlib.figure import Figure
 
@@ -56,8 +56,8 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
     """
     Draw the other wells around the hole: direction from north (toolface + azimuth), distance from the centre.
 
-    radius: largest distance drawn, m; if omitted, it shows every well at its nearest. Numbers along the lines are
-    measured depths of the drilled well.
+    radius: largest distance drawn, m; by default chosen so that every well is shown where its separation factor is
+    smallest. Numbers along the lines are measured depths of the drilled well.
     """
     from matplotlib.figure import Figure
 
@@ -87,10 +87,10 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
 
 def plan_view(near: WellClearance) -> Figure:
     """
-    Draw the well and its offset wells from above, around the nearest points by the rule.
+    Draw the well and its offset wells from above, around the points with the smallest separation factors.
 
-    The hole ahead of the last survey is dashed. Where an offset well is nearest by the rule, a line joins both wells,
-    and each has its ellipse at 2 sigma.
+    The hole below the last survey is dashed. Where the separation factor of an offset well is smallest, a line joins
+    both wells, and each well has its error ellipse at 2 sigma.
     """
     from matplotlib.figure import Figure
 
@@ -111,7 +111,7 @@ def plan_view(near: WellClearance) -> Figure:
         ends = [_at(of, float(md[one.least])) for of, md in ((well, one.md), (one.other, one.offset_md))]
         ax.plot([ends[0][0][1], ends[1][0][1]], [ends[0][0][0], ends[1][0][0]], "-", color=colour, linewidth=0.7)
         for place, covariance in ends:
-            # North, east -> east, north as the axes of the map.
+            # Change the order of axes from north, east to east, north, as on the map.
             outline = ellipse(covariance[:2, :2][::-1, ::-1], _ELLIPSE_SIGMAS).outline() + place[[1, 0]]
             ax.plot(outline[:, 0], outline[:, 1], color=colour, linewidth=0.7)
             close.append(outline)
@@ -152,7 +152,7 @@ def _bands(ax: Any, rule: ClearanceRule) -> None:
 
 
 def _labelled(other: Clearance, shown: Array, apart: float) -> list[int]:
-    """Return the points that get a depth label: at least `apart` m from each other."""
+    """Return the indices of the points that get a depth label; the points are at least `apart` m from each other."""
     chosen: list[int] = []
     last = np.array([math.inf, math.inf])
     for at in np.flatnonzero(np.isfinite(shown)):
@@ -164,7 +164,7 @@ def _labelled(other: Clearance, shown: Array, apart: float) -> list[int]:
 
 
 def _near(found: Sequence[Clearance]) -> float:
-    """Return the distance, m, that shows every well around its smallest factor but not where it is far away."""
+    """Return the largest distance to draw, m: enough to show every well where its separation factor is smallest."""
     least = max(float(c.distance[c.least]) for c in found[:_MOST])
     allowed = max(float(c.allowed[c.least]) for c in found[:_MOST])
     return 10.0 * math.ceil(max(3.0 * allowed, 1.5 * least) / 10.0)

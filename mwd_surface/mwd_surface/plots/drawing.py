@@ -12,18 +12,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Colours of lines, after Okabe and Ito: colour-blind readers can tell them apart. The first four differ in lightness as
-# well (27, 53, 70 and 0 %), so that a plot printed in grey can be read.
+# Colours of lines, after Okabe and Ito, which colour-blind readers can distinguish. The first four also differ in
+# lightness (27, 53, 70 and 0 %), so that a plot printed in grey can be read.
 BLUE, RED, SKY, BLACK, PURPLE = "#0B3C7D", "#D55E00", "#56B4E9", "#000000", "#CC79A7"
 SERIES = (BLUE, RED, SKY, BLACK, PURPLE)
-# Colours with a meaning; each comes with a mark or a word of its own.
+# Colours with a meaning; each is used together with a mark or a word.
 GOOD, DOUBTFUL, BAD, NEUTRAL = "#009E73", "#E69F00", RED, "#999999"
 TRUTH_COLOUR, GRID_COLOUR = "#555555", "#cccccc"
 DEGREES = 180.0 / math.pi
 
 
 def drawer(draw: Callable[..., None], *given: Any) -> Callable[[Axes], None]:
-    """Return a function of the axes alone that calls `draw` with the other arguments given."""
+    """Return a function of the axes that calls `draw` with the axes and the arguments `given`."""
     return lambda ax: draw(ax, *given)
 
 
@@ -40,7 +40,7 @@ def grid(ax: Axes) -> None:
 
 
 def with_fonts(figure: Figure) -> Figure:
-    """Return the figure with the second font for the texts that have characters which the main font does not have."""
+    """Set the font with Chinese characters for texts that the main font cannot show; return the figure."""
     from matplotlib.patheffects import withStroke
     from matplotlib.text import Text
 
@@ -50,7 +50,7 @@ def with_fonts(figure: Figure) -> Figure:
         if needs_wide((item.get_text(),)):
             item.set_fontfamily(list(families()))
             if item.get_fontweight() == "bold":
-                # The font has only the regular weight: thicker outlines, as in the PDF report.
+                # The font has only a regular weight: draw thicker outlines for bold, as in the PDF report.
                 width = 0.04 * float(item.get_fontsize())
                 item.set_fontweight("normal")
                 item.set_path_effects([withStroke(linewidth=width, foreground=item.get_color())])
@@ -58,7 +58,7 @@ def with_fonts(figure: Figure) -> Figure:
 
 
 def translate(figure: Figure, say: Callable[[str], str]) -> Figure:
-    """Translate the texts of a figure, and return it; a text stays as it is if no font has its characters."""
+    """Translate the texts of a figure; return the figure. A text is not translated if no font has the characters."""
     from matplotlib.text import Text
 
     from mwd_surface.plots.fonts import lacking
@@ -88,7 +88,7 @@ def svg(figure: Figure) -> str:
 
 
 def time_unit(seconds: float) -> tuple[float, str]:
-    """Return the time unit of the axis for a span: its length in seconds and its name."""
+    """Return the unit of the time axis for a span of `seconds`: length of the unit in seconds, and its name."""
     if seconds <= 300.0:
         return 1.0, "seconds"
     return (60.0, "minutes") if seconds <= 3.0 * 3600.0 else (3600.0, "hours")

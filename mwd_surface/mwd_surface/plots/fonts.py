@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Fonts of reports and plots: DejaVu, which comes with matplotlib, and one with Chinese characters, which comes with us.
+Fonts of reports and plots: DejaVu from matplotlib, and a font with Chinese characters from this package.
 
-The second is a subset of Noto Sans SC (SIL Open Font License) that `make font` writes: the 3755 characters of level 1
-of GB/T 2312, those of the catalogues, and common ones of names. The page uses the same file. Rarer characters come from
-a whole font of the system, if it has one.
+The font with Chinese characters is a subset of Noto Sans SC (SIL Open Font License) that `make font` writes: the 3755
+characters of level 1 of GB/T 2312, the characters of the catalogues, and common characters of names. The page uses the
+same file. Rarer characters are taken from a complete font of the system, if one is installed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def main_font(*, bold: bool = False) -> Path:
 
 @functools.cache
 def wide_fonts() -> tuple[Path, ...]:
-    """Return the files of fonts with Chinese characters: the one of this package, then one of the system, if any."""
+    """Return the files of fonts with Chinese characters: from this package, then from the system if it has one."""
     from matplotlib.font_manager import fontManager
 
     known = {font.name: font.fname for font in fontManager.ttflist}
@@ -40,7 +40,7 @@ def wide_fonts() -> tuple[Path, ...]:
 
 @functools.cache
 def families() -> tuple[str, ...]:
-    """Return the families for the texts of a figure, the main one first."""
+    """Return the font families for the texts of a figure, the main family first."""
     from matplotlib.font_manager import FontProperties, fontManager
 
     paths = wide_fonts()
@@ -62,7 +62,7 @@ def needs_wide(texts: Iterable[str]) -> bool:
 
 
 def lacking(texts: Iterable[str]) -> str:
-    """Return the characters of texts that no font here has."""
+    """Return those characters of the texts that none of the fonts has."""
     return _without(texts, (main_font(), *wide_fonts()))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plot of a forecast: sigmas and share accepted along the plan, and the no-go zone of the axial correction."""
+"""Plot of a forecast: sigmas and share of accepted surveys along the plan, and no-go zone of the axial correction."""
 
 from __future__ import annotations
 

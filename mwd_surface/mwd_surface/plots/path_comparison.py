@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_BAND = 2.0  # sigmas
+_BAND = 2.0  # half width of the bands, in sigmas
 
 
 def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str]) -> Figure:
     """
     Draw the ends of paths in plan view.
 
-    ends: of each path position, shape (3,), m, and horizontal covariance, shape (2, 2), m^2, or None. names: of the
-    paths.
+    ends: for each path, position of its end, shape (3,), m, and horizontal covariance, shape (2, 2), m^2, or None.
+    names: names of the paths.
     """
     from matplotlib.figure import Figure
 
@@ -59,7 +59,7 @@ def figure_of(found: PathDifference, first: str, second: str) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle(f"{first} minus {second}", fontsize=11)
     upper.plot(found.md, found.turn[:, 0] * DEGREES, color=SERIES[0], label="inclination")
-    # Rotation of the hole axis: near vertical, a change of azimuth has little effect.
+    # Draw the rotation of the hole axis, because near the vertical a change of azimuth has little effect.
     across = found.turn[:, 1] * np.sin(found.inclination[:, 0])
     upper.plot(found.md, across * DEGREES, color=SERIES[1], label="azimuth x sin(inclination)")
     _finish(upper, "deg")

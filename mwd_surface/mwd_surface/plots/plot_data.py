@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data for a plot of a bag, collected in one pass and constant memory; only an Allan plot needs a second pass."""
+"""Data for a plot of a bag, collected in one pass in constant memory; only an Allan plot needs a second pass."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ from mwd_surface.surveys.message_conversion import record_of
 from mwd_surface.surveys.survey_record import SurveyRecord
 
 _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
-# A stamp further than this from the time of recording is from another clock; the time of recording is used instead.
+# A stamp that differs by more than this from the time of recording is from another clock; then the time of recording is
+# used.
 _OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
-# Still: every half second varies less than this, rad/s and m/s^2, and less than _AS_QUIET times the quietest tenth.
+# An interval is still if the variation within every half second is less than these limits, rad/s and m/s^2, and less
+# than _AS_QUIET times the 10th percentile. Its least length is _STILL_S, s.
 _QUIET_RATE, _QUIET_FORCE = 0.03, 0.25
 _AS_QUIET = 1.8
 _STILL_S = 10.0
@@ -44,7 +46,7 @@ class Panel:
 
     @property
     def title(self) -> str:
-        """Topic and quantity, including the north reference."""
+        """Title of the panel: topic and quantity, with the north reference."""
         return f"{self.topic}: {self.trace.title.format(north=NORTHS.get(self.north, 'unnamed'))}"
 
 
@@ -79,11 +81,11 @@ class PlotData:
     name : str
         Name of the bag.
     start_ns, end_ns : int
-        Span drawn.
+        Span drawn, ns since the epoch.
     panels, spectra, allan, surveys : list
-        Each survey comes with its measured depth, m, or nan.
+        Data of each part of the plot; each survey is paired with its measured depth, m, or NaN.
     remarks : list of str
-        Reasons for things that cannot be shown.
+        Reasons why requested data cannot be shown.
     """
 
     name: str
@@ -118,9 +120,9 @@ def gather(
     what : sequence of str
         Words of `traces.WHAT`.
     given : InputSettings, optional
-        How the samples are read, and of which span.
+        Settings for reading the samples, and the span to read.
     topics : sequence of str
-        Full names of the topics to draw; empty: all that can be drawn.
+        Full names of the topics to draw; empty: all topics that can be drawn.
     bins : int
         Number of time bins of the plot.
     progress : callable
@@ -129,9 +131,9 @@ def gather(
     Raises
     ------
     ValueError
-        An unknown word, or a span that ends before it starts.
+        `what` has an unknown word, or the span ends before it starts.
     BagError
-        The bag does not have a topic, or it has nothing to draw of `what`.
+        The bag does not have a topic of `topics`, or no data of `what`.
     """
     given = given or InputSettings()
     _check_request(bag, what, given.start_s)
@@ -175,7 +177,7 @@ def _check_request(bag: Bag, what: Sequence[str], start_s: float) -> None:
 
 def _chosen(bag: Bag, topics: Sequence[str]) -> list[str]:
     if not topics:
-        # imu/data is the estimator's copy of the IMU data: it would be drawn twice.
+        # Omit imu/data, which is the estimator's copy of the IMU data, so that no data are drawn twice.
         return sorted((name for name in bag.topics if not name.endswith("imu/data")), key=_order)
     names = []
     for name in topics:
@@ -187,7 +189,7 @@ def _chosen(bag: Bag, topics: Sequence[str]) -> list[str]:
 
 
 def _order(topic: str) -> tuple[str, int, str]:
-    """Return a sort key: by well, then in the order of `wire.SONDE_TOPICS`."""
+    """Return the sort key of a topic: by well, then in the order of `wire.SONDE_TOPICS`."""
     for k, relative in enumerate(wire.SONDE_TOPICS):
         if topic.endswith(f"/{relative}"):
             return topic.removesuffix(relative), k, topic
@@ -195,7 +197,7 @@ def _order(topic: str) -> tuple[str, int, str]:
 
 
 class _Pen(abc.ABC):
-    """Collects the samples of one topic."""
+    """Collector of the samples of one topic."""
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
@@ -204,7 +206,7 @@ class _Pen(abc.ABC):
     def draw(self, part: tuple[Stamps, Any]) -> None:
         """Add the times of recording and the samples of a block."""
 
-    def end(self) -> None:  # noqa: B027  (most have nothing left to do)
+    def end(self) -> None:  # noqa: B027  (most collectors have nothing to finish)
         """Finish after the last block."""
 
 
@@ -227,7 +229,7 @@ def _pens(bag: Bag, stream: RecordingStream, what: Sequence[str], data: PlotData
 
 
 def _compared(trace: Trace, what: Sequence[str]) -> bool:
-    """Return whether a trace is a truth that is also read for comparison with a drawn attitude."""
+    """Return whether a trace is the truth, and is read for comparison because the attitude is drawn."""
     return trace.what == "truth" and "attitude" in what
 
 
@@ -265,7 +267,7 @@ class _SurveyPen(_Pen):
                 self.found[survey.uuid] = (survey, math.nan)
 
     def end(self) -> None:
-        # The survey list knows depths: its record replaces the survey without depth.
+        # A record of the survey list has a depth, so it replaces the survey without depth.
         known = {survey.uuid: (survey, depth) for survey, depth in self.data.surveys}
         for uuid, (survey, depth) in self.found.items():
             if uuid not in known or not math.isnan(depth):
@@ -302,7 +304,7 @@ class _SpectrumPen(_Pen):
         if rate <= 0.0:
             return False
         seconds = self.data.seconds
-        # Short runs get shorter segments, so that there are several to average.
+        # Use shorter segments for a short recording, so that several periodograms are averaged.
         longest = min(_SEGMENT_S, max(seconds / 8.0, 16.0 / rate))
         segment = max(16, 1 << int(math.log2(longest * rate)))
         bins = int(min(240, max(1, seconds * rate / segment)))
@@ -314,7 +316,7 @@ class _SpectrumPen(_Pen):
 
 
 class _StillPen(_Pen):
-    """Finds the longest still interval, then reads it again for its Allan deviation."""
+    """Finder of the longest still interval, which is then read again to compute its Allan deviation."""
 
     def __init__(self, topic: str, data: PlotData, again: RecordingStream) -> None:
         super().__init__(topic)
@@ -322,7 +324,7 @@ class _StillPen(_Pen):
         self.rate = 0.0
         self._stamps = np.empty(0, dtype=np.int64)
         self._held = np.empty((0, 6))
-        # For every half second: first and last stamp; spread of rate and force, mean force. A day has 170 000 of them.
+        # For every half second: first and last stamp; spread of rate and force, and mean force. A day has 170 000 rows.
         self._edges: list[tuple[int, int]] = []
         self._moved: list[tuple[float, ...]] = []
 
@@ -350,13 +352,13 @@ class _StillPen(_Pen):
             return 0, 0
         edges, moved = np.array(self._edges), np.array(self._moved)
         spread, mean = moved[:, :2], moved[:, 2:]
-        # A steady rotation also has a constant rate, but its specific force turns.
+        # During a steady rotation the rate is also constant, but the direction of the specific force changes.
         turned = np.abs(np.diff(mean, axis=0, prepend=mean[:1])).max(axis=1)
         quiet = (spread < (_QUIET_RATE, _QUIET_FORCE)).all(axis=1) & (turned < 0.5 * _QUIET_FORCE)
         quiet &= (edges[:, 1] - edges[:, 0]) * 1e-9 < 0.75
         if not quiet.any():
             return 0, 0
-        # Pumps shake a still tool by less than these limits: only the quietest parts show the noise of the sensor.
+        # Vibration by the pumps is below these limits, so keep only the quietest parts, which show the sensor noise.
         floor = np.percentile(spread[quiet], 10, axis=0)
         quiet &= (spread <= np.maximum(_AS_QUIET * floor, 1e-9)).all(axis=1)
         changes = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]]))).reshape(-1, 2)
@@ -391,12 +393,12 @@ def rate_of(stamps: Stamps) -> float:
 
 
 def _times(log_ns: Stamps, samples: Samples) -> Stamps:
-    """Return the times of measurement, or of recording if the stamps are from another clock."""
+    """Return the stamps of the samples, or the times of recording if the stamps are from another clock, ns."""
     stamps = samples["stamp_ns"]
     return np.where(np.abs(stamps - log_ns) > _OTHER_CLOCK_NS, log_ns, stamps)
 
 
-# Spectrum of a signal of any length and its change over time: averaged periodograms, in constant memory.
+# Spectrum of a signal of any length, and its change over time, from averaged periodograms, in constant memory.
 
 
 class Spectrum:
@@ -409,7 +411,7 @@ class Spectrum:
         Sampling rate, Hz.
     columns : int
     start_ns, end_ns : int
-        The span that is divided into time bins.
+        Span that is divided into time bins, ns.
     segment : int
         Number of samples in a periodogram.
     bins : int
@@ -437,7 +439,7 @@ class Spectrum:
 
     @property
     def frequency(self) -> Array:
-        """Hz, shape (segment // 2 + 1,)."""
+        """Frequencies, Hz, shape (segment // 2 + 1,)."""
         return np.asarray(np.arange(self.segment // 2 + 1) * self.rate / self.segment)
 
     @property
@@ -455,7 +457,8 @@ class Spectrum:
         """
         Add samples in order of time; the division into blocks has no effect on the spectrum.
 
-        A segment with a gap or with a value that is not finite is skipped.
+        stamp_ns, shape (n,); values, shape (n, columns). A segment with a gap or with a value that is not finite is
+        skipped.
         """
         stamps = np.concatenate([self._held_ns, stamp_ns])
         signal = np.concatenate([self._held, values])
@@ -484,13 +487,14 @@ class Spectrum:
 # Allan deviation of a record of any length, in constant memory.
 
 
-# Averaging times below this number of kept means are taken from the first part.
+# For averaging times shorter than this number of stored means, the curve is computed from the first samples, which are
+# not averaged.
 _FROM_MEANS = 16
 
 
 class LongAllan:
     """
-    Collects a record; `curve` gives its overlapping Allan deviation.
+    Collector of a record of any length, which computes the overlapping Allan deviation of the record.
 
     Parameters
     ----------
@@ -498,7 +502,7 @@ class LongAllan:
         Sampling rate, Hz.
     columns : int
     capacity : int
-        Number of samples kept; even, at least 64.
+        Largest number of samples or means in memory; even, at least 64.
 
     Raises
     ------
@@ -516,7 +520,7 @@ class LongAllan:
         self._short: AllanCurve | None = None
 
     def add(self, values: Array) -> None:
-        """Add samples, shape (n, columns), equally spaced and at rest."""
+        """Add samples, shape (n, columns), equally spaced in time, measured at rest."""
         self.samples += len(values)
         pending = np.concatenate([self._left, values])
         self._left = pending[:0]
@@ -539,7 +543,7 @@ class LongAllan:
         Raises
         ------
         ValueError
-            Fewer than 20 samples, or samples that are not finite.
+            There are fewer than 20 samples, or samples that are not finite.
         """
         long = allan(self._kept[: self._count], self.rate / self._ratio)
         if self._short is None:
@@ -561,10 +565,10 @@ class LongAllan:
         self._ratio *= 2
 
 
-# A long signal at the width of a plot: lowest and highest value in each of a fixed number of time bins.
+# Reduction of a long signal to the width of a plot: lowest and highest value in each of a fixed number of time bins.
 
 
-# The line is interrupted where samples are further apart than this multiple of their usual interval.
+# The line is interrupted where samples are farther apart than this multiple of their usual interval.
 _GAP = 5.0
 
 
@@ -575,12 +579,12 @@ class Envelope:
     Parameters
     ----------
     start_ns, end_ns : int
-        The span; samples outside are ignored.
+        Span, ns; samples outside are ignored.
     columns : int
     bins : int
     circle : float
-        If positive, the values are angles with this period. They are unwrapped to the turn nearest to the first value
-        of their column, so that a line does not jump where it passes north.
+        If positive, the values are angles with this period. Each angle is changed by whole periods to the value nearest
+        to the first value of its column, so that a line does not jump where the angle wraps.
 
     Raises
     ------
@@ -601,7 +605,7 @@ class Envelope:
 
     @property
     def exact(self) -> bool:
-        """Whether every sample has its own bin."""
+        """Whether no bin has more than one sample."""
         return int(self._count.max()) <= 1
 
     @property
@@ -624,7 +628,7 @@ class Envelope:
         if self.circle:
             values = self._near_first(values)
         bins = len(self._at)
-        # As floats: for a run of days, nanoseconds times bins would overflow an integer.
+        # Compute with floats, because for a run of days nanoseconds times bins would overflow an integer.
         index = np.minimum(((stamp_ns - self._start) / self._span * bins).astype(np.int64), bins - 1)
         order = np.argsort(stamp_ns, kind="stable")
         index, stamp_ns, values = index[order], stamp_ns[order], values[order]
@@ -640,8 +644,8 @@ class Envelope:
         """
         Return one column as a line to draw: seconds from the start of the span, and values.
 
-        A bin with several samples gives its lowest and highest value at one time; a nan interrupts the line where
-        samples are missing or an angle wraps.
+        For a bin with several samples the line has the lowest and the highest value at the same time. A NaN interrupts
+        the line where samples are missing or an angle wraps.
         """
         filled = np.flatnonzero(self._count)
         seconds = np.asarray((self._at[filled] - self._start) * 1e-9, dtype=float)

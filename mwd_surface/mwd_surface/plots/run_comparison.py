@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST = 6000  # largest number of rows drawn of each run
+_MOST = 6000  # number of rows of each run to draw; `thinned` returns at most twice this number
 _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 
 
 class Run(NamedTuple):
-    """A run written by `mwd process`: name, blocks of attitude with stamp_ns and angles, deg, and surveys."""
+    """Results of `mwd process`: name, blocks of attitude (stamp_ns, ns, and angles, deg), and surveys."""
 
     name: str
     attitude: Iterable[Mapping[str, Any]]
@@ -30,9 +30,9 @@ class Run(NamedTuple):
 
 def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     """
-    Return some rows of the attitude of a run, in constant memory: stamp_ns and the angles, shape (n,), ns and deg.
+    Return rows of the attitude of a run at equal intervals: stamp_ns, ns, and the angles, deg, shape (n,) each.
 
-    Rows are taken at equal intervals, at most 2 * `_MOST` of them.
+    At most 2 * `_MOST` rows are kept, so memory is constant.
     """
     kept: dict[str, list[Array]] = {name: [] for name in ("stamp_ns", *_ANGLES)}
     step, place = 1, 0
@@ -43,13 +43,13 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
             parts.append(np.asarray(block[name][first::step]))
         if sum(map(len, kept["stamp_ns"])) > 2 * _MOST:
             step *= 2
-            # The first row stays, so that later rows fit the same spacing.
+            # Keep the first row, so that later rows continue with the same spacing.
             kept = {name: [np.concatenate(parts)[::2]] for name, parts in kept.items()}
     return {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in kept.items()}
 
 
 def picture(ours: Run, expected: Run) -> Figure:
-    """Draw two runs."""
+    """Draw inclination and azimuth of two runs with their surveys, and the differences."""
     from matplotlib.figure import Figure
 
     runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
@@ -80,7 +80,7 @@ def picture(ours: Run, expected: Run) -> Figure:
 
 
 def _stations(surveys: list[dict[str, str]], angle: str, begin: int, unit_s: float) -> tuple[list[float], list[float]]:
-    """Return times and angles of the surveys of a run that have the angle."""
+    """Return times, in units of `unit_s`, and angles, deg, of those surveys of a run that have the angle."""
     known = [row for row in surveys if row.get(angle)]
     return [(int(row["stamp_ns"]) - begin) * 1e-9 / unit_s for row in known], [float(row[angle]) for row in known]
 
@@ -89,7 +89,8 @@ def differences(ours: dict[str, Array], expected: dict[str, Array]) -> dict[str,
     """
     Return the differences of two runs from `thinned`, at the stamps of `ours`, with `expected` interpolated.
 
-    stamp_ns and the angles, shape (n,): ns and deg, azimuth the short way round.
+    The result has stamp_ns, ns, and the difference of each angle, deg, shape (n,); azimuth differences are within half
+    a turn.
     """
     stamps = ours["stamp_ns"]
     found: dict[str, Array] = {"stamp_ns": stamps}

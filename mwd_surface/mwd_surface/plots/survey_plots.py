@@ -21,7 +21,7 @@ _VERDICTS = (("o", GOOD, "accepted"), ("^", DOUBTFUL, "doubtful"), ("x", BAD, "r
 
 
 def survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:
-    """Return the functions that draw the panels of the surveys, side by side."""
+    """Return the functions that draw the panels of the surveys; the panels are placed side by side."""
     surveys = [survey for survey, _ in data.surveys]
     norths = {NORTHS.get(s.north, "unnamed") for s in surveys if s.has_azimuth}
     north = " and ".join(sorted(norths)) or "unnamed"

@@ -23,18 +23,18 @@ _RPM = 30.0 / np.pi
 @dataclasses.dataclass(frozen=True)
 class Trace:
     """
-    One panel over time.
+    Definition of one panel over time.
 
     Attributes
     ----------
     what : str
-        The word of `WHAT` that selects it.
+        Word of `WHAT` that selects the panel.
     title, unit : str
-        "{north}" in a title is replaced by the north reference of the samples.
+        Title and unit; "{north}" in a title is replaced by the north reference of the samples.
     labels : tuple of str
         Labels of the series.
     values : callable
-        Samples -> (n, series); nan if a value is not available.
+        Function that returns the values of n samples, shape (n, series); NaN if a value is not available.
     circle : float
         If positive, the values are angles with this period.
     down : bool
@@ -42,9 +42,9 @@ class Trace:
     log : bool
         Whether the axis is logarithmic.
     rotary : bool
-        Whether to add a second axis in r/min to one in deg/s.
+        Whether to add a second axis in r/min to the axis in deg/s.
     key : str
-        Name that pairs attitude and truth; empty for none.
+        Name of the angle, by which panels of attitude and truth are paired; empty for other panels.
     """
 
     what: str
@@ -60,12 +60,12 @@ class Trace:
 
 
 def traces_of(type_name: str) -> tuple[Trace, ...]:
-    """Return the panels of a message type; none for types that are not drawn over time."""
+    """Return the panels of a message type; empty for types that are not drawn over time."""
     return _TABLE.get(type_name, ())
 
 
 def north_of(samples: Samples) -> int:
-    """Return the north reference of attitude samples as a key of `NORTHS`; 0 if they have none."""
+    """Return the north reference of attitude samples as a key of `NORTHS`; 0 if no azimuth has a known north."""
     named = samples["north"][np.isfinite(samples["azimuth"]) & (samples["north"] > 0)]
     return int(named[0]) if len(named) else 0
 
@@ -102,7 +102,7 @@ def _gauge(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
 
 
 def _estimate(angle: str, half_circle: bool = False) -> Callable[[Samples], Array]:
-    """Return a function that gives an angle, deg; nan where it is withheld."""
+    """Return a function that returns an angle of samples, deg, shape (n, 1); NaN if the estimator gives no angle."""
 
     def values(samples: Samples) -> Array:
         value = samples[angle] * _DEG
@@ -136,7 +136,7 @@ def _interference(samples: Samples) -> Array:
 
 
 def _stick_slip(samples: Samples) -> Array:
-    """Return stick-slip index and share of time at rest; NaN where the string did not turn."""
+    """Return stick-slip index and share of time at rest, 0 to 1, shape (n, 2); NaN while the string did not turn."""
     return np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
 
 

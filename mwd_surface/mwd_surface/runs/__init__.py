@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whole jobs behind a command: simulate, calibrate, play back, supervise nodes, check the machine."""
+"""Complete tasks of commands: simulate, calibrate, play back, supervise nodes, check the machine."""

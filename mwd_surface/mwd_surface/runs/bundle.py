@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A zip file for a bug report: versions, checks of the machine, settings, logs, survey list, end of the recording.
+Zip file for a bug report: versions, checks of the machine, settings, logs, survey list, end of the recording.
 
-Secrets stay out: parameters and lines that name a token or password are left out, the contents of token files are
+Secrets are not copied: parameters and lines that name a token or password are omitted, the contents of token files are
 replaced wherever they occur, and the home folder is written as ~.
 """
 
@@ -27,7 +27,7 @@ from mwd_surface.runs.doctor import examine
 # Number of bytes kept from the end of a log.
 _LOG_BYTES = 2_000_000
 _SECRET = re.compile(r"(?i)(token|password|passphrase|secret)")
-# Files of a run that say what it was; all else stays where it is.
+# Files of a run that are copied; other files are only listed.
 _TEXTS = ("*.log", "*.yaml", "surveys*.json", "surveys*.csv", "faults.csv", "rig_status.json")
 _VARIABLES = ("ROS_", "RMW_", "FASTRTPS_", "AMENT_", "MWD_", "NUMBA_", "PYTHON")
 _MOST_BYTES = 20_000_000  # largest size of one text file other than a log
@@ -35,7 +35,7 @@ _MOST_BYTES = 20_000_000  # largest size of one text file other than a log
 
 @dataclasses.dataclass(frozen=True)
 class Bundle:
-    """Result: names in the zip, the recording whose end was copied (or None), and what could not be included."""
+    """Result: names in the zip, the recording whose end was copied (or None), and remarks on missing files."""
 
     names: list[str]
     recording: Path | None
@@ -49,11 +49,11 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
     Parameters
     ----------
     folder : Path
-        Searched with all its subfolders.
+        Run, folder of a well, or recording; a folder is searched with all its subfolders.
     target : Path
-        The zip file; it is written completely or not at all.
+        Zip file, which is written completely or not at all.
     minutes : float
-        Length of the end of the newest recording to copy; 0: none.
+        Length of the last part of the newest recording that is copied, min; 0: no recording is copied.
     versions : str
         Versions of this project and of its libraries.
     environment : mapping
@@ -92,7 +92,7 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
 
 
 def clean(text: str, secrets: tuple[str, ...]) -> str:
-    """Return the text without lines that name a secret; words in `secrets` and the home folder are replaced."""
+    """Return the text with lines that name a secret, words in `secrets` and the home folder replaced."""
     lines = ["(a line about a secret is left out)" if _SECRET.search(line) else line for line in text.splitlines()]
     joined = "\n".join(lines) + "\n"
     for word in secrets:
@@ -152,7 +152,7 @@ def _before(bag: Bag, topics: list[str], end_ns: int) -> Iterator[tuple[int, str
 
 
 def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
-    """Return words that must stay on this machine: tokens in files of the folder and secret environment variables."""
+    """Return the words that must not be copied: tokens in files of the folder, and secret environment variables."""
     words = [value for name, value in environment.items() if _SECRET.search(name)]
     for file, status in _below(folder, "*token*"):
         if status.st_size <= budgets.SECRET.size:
@@ -163,9 +163,9 @@ def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
 
 def _below(folder: Path, pattern: str) -> Iterator[tuple[Path, os.stat_result]]:
     """
-    Yield the files in a folder and its subfolders, in order.
+    Yield path and status of the files in a folder and its subfolders, in order.
 
-    Files that a running node removes meanwhile are skipped.
+    A file that a running node removes meanwhile is skipped.
     """
     for file in sorted(folder.rglob(pattern)) if folder.is_dir() else ():
         with contextlib.suppress(FileNotFoundError):
@@ -195,7 +195,7 @@ def _texts(
                     remarks.append(f"{file} is not in the bundle: it was removed while the bundle was written")
                     continue
                 if pattern == "*.log" and len(content) > _LOG_BYTES:
-                    # Keep whole lines only: the rest of a cut line may hold a secret without the word that identifies
-                    # it.
+                    # Keep complete lines only: the rest of a cut line may contain a secret without the word, such as
+                    # "token", that identifies the line.
                     content = content[-_LOG_BYTES:].partition(b"\n")[2]
                 yield f"run/{file.relative_to(folder)}", content.decode(errors="replace")

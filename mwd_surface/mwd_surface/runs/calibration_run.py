@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of one unit from a recorded or simulated tumble and temperature run, and the file that stores it."""
+"""Calibration of one unit from a recorded or simulated tumble and temperature run, and the file of a calibration."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from mwd_surface.processing.input_stream import InputStream, problems, refuse
 
 UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
-# A calibration run takes minutes; this limit is a day at 100 Hz.
+# Largest number of samples of a calibration run: a day at 100 Hz. A run takes minutes.
 _MOST_SAMPLES = 8_640_000
-# The temperature slopes hold this far beyond the temperatures of the calibration run, degC.
+# The temperature slopes are valid up to this far outside the temperature range of the calibration run, degC.
 _MARGIN = 10.0
 
 
@@ -52,9 +52,9 @@ class Run:
     Attributes
     ----------
     source : str
-        Description of the run, for people.
+        Description of the run, shown to users.
     unit : str
-        A key of `UNITS`.
+        Name of the unit, a key of `UNITS`.
     imu : Samples
     mag : Samples or None
         Samples at the stamps of `imu`.
@@ -74,7 +74,7 @@ class Run:
 
 def simulated(scenario: Scenario, unit: str) -> Run:
     """
-    Simulate a run.
+    Simulate the calibration run of a unit.
 
     Raises
     ------
@@ -94,12 +94,12 @@ def simulated(scenario: Scenario, unit: str) -> Run:
 
 def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[Run, list[str]]:
     """
-    Read a run from a recording; return also sentences on anything unusual.
+    Read the calibration run of a unit from a recording; return the run, and sentences about unusual data.
 
     Raises
     ------
     BagError
-        The recording has no IMU of that unit or several, or the run is longer than a day.
+        The recording has no IMU of that unit, or several, or it is longer than a day at 100 Hz.
     ValueError
         The samples cannot be used, or the recording has no temperature.
     """
@@ -133,7 +133,7 @@ def _topics_of(bag: Bag, unit: str, given: InputSettings) -> Topics:
 
 
 def scenario_of(bag: Bag) -> Scenario | None:
-    """Return the scenario stored inside a simulated recording; None if there is none."""
+    """Return the scenario stored in a simulated recording; None if the recording has no scenario."""
     for attachment in bag.attachments():
         if attachment.name == "scenario.yaml":
             return parse(attachment.data.decode())
@@ -141,14 +141,16 @@ def scenario_of(bag: Bag) -> Scenario | None:
 
 
 def field_of(scenario: Scenario) -> tuple[float, tuple[float, float]]:
-    """Return gravity, m/s^2, and strength, T, and dip, rad, of the magnetic field at the place of a scenario."""
+    """Return gravity, m/s^2, and the pair of strength, T, and dip, rad, of the magnetic field in a scenario."""
     reference = reference_of(scenario)
     return reference.gravity, (reference.total, reference.dip)
 
 
 def calibrated(run: Run, gravity: float, field: tuple[float, float] | None) -> Calibration:
     """
-    Return the calibration of a run; without a magnetic field the magnetometer is left out.
+    Return the calibration of a run; without a magnetic field the magnetometer is not calibrated.
+
+    gravity: m/s^2. field: strength, T, and dip, rad, or None.
 
     Raises
     ------
@@ -166,7 +168,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
     """
     Write a calibration as YAML.
 
-    about : origin of the calibration, as plain values.
+    about: origin of the calibration, as values that YAML can store.
 
     Raises
     ------
@@ -182,7 +184,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
 
 def read(path: Path, unit: str = "ahrs") -> Calibration:
     """
-    Read a calibration file of `write` for use with a unit.
+    Read a calibration file, written by `write`, for use with a unit.
 
     Raises
     ------
@@ -206,9 +208,9 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
 
 def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSettings:
     """
-    Return settings that include the temperature range, degC, of a calibration.
+    Return the settings with the temperature range of a calibration file, degC, extended by 10 degC on both sides.
 
-    Unchanged if the file has no range.
+    The settings are returned unchanged if the file has no temperature range.
     """
     table = read_yaml(path)
     about = table.get("about") if isinstance(table, dict) else None
@@ -249,7 +251,7 @@ def _interpolated(stamps: NDArray[np.int64], at: NDArray[np.int64], values: Arra
 
 
 def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
-    """Return rows for people: triad, number of rests or turns, residual before and after, unit."""
+    """Return rows to print: triad, number of rests or turns, residual before and after calibration, unit."""
     ug, nt, mrad = 1e6 / STANDARD_GRAVITY, 1e9, 1e3
     rows = [
         ("accelerometers", found.accelerometer, ug, "µg of gravity's strength"),
@@ -261,7 +263,7 @@ def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
 
 
 def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
-    """Return rows for people: triad, quantity with its unit, and the three axes as value and 1 sigma."""
+    """Return rows to print: triad, quantity with its unit, and value and 1 sigma of the three axes."""
     rows: list[tuple[str, str, list[str]]] = []
     dph, ug = math.degrees(1.0) * 3600.0, 1e6 / STANDARD_GRAVITY
     for name, triad, scale, unit in (

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks of what this machine lacks to run the graph, and how to install it: one result per check.
+Checks whether this machine has all that the ROS graph needs, with instructions for the rest: one result per check.
 
 The checks change nothing and start no node.
 """
@@ -23,13 +23,13 @@ from pathlib import Path
 
 PAGE_PORT = 8080
 _PYTHONS = ((3, 11), (3, 12))
-_LEAST_DISK = 2 * 10**9
-# Receive buffer of a socket, bytes, as requested in fastdds.xml: one second of three nodes at 1 kHz.
+_LEAST_DISK = 2 * 10**9  # bytes that must be free for recordings
+# Receive buffer of a socket, bytes, as requested in fastdds.xml: one second of messages of three nodes at 1 kHz.
 _RECEIVE_BUFFER = 4 * 2**20
 
 
 class Level(enum.IntEnum):
-    """Severity of a result."""
+    """Severity of the result of a check."""
 
     OK = 0
     NOTE = 1
@@ -38,7 +38,7 @@ class Level(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class CheckResult:
-    """Subject of a check, its state, and what to do about it (empty if nothing needs to be done)."""
+    """Result of a check: its subject, level and state, and the remedy (empty if there is nothing to do)."""
 
     name: str
     level: Level
@@ -48,7 +48,7 @@ class CheckResult:
 
 def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
     """
-    Run all checks, in the order in which to fix what they find.
+    Run all checks, in the order in which problems should be fixed.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ _TOOLS = (
 
 
 def python() -> CheckResult:
-    """Compare the Python version with those for which the ROS wheels are made."""
+    """Compare the Python version with the versions for which the ROS wheels are made."""
     version = platform.python_version()
     if sys.version_info[:2] in _PYTHONS:
         return CheckResult("Python", Level.OK, version)
@@ -144,7 +144,7 @@ def rig_port(what: str, port: int) -> CheckResult:
 
 
 def middleware() -> CheckResult:
-    """Check whether rclpy imports, in another process so that even a crash gives a result."""
+    """Check whether rclpy can be imported, in another process, so that even a crash gives a result."""
     environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     words = "import rclpy, sys; from rclpy.utilities import get_rmw_implementation_identifier as f; print(f())"
     done = _ask([sys.executable, "-c", words], environment)
@@ -164,7 +164,7 @@ def messages() -> CheckResult:
 
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
-    """Check for another ROS in the environment, which would be mixed with this one."""
+    """Check for another ROS installation in the environment, which would be mixed with that of this Python."""
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell without sourcing it"
@@ -191,7 +191,7 @@ def discovery(environment: Mapping[str, str]) -> CheckResult:
 
 
 def receive_buffer() -> CheckResult:
-    """Check the largest receive buffer; messages beyond it are lost while the machine is busy."""
+    """Check the largest receive buffer of a socket; while the machine is busy, messages that do not fit are lost."""
     limit = Path("/proc/sys/net/core/rmem_max")
     try:
         most = int(limit.read_text(encoding="ascii"))
@@ -205,7 +205,7 @@ def receive_buffer() -> CheckResult:
 
 
 def disk(folder: Path) -> CheckResult:
-    """Check whether recordings can be written, and for how long (175 MB/h at 1 kHz)."""
+    """Check whether recordings can be written, and how many hours fit on the disk (175 MB/h at 1 kHz)."""
     place = folder.resolve()
     while not place.exists():
         place = place.parent
@@ -229,7 +229,7 @@ def page_port(port: int) -> CheckResult:
 
 
 def clock() -> CheckResult:
-    """Check whether a service keeps the clock right, because stamps of different machines are compared."""
+    """Check whether a service synchronises the clock, because stamps of different machines are compared."""
     if shutil.which("timedatectl") is None:
         return CheckResult("clock", Level.OK, "not known here")
     done = _ask(["timedatectl", "show", "-p", "NTPSynchronized", "--value"], dict(os.environ))
@@ -240,7 +240,7 @@ def clock() -> CheckResult:
 
 
 def tool(name: str, why: str) -> CheckResult:
-    """Check for a program that is only needed to build."""
+    """Check for a program that is needed only to build the packages."""
     found = shutil.which(name)
     if found:
         return CheckResult(name, Level.OK, found)
@@ -256,7 +256,7 @@ def _version(distribution: str) -> str:
 
 
 def _taken(port: int) -> str:
-    """Return why nothing can listen on a loopback port of this machine; "" if the port is free."""
+    """Return the reason why a program cannot listen on a loopback port; empty if the port is free."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Plan of what `mwd run` starts: the arguments of each node of one well, and what separates two runs on one machine.
+Launch plan of `mwd run`: the arguments of each node of one well, and the resources that separate runs on one machine.
 
-A run has a middleware domain of its own, its own ports for page and rig, and its own folder.
+Each run has its own middleware domain, its own ports for page and rig interfaces, and its own folder.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FIRST_PORT = 8080
 TIE_ON = "leg.tie_on_"  # prefix of the tie-on parameters of the surface
 WELL = ("surface", "estimator", "sonde")  # nodes that `mwd node well` runs in one process
-# Profile of the middleware for fast streams; a profile that the user has set takes precedence.
+# Profile of Fast DDS for streams at high rates; a profile that the user has set takes precedence.
 MIDDLEWARE = Path(__file__).with_name("fastdds.xml")
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # Interfaces to the rig: usual port, and required package.
@@ -39,17 +39,17 @@ _RIG_WORDS = {
     "modbus": "Modbus TCP 127.0.0.1:{}",
 }
 _PORTS = 100
-# Ports of domains up to 101 are below the ephemeral range of Linux.
+# The ports of domains up to 101 are below the ephemeral range of Linux.
 _DOMAINS = range(1, 101)
 _BASE_PORT, _PER_DOMAIN = 7400, 250
 
 
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
-    """Return the command line that runs a node in this Python; `before` holds ROS arguments ahead of its parameters."""
+    """Return the command line that runs a node with this Python; before: ROS arguments ahead of its parameters."""
     words = [sys.executable, "-P", "-m", "mwd_surface", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
-    # SROS2: the node's own keys and permissions; without security ROS ignores it.
+    # The enclave of SROS2 names the node's keys and permissions; ROS ignores it if security is off.
     words += ["--enclave", f"/{namespace}/{name}"]
-    # Disable the log files of ROS: they would hold the same lines again, without a size limit.
+    # Disable the log files of ROS, because they would have the same lines again, without a size limit.
     return [*words, "--disable-external-lib-logs", *before, *parameter_words(parameters)]
 
 
@@ -60,9 +60,9 @@ def parameter_words(parameters: Mapping[str, Any]) -> list[str]:
 
 def parameter_yaml(parameters: Mapping[str, Mapping[str, Any]], namespace: str) -> str:
     """
-    Return a ROS parameter file for several nodes of one process.
+    Return the text of a ROS parameter file for several nodes of one process.
 
-    On the command line, parameters apply to every node.
+    A file is needed because parameters on the command line apply to every node of the process.
     """
     lines = []
     for node, given in parameters.items():
@@ -71,7 +71,7 @@ def parameter_yaml(parameters: Mapping[str, Mapping[str, Any]], namespace: str) 
 
 
 def reference_parameters(scenario: Scenario) -> dict[str, Any]:
-    """Return the parameters of the estimator that state the place and day of a scenario, or the field that it sets."""
+    """Return the parameters of the estimator for the place and day of a scenario, or for its fixed field."""
     from mwd_sensors.simulator.scenario import parse_date
 
     place = scenario.place
@@ -101,7 +101,7 @@ def surface_parameters(scenario: Scenario) -> dict[str, Any]:
     """
     Return the parameters of the surface that follow from a scenario: place of the well, tie-on, sensor to bit.
 
-    A tie-on that the author of the scenario sets for the surface replaces the tie-on of the simulated hole.
+    A tie-on in the surface settings of the scenario replaces the tie-on that is computed from the simulated hole.
     """
     own = any(name.startswith(TIE_ON) for name in scenario.surface)
     return {
@@ -116,9 +116,9 @@ def surface_parameters(scenario: Scenario) -> dict[str, Any]:
 
 def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
     """
-    Return the parameters that tie the path to the true hole, one stand above the sensor's position at the start.
+    Return the parameters of a tie-on on the true hole, one stand above the sensor's position at the start.
 
-    The last survey of an earlier run would be about there. The azimuth is from true north.
+    The last survey of an earlier run would be at about this depth. The azimuth is from true north.
     """
     import numpy as np
 
@@ -126,7 +126,7 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
 
     md, inclination, azimuth = scenario.well.hole
     depth = max(0.0, scenario.well.bit_m - scenario.well.sensor_to_bit_m - scenario.rig.stand_m)
-    # Beyond its first and last station the hole is straight; the first station is directly below the wellhead.
+    # Above its first and below its last station the hole is straight; the first station is straight below the wellhead.
     ends = np.array([min(md[0], depth) - 1.0, max(md[-1], depth) + 1.0])
     stations = (
         np.concatenate([ends[:1], md, ends[1:]]),
@@ -167,7 +167,7 @@ def checked_well(name: str) -> str:
 @contextlib.contextmanager
 def page_port(wanted: int | None) -> Iterator[int]:
     """
-    Yield the requested port, else the first free one from `FIRST_PORT` on, and hold it until the block ends.
+    Yield the requested port, or else the first free port from `FIRST_PORT` on; other runs cannot use it in this block.
 
     Raises
     ------
@@ -186,10 +186,11 @@ def page_port(wanted: int | None) -> Iterator[int]:
 @contextlib.contextmanager
 def rig_parameters(given: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
     """
-    Yield the parameters of the surface that enable WITS, OPC UA and Modbus on this machine only.
+    Yield the parameters of the surface that enable WITS, OPC UA and Modbus, on this machine only.
 
-    Each gets the port in `given`, or the first free one from its usual port on, held until the block ends. An interface
-    stays off if `given` disables it, its package is not installed, or no port is free.
+    Each interface gets the port in `given`, or the first free port from its usual port on; other runs cannot use this
+    port until the block ends. An interface is off if `given` disables it, its package is not installed, or no port is
+    free.
 
     Raises
     ------
@@ -222,9 +223,9 @@ def rig_addresses(parameters: Mapping[str, Any]) -> list[str]:
 @contextlib.contextmanager
 def _free_port(first: int, count: int) -> Iterator[int | None]:
     """
-    Yield the first free port of `count` ports, held against other runs until the block ends.
+    Yield the first free port of `count` ports from `first` on, which other runs cannot use until the block ends.
 
-    None if none is free.
+    Yield None if no port is free.
     """
     for port in range(first, first + count):
         lock = _locked(f"port_{port}")
@@ -240,7 +241,7 @@ def _free_port(first: int, count: int) -> Iterator[int | None]:
 @contextlib.contextmanager
 def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
     """
-    Yield a middleware domain for one run, held until the block ends: ROS_DOMAIN_ID, else an unused domain.
+    Yield the middleware domain of one run: ROS_DOMAIN_ID, or else a domain that no other run uses until the block ends.
 
     Raises
     ------
@@ -268,7 +269,9 @@ def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
 
 def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
     """
-    Return the domain of the graph to visit: the requested one, else ROS_DOMAIN_ID, else the only run on this machine.
+    Return the domain of the graph to connect to.
+
+    It is the requested domain, else ROS_DOMAIN_ID, else the domain of the only run on this machine.
 
     Raises
     ------
@@ -283,7 +286,7 @@ def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
         return int(text)
     running = []
     for domain in _DOMAINS:
-        # Only an existing lock file can be held by a run.
+        # A run holds a lock on the file of its domain, so skip domains without a file.
         if (_own_folder() / f"domain_{domain}.lock").exists():
             lock = _locked(f"domain_{domain}")
             if lock is None:
@@ -313,11 +316,11 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        # ROS would read 30 as an integer, and 1e-05 as text.
+        # Write a decimal point and no exponent: ROS would read 30 as an integer, and 1e-05 as text.
         return repr(value) if math.isfinite(value) and "e" not in repr(value) else f"{value:.12f}"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "[" + ", ".join(_text(one) for one in value) + "]"
-    # Quotes keep a date or a number as text.
+    # Quote a text, so that ROS does not read it as a date or a number.
     return "'" + str(value).replace("'", "''") + "'" if isinstance(value, str) else str(value)
 
 
@@ -332,7 +335,7 @@ def _bindable(port: int) -> bool:
 
 
 def _locked(what: str) -> TextIO | None:
-    """Return a lock that only one of two simultaneous runs can get; None if another run holds it."""
+    """Return a lock file that only one run at a time can hold; None if another run holds the lock."""
     try:
         file = (_own_folder() / f"{what}.lock").open("a")
     except OSError:
@@ -349,13 +352,13 @@ def _own_folder() -> Path:
     """
     Return a folder for locks that only this user can write.
 
-    In the shared temporary folder another user could occupy a predictable name beforehand, with a link or a lock that
-    is never released. Runs of other users are noticed by the ports that they use.
+    In the shared temporary folder another user could create a predictable name beforehand, as a link or with a lock
+    that is never released. Runs of other users are detected by the ports that they use.
 
     Raises
     ------
     OSError
-        The folder cannot be created, or belongs to somebody else.
+        The folder cannot be created, or other users can write to it.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(runtime) / "mwd" if runtime else Path(tempfile.gettempdir()) / f"mwd-{os.getuid()}"
@@ -367,7 +370,7 @@ def _own_folder() -> Path:
 
 
 def _quiet(domain: int) -> bool:
-    """Return whether no participant of that domain uses the domain's first unicast port."""
+    """Return whether the first unicast port of a domain is free, so that the domain has no participant."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(("", _BASE_PORT + _PER_DOMAIN * domain + 10))

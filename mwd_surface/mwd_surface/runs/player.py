@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Playback of a recording into the state of a well: the content of the live page at any moment, at any rate.
+Playback of a recording into the state of a well: the content of the live page at any time, at any rate.
 
-`live.LiveWell` builds the state. The surface node feeds it with received messages; here it is fed with recorded
-messages and a clock that follows the recording: a pause stops the clock, so that no value becomes stale.
+`live.LiveWell` computes the state. In the surface node it receives live messages; here it receives recorded messages,
+and a clock that follows the recording: a pause stops the clock, so that no value becomes stale.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_file import SLIDES, recorded_stretches
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
-#: Topics that tell depths of the bit, with their types: rig data, and depths that people have set.
+#: Topics with depths of the bit, and their types: rig data, and depths that people have set.
 OF_DEPTH = {RIG: wire.RIG_STATE.type_name, "inputs": InputTable.MESSAGE}
 _LINK_ATTITUDE = "link/attitude"
-_ALL_DEPTHS = 10**9  # number of depths that no recording has
-_STEP_S = 5.0  # seconds of the recording that are read at a time
+_ALL_DEPTHS = 10**9  # larger than the number of depths in any recording
+_STEP_S = 5.0  # length of the recording that is read at a time, s
 
 
 @dataclasses.dataclass(frozen=True)
 class RecordedWell:
-    """Sections of the surface's settings that a well needs, as stored in a recording."""
+    """Those sections of the surface's settings in a recording that the state of a well needs."""
 
     live: LiveSettings = dataclasses.field(default_factory=LiveSettings)
     link: LinkSettings = dataclasses.field(default_factory=LinkSettings)
@@ -68,9 +68,10 @@ class RecordedWell:
 
 def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
     """
-    Return the surface's settings in a recording; without settings, the topics show how the surface received the tool.
+    Return the surface's settings in a recording.
 
-    namespace : of the well, with a slash at its end.
+    If the recording has no settings, its topics show whether the data of the tool came over a telemetry link.
+    namespace: namespace of the well, with a slash at its end.
     """
     settings = recorded_sections(bag, RecordedWell())
     if settings is not None:
@@ -84,13 +85,13 @@ def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
 
 
 def recorded_source(bag: Bag) -> str:
-    """Return the setting `link.source` of the surface of a recording; that of a tool heard directly if unknown."""
+    """Return the setting `link.source` of the surface in a recording; DIRECT (no telemetry link) if unknown."""
     settings = recorded_sections(bag, RecordedWell())
     return DIRECT if settings is None else settings.link.source
 
 
 class _Simulated(WellOutlet):
-    """Stand-in that knows only that a simulator made the data."""
+    """Outlet of a well whose recorded data were made by a simulator."""
 
     def is_simulated(self) -> bool:
         """Return True."""
@@ -107,11 +108,11 @@ class Player:
     namespace : str
         Namespace of the well, with a slash at its end.
     settings : RecordedWell, optional
-        By default those of the recording.
+        Settings of the surface; by default those of the recording.
     plan : Plan, optional
         Plan of the well.
     said : collection of str
-        Topics of the surface itself whose recorded content is shown; other results of the surface are computed again.
+        Topics of the surface whose recorded content is shown; other results of the surface are computed again.
     only : frozenset of str, optional
         Topics to play; None plays all.
     log_step : float
@@ -189,14 +190,15 @@ class Player:
         return self._bag.decode(self._full(topic), data)
 
     def clipped(self, at_s: float) -> float:
-        """Limit a moment, s after the first message, to the length of the recording."""
+        """Return a time, s after the first message, limited to the length of the recording."""
         return min(max(at_s, 0.0), self.length_s)
 
     def seek(self, at_s: float, patience_s: float = math.inf) -> bool:
         """
-        Go to a moment, s after the first message; an earlier moment is reached by playing from the beginning.
+        Go to a time, s after the first message; to go back, playback starts again from the beginning.
 
-        patience_s : work time, s, after which the search stops on the way. Returns whether playback started again.
+        patience_s: longest time to work, s; after this time playback stops on the way. Return whether playback started
+        again.
         """
         at_s, back = self.clipped(at_s), self.clipped(at_s) < self.at_s
         if back:
@@ -218,21 +220,21 @@ class Player:
         self.well.advance(until_ns)
 
     def state(self) -> WellState:
-        """State of the well at this moment."""
+        """Return the state of the well at the present time of the playback."""
         return self.well.state()
 
 
 def recorded_depths(bag: Bag, well: str = "", step_m: float = STEP_M) -> DepthLog:
-    """Return a log without samples that has the depths of `recorded_book`."""
+    """Return a log without samples, which has the bit depths of `recorded_book`."""
     return recorded_book(bag, well, step_m).logs
 
 
 def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBook:
     """
-    Return a book without surveys that has the depths of the bit of a recording, as the live surface had them.
+    Return a survey book without surveys that has the bit depths of a recording, as on the live surface.
 
-    The rules, the source of rig data and the depths set by hand are those of the recording. well: its namespace, if
-    there are several. step_m: depth step, m.
+    The rules, the source of rig data and the depths set by hand are those of the recording. well: namespace of the
+    well, if the recording has several wells. step_m: depth step of the logs, m.
 
     Raises
     ------
@@ -250,7 +252,7 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
     settings = dataclasses.replace(settings, depth=dataclasses.replace(settings.depth, history=_ALL_DEPTHS))
     player = Player(bag, namespace, settings, only=frozenset(OF_DEPTH), log_step=step_m)
     player.seek(player.length_s)
-    # The last second is not a whole cell of time.
+    # Advance by one more second to finish the last one, which is shorter.
     player.well.advance(bag.start_ns + round(bag.duration_s * 1e9) + wire.NANOSECONDS)
     if namespace + RIG not in bag.topics and player.well.book.depth.latest is None:
         raise missing
@@ -259,7 +261,7 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
 
 @dataclasses.dataclass
 class Playing:
-    """Requests of a viewer: whether to play, how fast, and where to go (None: continue)."""
+    """Requests of a viewer: whether to play, at which rate, and the time to go to (None: continue)."""
 
     playing: bool = True
     rate: float = 1.0
@@ -288,12 +290,12 @@ def namespace_of(bag: Bag) -> str:
 
 
 def named_plan(bag: Bag) -> PlanSettings:
-    """Return the plan settings of the surface node in a recording; without a file name if it had no plan."""
+    """Return the plan settings of the surface node in a recording; the file name is empty if there was no plan."""
     settings = recorded_sections(bag, RecordedWell())
     return PlanSettings() if settings is None else settings.plan
 
 
 def usual_dip(bag: Bag) -> str:
-    """Return where positive dips point in the well of a recording: up, down, or empty for a well in inclinations."""
+    """Return the direction of positive dips of the well in a recording: up, down; empty if it uses inclination."""
     settings = recorded_sections(bag, RecordedWell())
     return "" if settings is None else settings.well.angles.points

@@ -14,22 +14,22 @@ from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.receiver.pulse.pulse_receiver import LEAST_PER_TU
 from mwd_surface.runs.doctor import CheckResult, Level
 
-# Least standpipe pressure while drilling; a file in bar or psi without its unit stays far below.
+# Lowest standpipe pressure while drilling, Pa. Values in bar or psi that are read as Pa are far below this limit.
 _LEAST_PA = 3.0e5
-# Rounding weakens the signal if it adds more than this share to the power of the fastest noise.
+# Rounding impairs the signal if its power is more than this share of the power of the fastest noise.
 _ROUNDING = 0.1
 _BAR = 1.0e5
 
 
 def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) -> list[CheckResult]:
     """
-    Run all checks of a pressure file, in the order in which to fix what they find.
+    Run all checks of a pressure file, in the order in which problems should be fixed.
 
     Parameters
     ----------
     read : PressureFile
     tool : ToolConfiguration, optional
-        Tool whose words the file should contain.
+        Tool whose telemetry the file should contain.
     """
     results = [_rate(read.time_s, tool), _size(read.pressure_pa), _resolution(read.pressure_pa), _flow(read, tool)]
     results += [CheckResult("data", Level.NOTE, note) for note in read.notes]
@@ -65,8 +65,8 @@ def _resolution(pressure: Array) -> CheckResult:
     steps = np.diff(np.unique(pressure))
     if len(steps) == 0:
         return CheckResult("resolution", Level.MISSING, "all samples are equal", "look at the gauge and its cable")
-    # Steps of a converter are multiples of one step. The smallest step of computed values has no meaning, so use a
-    # percentile.
+    # The steps of an analog-to-digital converter are multiples of one step. The smallest step of computed values has no
+    # meaning, so use a percentile.
     step = float(np.percentile(steps, 5))
     differences = np.diff(pressure)
     noise = 1.4826 * float(np.median(np.abs(differences - np.median(differences)))) / math.sqrt(2.0)

@@ -20,12 +20,12 @@ _PLAYED = {**OF_DEPTH, **dict.fromkeys(TOPICS, LogSample.MESSAGE)}
 
 def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | None:
     """
-    Return the logs and the health of the tool of a run; None if it has none.
+    Return the logs and the health of the tool of a run; None if the run has no logs.
 
     Parameters
     ----------
     path : Path
-        Folder of a run, its list of surveys, or a recording.
+        Folder of a run, a survey list in it, or a recording.
     sensor_to_bit : float
         Distance from the sonde to the bit, m, for a folder.
     """

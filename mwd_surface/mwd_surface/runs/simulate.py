@@ -41,7 +41,7 @@ def record(
     progress: Callable[[float], None] = lambda _share: None,
 ) -> tuple[int, float]:
     """
-    Write the bag of a scenario.
+    Simulate a scenario and write its bag.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def record(
     namespace : str
         Prefix of the relative topic names.
     source : bytes
-        The scenario file, stored inside the bag.
+        Content of the scenario file, which is stored inside the bag.
     progress : callable
         Called with the completed share, 0 to 1.
 
@@ -95,7 +95,7 @@ def record(
 
 
 def _parameters(scenario: Scenario, namespace: str) -> dict[str, dict[str, Any]]:
-    """Return place, day and well of a scenario, as `mwd run` sets them and the surface node records them."""
+    """Return the parameters for place, day and well of a scenario, by node, as recorded in a run of `mwd run`."""
     surface = launch_plan.surface_parameters(scenario)
     if namespace.strip("/"):
         surface["well.name"] = namespace.strip("/")
@@ -104,9 +104,9 @@ def _parameters(scenario: Scenario, namespace: str) -> dict[str, dict[str, Any]]
 
 class _LinkWriter:
     """
-    Writer of the flow at the tool and the signal received at the surface.
+    Writer of the flow at the tool, and of the signal that is received at the surface.
 
-    The estimator runs to provide the words.
+    An estimator runs to provide the telemetry words.
     """
 
     def __init__(self, sonde: Sonde, bag: BagWriter, prefix: str) -> None:
@@ -144,10 +144,10 @@ def _topics(sonde: Sonde) -> list[tuple[str, tuple[str, str]]]:
     return [(tool.link, gauge_burst.TOPICS[tool.link]) for tool in tools]
 
 
-# The tool of a simulated run and its link, without middleware: samples to the estimator, words to the channel.
+# Tool of a simulated run and its telemetry link, without middleware: samples go to the estimator, words to the channel.
 
 
-# Delay of the channel behind the samples, s: by then every word that the tool begins to send is known.
+# Delay of the channel after the samples, s; it is longer than the time after which the start of a word is known.
 _LAG_S = 2.0
 
 
@@ -190,7 +190,7 @@ class SimulatedTool:
 
     @property
     def link(self) -> TelemetryLink:
-        """The link with its channel."""
+        """Telemetry link with its channel."""
         return self._link
 
     def take(self, block: Mapping[str, Samples], until_s: float) -> tuple[Samples, list[Heard]]:
@@ -255,7 +255,7 @@ class SimulatedTool:
 
 
 def estimator_settings(sonde: Sonde) -> EstimatorSettings:
-    """Return settings of the estimator with the place and day of a run."""
+    """Return settings of the estimator for the scenario of a sonde: place, day or field, and the string."""
     nested: dict[str, dict[str, object]] = {}
     for name, value in estimator_parameters(sonde.scenario).items():
         block, _, key = name.partition(".")

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Supervision of processes that belong together: start, restart after a crash, ordered stop, none left behind.
+Supervision of the processes of a run: start, restart after a crash, and stop in order, without processes left behind.
 
 Each process runs in its own process group, so that a Ctrl-C on the terminal reaches only the supervisor, and a kill
-reaches everything that the process started. A crashed process is restarted after a pause that doubles; after several
-crashes in a row it is retried slowly without end, while the others continue. A process that ends with status 0 is not
-restarted. A process calls `die_with_supervisor` to end together with its supervisor.
+reaches all processes that the process started. A crashed process is restarted after a pause, which doubles with each
+crash. After several crashes in a row it is retried slowly without end, while the others continue. A process that ends
+with status 0 is not restarted. A process calls `die_with_supervisor` to end together with its supervisor.
 
-The output of each process goes to its log, whose size is limited; the older part is kept once, as .1.log.
+The output of each process is written to its log, whose size is limited; the older part is kept in one file, .1.log.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
 REFUSED = 2  # exit status of a process whose settings are invalid: a restart would not help
 
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
-_SETTLED = 20.0  # s of life after which the count of crashes begins again
-_MOST_CRASHES = 5  # in a row before a process counts as failing
+_SETTLED = 20.0  # s; after a process has run for this time, its count of crashes begins again
+_MOST_CRASHES = 5  # crashes in a row after which a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
-_MARGIN = 2.0  # s; a node that hangs reports where and ends itself within this time, even in native code
-_PATIENCE, _TERM_PATIENCE = STOP_PATIENCE + _MARGIN, 2.0  # s
-_LOOK_PERIOD = 0.05  # s
-_MOST_LOG = 20_000_000  # bytes
-_PR_SET_PDEATHSIG = 1
+_MARGIN = 2.0  # s in which a node that hangs, even in native code, reports where it hangs and ends itself
+_PATIENCE, _TERM_PATIENCE = STOP_PATIENCE + _MARGIN, 2.0  # waiting times after SIGINT and after SIGTERM, s
+_LOOK_PERIOD = 0.05  # s between checks whether a process has ended
+_MOST_LOG = 20_000_000  # largest size of a log, bytes
+_PR_SET_PDEATHSIG = 1  # number of this option of prctl (Linux)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,12 +103,12 @@ class Supervisor:
         self._spawn(child)
 
     def runs(self, name: str) -> bool:
-        """Return whether the process of that name is alive now."""
+        """Return whether the process with this name is alive now."""
         child = self._children.get(name)
         return child is not None and child.process is not None and child.process.poll() is None
 
     def pid(self, name: str) -> int | None:
-        """Return the process number of that name; None while it does not run."""
+        """Return the process id of the process with this name; None while it does not run."""
         child = self._children.get(name)
         return None if child is None or child.process is None else child.process.pid
 
@@ -118,7 +118,7 @@ class Supervisor:
 
     @property
     def failing(self) -> list[str]:
-        """Return a sentence for each process that refused its settings or crashed too often; it is retried slowly."""
+        """Sentences about the processes that refused their settings or crashed too often; they are retried slowly."""
         return [child.failure for child in self._children.values() if child.failure]
 
     def watch(self) -> None:
@@ -139,17 +139,17 @@ class Supervisor:
                 try:
                     self._spawn(child)
                 except OSError as error:
-                    # The disk is full or there are too few file handles at the moment; the other processes continue.
+                    # The disk is full, or there are too few file handles at present; the other processes continue.
                     child.failure, child.due = f"{child.order.name} cannot be started: {error}", now + _SLOW_PAUSE
                     self._report(child.failure)
 
     def stop(self, groups: Sequence[Sequence[str]], patience: float = _PATIENCE) -> list[str]:
         """
-        End processes group by group; processes of a group end at the same time, each group after the previous one.
+        End the processes group by group, in order; the processes of a group are ended at the same time.
 
-        Each process gets SIGINT, after `patience` seconds SIGTERM, and after two more seconds SIGKILL, as does
-        everything that it started. Time that a process waits for a processor does not count. Returns the names of those
-        that had to be killed.
+        Each process gets SIGINT, after `patience` seconds SIGTERM, and after two more seconds SIGKILL; its child
+        processes are killed too. Time in which a process waits for a CPU does not count. Return the names of the
+        processes that had to be killed.
         """
         for child in self._children.values():
             child.due = None
@@ -162,7 +162,7 @@ class Supervisor:
                 if child.process is not None:
                     if child.process.poll() is None:
                         killed.append(child.order.name)
-                    # Kill also the processes that it may have started.
+                    # Also kill the processes that the process may have started.
                     _signal(child.process, signal.SIGKILL)
                     child.status, child.process = child.process.wait(), None
         return killed
@@ -222,13 +222,13 @@ def die_with_supervisor(environment: Mapping[str, str]) -> None:
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         if os.getppid() != int(supervisor):
-            # The supervisor died before the line above.
+            # The supervisor died before the call of prctl, so no signal will come.
             os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _bound(log: Path) -> None:
-    """Rotate a log that is full; lines that the process writes between copying and cutting are lost."""
-    # On a full disk the log stays unchanged.
+    """Rotate a log that is full; lines that the process writes between copying and truncating are lost."""
+    # If the disk is full, the log remains unchanged.
     with contextlib.suppress(OSError):
         if log.stat().st_size > _MOST_LOG:
             shutil.copyfile(log, log.with_suffix(".1.log"))
@@ -236,7 +236,7 @@ def _bound(log: Path) -> None:
 
 
 def last_words(log: Path, most: int = 400) -> str:
-    """Return the last line of a log that is not empty."""
+    """Return the last non-empty line of a log, cut to `most` characters, or why the log cannot be read."""
     try:
         with log.open("rb") as file:
             file.seek(0, os.SEEK_END)
@@ -259,7 +259,7 @@ def in_words(status: int) -> str:
 
 
 def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Signals, patience: float) -> None:
-    """Send a signal to the living processes; wait until each has ended or has used up its patience."""
+    """Send a signal to the processes; wait until each has ended, at most `patience` seconds of its own run time."""
     waiting = {process: StopTime(patience, STOP_LIMIT + _MARGIN, process.pid) for process in processes}
     for process in processes:
         process.send_signal(number)
@@ -268,6 +268,6 @@ def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Sig
 
 
 def _signal(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
-    # The group has the number of its leader, which may have ended already.
+    # The id of a process group is the process id of its leader, which may have ended already.
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, number)

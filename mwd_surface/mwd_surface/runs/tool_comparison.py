@@ -2,10 +2,10 @@
 """
 Comparison of two tools in one probe: the conventional unit against the precision gyro, station by station.
 
-The conventional tool gives the inclination of its accelerometers and the azimuth of its magnetometer as measured, with
-the declination alone. The gyro tool gives the inclination of the accelerometers beside the precision gyro, over the
-same samples as the survey, and the azimuth of its north seeking. Azimuths are from true north. A survey is asked for at
-the end of each rest; the last one of a station counts.
+The conventional tool gives the inclination from its accelerometers, and the azimuth from its magnetometer as measured,
+corrected for declination only. The gyro tool gives the inclination from the accelerometers of the precision unit, from
+the same samples as the survey, and the azimuth from north seeking. Azimuths are from true north. A survey is requested
+at the end of each rest; the last survey of a station is used.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.runs.launch_plan import estimator_parameters
 
-_SAME = 0.3  # m; surveys nearer than this are of one station
-_LAST_S = 12.0  # s before the end of a rest at which a survey is asked for, 8 s long
-_ASKED_S = 8.0
-_SHORTEST = 20.0  # s; a shorter rest has only the survey that the tool takes by itself
+_SAME = 0.3  # m; surveys closer together than this belong to one station
+_LAST_S = 12.0  # s before the end of a rest at which a survey is requested
+_ASKED_S = 8.0  # length of a requested survey, s
+_SHORTEST = 20.0  # s; in a shorter rest no survey is requested, so only the tool itself takes one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Reading:
 @dataclasses.dataclass(frozen=True)
 class ToolStation:
     """
-    One survey: measured depth, m, the readings of both tools, and the truth of the simulation.
+    Survey with both tools: measured depth, m, the readings of both tools, and the truth of the simulation.
 
-    automatic: the tool took the survey by itself; accepted: its azimuth was accepted.
+    automatic: whether the tool took the survey by itself. accepted: whether its azimuth was accepted.
     """
 
     measured_depth: float
@@ -62,19 +62,19 @@ class ToolStation:
 
 def compared(story: Scenario) -> list[ToolStation]:
     """
-    Return the stations of a scenario as both tools survey them: the last survey of each.
+    Return the last survey of each station of a scenario, with the readings of both tools.
 
     Raises
     ------
     ValueError
-        As `surveyed`.
+        The scenario has no precision gyro, or no survey is taken in it.
     """
     return last_of_each_station(surveyed(story))
 
 
 def surveyed(story: Scenario) -> list[ToolStation]:
     """
-    Return every survey at rest in a scenario, in the order of depth and time, those that the tool takes by itself too.
+    Return every survey at rest in a scenario, requested or automatic, in the order of depth and time.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def surveyed(story: Scenario) -> list[ToolStation]:
 
 
 def last_of_each_station(surveys: list[ToolStation]) -> list[ToolStation]:
-    """Return of surveys in the order of depth and time the last one of each station."""
+    """Return the last survey of each station; surveys: in the order of depth and time."""
     last: list[ToolStation] = []
     for station in surveys:
         if last and station.measured_depth - last[-1].measured_depth < _SAME:
@@ -122,7 +122,7 @@ def last_of_each_station(surveys: list[ToolStation]) -> list[ToolStation]:
 
 
 def _requests(story: Scenario) -> Iterator[float]:
-    """Return for each rest of the schedule the second of it at which a survey is asked for; infinity for none."""
+    """Yield, for each rest of the schedule, the time of the survey request after its start, s; inf for no request."""
     for phase in story.schedule * story.cycles:
         if phase.kind == "still":
             yield round(phase.seconds - _LAST_S) if phase.seconds >= _SHORTEST else math.inf
@@ -144,7 +144,7 @@ def _station(one: DecidedSurvey, truth: Samples, precision: Samples) -> ToolStat
 
 
 def _azimuth(survey: Survey, method: AzimuthMethod) -> tuple[float, float]:
-    """Return azimuth from true north and sigma by one method, rad; NaN if the survey has none."""
+    """Return azimuth from true north and its sigma by one method, rad; NaN if the survey has no such azimuth."""
     estimate = next((each for each in survey.azimuths if each.method == method), None)
     if estimate is None:
         return math.nan, math.nan

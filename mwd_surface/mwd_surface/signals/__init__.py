@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals: every quantity once, with its name and unit on the page and in each protocol and file."""
+"""Signal table: every quantity once, with its name and unit on the page and in each protocol and file."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text of numbers, times and words in the cells of tables, as every file and report prints them."""
+"""Text of numbers, times and words in the cells of tables, the same in every file and report."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from typing import Any
 
 
 class Printed(str):
-    """A printed number with its value before rounding, so that a report can print it again in another unit."""
+    """Printed number with its value before rounding, so that a report can print the value again in another unit."""
 
-    number: float  #: in the unit of the text
+    number: float  #: value before rounding, in the unit of the text
     decimals: int
 
     def __new__(cls, text: str, number: float, decimals: int) -> Printed:
-        """Return the text with its number, in the unit of the text."""
+        """Return the text with its value before rounding, `number`, in the unit of the text."""
         printed = super().__new__(cls, text)
         printed.number, printed.decimals = number, decimals
         return printed
 
     def __getnewargs__(self) -> tuple[str, float, int]:  # type: ignore[override]
-        """Return what a copy, also one by pickle, is made of."""
+        """Return the arguments of `__new__` for a copy or for pickle."""
         return str(self), self.number, self.decimals
 
 
 class Typed(str):
-    """A text that people have typed: a name, a comment, a reason. It is neither translated nor converted."""
+    """Text that people have typed: a name, a comment, a reason. It is neither translated nor converted."""
 
 
 def typed(text: str) -> Typed:
@@ -41,7 +41,7 @@ def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
     """
     Return a number with the given number of decimals (`Printed`); empty for None or if not finite.
 
-    Never "-0.00"; a number that rounds to `wrap` (360.00 for an azimuth) becomes zero.
+    The result is never "-0.00". A number that rounds to `wrap` (360.00 for an azimuth) is printed as zero.
     """
     if value is None or not math.isfinite(value):
         return ""
@@ -67,7 +67,7 @@ def plain(text: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a text cell: one line, in quotes, with an apostrophe before what a spreadsheet would compute."""
+    """Return a quoted cell of one line; an apostrophe precedes a text that a spreadsheet would read as a formula."""
     line = plain(text)
     if line[:1] in ("=", "+", "-", "@"):
         line = "'" + line

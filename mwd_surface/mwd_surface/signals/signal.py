@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quantity of the surface: its meaning, its source, and its name in each protocol, file and page."""
+"""Record of a quantity of the surface: its meaning, its source, and its name in each protocol, file and page."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mwd_surface.signals.units import DEG_PER_H, METRIC, UNITS, Scale
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
 CONTROL, ADVICE, INPUT, SURFACE, LOG = "control", "advice", "input", "surface", "log"
 TYPES = ("Double", "UInt32", "Int64", "Boolean", "String")
-# Signals whose value is the vertical angle of the hole, not a difference of it.
+# Signals whose value is the vertical angle of the hole, not a difference of two such angles.
 INCLINATIONS = frozenset(("survey_inclination", "inclination", "projected_inclination"))
 _ON_PAPER = 2  # decimals in printed reports
 
 
 class SignalSource(NamedTuple):
-    """Source of signals: topic or table, rate, and which values are valid; tool: whether it is downhole."""
+    """Source of signals: topic or table, rate, and the rule for valid values; tool: whether the source is downhole."""
 
     brings: str
     rate: str
@@ -59,7 +59,7 @@ SOURCES: dict[str, SignalSource] = {
 
 
 class Wits(NamedTuple):
-    """Item of WITS: code, short name (empty for a spare item, which has none), and decimals."""
+    """WITS item: code, short name (empty for a spare item), and number of decimals."""
 
     code: int
     name: str
@@ -67,21 +67,25 @@ class Wits(NamedTuple):
 
 
 class Column(NamedTuple):
-    """Column of a file: name, which ends with the unit, and decimals."""
+    """Column of a file: name, which ends with the unit, and number of decimals."""
 
     key: str
     decimals: int
 
 
 class Shown(NamedTuple):
-    """Column of the page's survey table: its place, and the least width that shows it (0 always, 1 tablet, 2 wide)."""
+    """Column of the page's survey table: its order, and the narrowest screen with it (0 any, 1 tablet, 2 wide)."""
 
     place: int
     width: int
 
 
 class Listed(NamedTuple):
-    """Column of a table of surveys: CSV name, decimals; if printed, title, LAS mnemonic, WITSML tag, paper decimals."""
+    """
+    Column in the tables of surveys: name and decimals in CSV files.
+
+    A column of the printed survey also has a title, LAS mnemonic, WITSML tag, and decimals on paper.
+    """
 
     key: str
     decimals: int
@@ -92,13 +96,13 @@ class Listed(NamedTuple):
 
 
 class Display(NamedTuple):
-    """Numbers as people of a well read them: metric or field units, and the convention of the vertical angle."""
+    """Display of numbers for a well: metric or field units, and the convention of the vertical angle."""
 
     units: str = METRIC
     angles: AngleConvention = AngleConvention.INCLINATION
 
 
-AS_STORED = Display()  #: of the project's own files
+AS_STORED = Display()  #: display in the project's own files
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +125,7 @@ class Signal:
     circle : bool
         Whether the values wrap around a full circle.
     sigma : bool
-        Whether it has a 1 sigma, with its own column in files of samples.
+        Whether the signal has a 1 sigma, with a separate column in files of samples.
     doubts : tuple of str
         Status bits of the estimator that make the signal doubtful.
     field : str
@@ -135,16 +139,16 @@ class Signal:
     dwis : tuple of str
         D-WIS nouns that classify the signal.
     modbus : int, optional
-        Address of its first register.
+        Address of the first register of the signal.
     wits : Wits, optional
-        WITS item sent, in the survey, tool or rig record.
+        WITS item with which the signal is sent, in record 7, 8 or 9.
     reads : int, optional
-        Item of WITS record 1 that brings the signal.
+        Item of WITS record 1 from which the signal is received.
     record : str
-        Attribute of `survey_csv.Line` that holds the value of a survey of the list, as a dotted path; empty if the
-        value follows from the whole path.
+        Attribute of `survey_csv.Line` with the value of a survey of the list, as a dotted path; empty if the value is
+        computed from the whole path.
     listed : Listed, optional
-        Column in the tables of surveys; those with a LAS mnemonic are in every export of the definitive survey.
+        Column in the tables of surveys; a column with a LAS mnemonic is in every export of the definitive survey.
     series, attitude : Column, optional
         Columns in the rows of a recording, one per second, and in attitude.csv and attitude.parquet.
     """
@@ -171,7 +175,7 @@ class Signal:
     attitude: Column | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a unit that protocols cannot convert, or an unknown source or type."""
+        """Raise ValueError for a unit without conversions, or for an unknown source or type."""
         if (self.unit or self.type == "Double") and self.unit not in UNITS:
             raise ValueError(
                 f"signal {self.name}: unit {self.unit!r} is not one of {', '.join(UNITS)}: add it to UNITS"
@@ -184,28 +188,28 @@ class Signal:
 
     @property
     def people(self) -> Scale:
-        """Unit for people, in files and on paper."""
+        """Metric unit in files and on paper."""
         return UNITS[self.unit].people
 
     @property
     def listed_scale(self) -> Scale:
-        """Unit in the tables of surveys: the unit for people, or deg/h for the rate of a gyro at rest."""
+        """Unit in the tables of surveys: the metric unit of files, or deg/h for the rate of a gyro at rest."""
         return DEG_PER_H if self.listed and self.listed.key.endswith("_degph") else self.people
 
     @property
     def is_inclination(self) -> bool:
-        """Whether the signal is the vertical angle of the hole, which people of some wells read as a dip."""
+        """Whether the signal is the vertical angle of the hole, which is shown as a dip for some wells."""
         return self.name in INCLINATIONS
 
     def for_people(self, value: float, display: Display) -> float:
-        """Return an SI value in the unit for people, a vertical angle of the hole in their convention."""
+        """Return an SI value in the display units; a vertical angle of the hole in the display convention."""
         scale = self.listed_scale
         if scale is self.people:
             scale = UNITS[self.unit].shown_in(display.units)
         return scale.of(display.angles.shown(value) if self.is_inclination else value)
 
     def column_for_people(self, listed: Listed, display: Display) -> Listed:
-        """Return the column `listed` of this signal under the name that its unit and its convention give it."""
+        """Return the column `listed` of this signal with the name for the display units and the angle convention."""
         if self.is_inclination and display.angles.points:
             las = display.angles.value.upper()
             return listed._replace(key=display.angles.column, title=display.angles.heading, las=las)
@@ -213,5 +217,5 @@ class Signal:
 
     @property
     def wrap(self) -> float:
-        """Degrees at which the numbers wrap; 0 if they do not."""
+        """Angle at which the numbers wrap, deg; 0 if they do not wrap."""
         return 360.0 if self.circle else 0.0

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The signal table, `table.csv`: every quantity once, with its name on the page and in each protocol and file.
+Signal table, `table.csv`: every quantity once, with its name on the page and in each protocol and file.
 
-These are made from it: WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of surveys in CSV,
+The table defines WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of surveys in CSV,
 Parquet, LAS, WITSML and on paper, columns of attitude and recordings in CSV and Parquet, live quantities of the page,
 and the documentation page of signals. The D-WIS nouns are those of the DDHub vocabulary (definition sets
-DrillingDataSemantics, PhysicalLocation and Uncertainty). It has no noun for a toolface, gravity or a magnetic field;
-those rows name only the kind of data.
+DrillingDataSemantics, PhysicalLocation and Uncertainty). The vocabulary has no noun for a toolface, gravity or a
+magnetic field; the rows of these quantities name only the kind of data.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ def read_signals(path: Path = FILE) -> tuple[Signal, ...]:
     Raises
     ------
     ValueError
-        A row is not a valid signal; the message names it.
+        A row is not a valid signal; the message names the signal.
     """
     with path.open(encoding="utf-8", newline="") as file:
         return tuple(_signal(row) for row in csv.DictReader(file, strict=True))
 
 
 def page_fields(section: str) -> dict[str, Signal]:
-    """Return the signals of a section of the page, by their names there."""
+    """Return the signals of a section of the page, by their names in this section."""
     places = ((place.partition("."), signal) for signal in SIGNALS for place in signal.page)
     return {name: signal for (part, _, name), signal in places if part == section}
 
@@ -96,7 +96,7 @@ def _flag(text: str) -> bool:
 
 SIGNALS = read_signals()
 BY_NAME = {signal.name: signal for signal in SIGNALS}
-# Signals that are sent to a rig (all of them by OPC UA), and facts about the surface node itself.
+# Signals that are sent to a rig (all of them by OPC UA), and signals about the surface node itself.
 TO_RIG = tuple(signal for signal in SIGNALS if signal.opcua and signal.source != SURFACE)
 FACTS = tuple(signal for signal in SIGNALS if signal.source == SURFACE)
 OF_SURVEY = tuple(signal for signal in TO_RIG if signal.source == SURVEY)
@@ -105,8 +105,8 @@ FROM_PLAN = tuple(signal for signal in TO_RIG if signal.source == PLAN)
 FROM_CONTROL = tuple(signal for signal in TO_RIG if signal.source == CONTROL)
 FROM_LOG = tuple(signal for signal in TO_RIG if signal.source == LOG)
 FROM_ADVICE = tuple(signal for signal in TO_RIG if signal.source == ADVICE)
-# Columns of every table of surveys, those printed in each export of the definitive survey, and the columns of a
-# recording and of attitude files, in order.
+# Signal and column, in order, for tables of surveys; for each export of the definitive survey; and for time series of
+# recordings.
 SURVEY_TABLE = tuple((signal, signal.listed) for signal in SIGNALS if signal.listed is not None)
 LISTED = tuple((signal, listed) for signal, listed in SURVEY_TABLE if listed.las)
 SERIES = tuple((signal, signal.series) for signal in SIGNALS if signal.series is not None)

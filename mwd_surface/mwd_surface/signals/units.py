@@ -2,8 +2,8 @@
 """
 Units of signals, with their conversions for each protocol.
 
-A signal with an unlisted unit is refused when the signal table is read, so that no protocol can send a number in an
-unintended unit.
+A signal with a unit that is not in `UNITS` is refused when the signal table is read, so that no protocol can send a
+number in a wrong unit.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 FOOT = 0.3048  # m
 POUND_FORCE = 4.4482216152605  # N
 GALLON = 3.785411784e-3  # m^3
-METRIC, FIELD = "metric", "field"  # units of a well, for people and files
+METRIC, FIELD = "metric", "field"  # systems of display units of a well
 PSI = 6894.757293168  # Pa
 _DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi
 
 
 class Scale(NamedTuple):
-    """Unit of a protocol: its number is `factor` times the SI number plus `offset`."""
+    """Unit of a protocol or file: the number in this unit is `factor` times the SI number plus `offset`."""
 
     symbol: str
     factor: float
@@ -54,14 +54,14 @@ class UnitConversions:
     quantity : str
         Quantity in the DDHub vocabulary.
     people : Scale
-        Unit in files and on paper.
+        Metric unit in files and on paper.
     modbus, metric, fps : Scale
-        Unit of a register, and of a WITS item in each unit system.
+        Unit of a Modbus register, and of a WITS item in each unit system.
     witsml : str
-        WITSML symbol of `people`; empty if no WITSML element that we write uses it.
+        WITSML symbol of `people`; empty if the exported WITSML has no element with this unit.
     endings : tuple of str
         Ends of a column's name in metric and in field units; empty if the unit is the same in both. In field units
-        the unit for people is `fps`.
+        files and paper have the unit `fps`.
     field_witsml : str
         WITSML symbol in field units.
     """
@@ -154,7 +154,7 @@ UNITS: dict[str, UnitConversions] = {
         fps=Scale("degF", 1.8, 32.0),
         endings=("_degc", "_degf"),
     ),
-    # API units are relative to a calibration pit, and UNECE has no code for them.
+    # API units are relative to a calibration pit, and UNECE has no code for them; C62 is the code of the unit one.
     "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", Scale("gAPI", 1.0)),
     "s": _same("SEC", "second", "DurationDrillingQuantity", Scale("s", 1.0)),
     "N": UnitConversions(
