@@ -46,16 +46,14 @@ class Case:
     one_position: bool = False
 
 
-_CALIBRATED: dict[str, float | str] = {f"{_GYRO}.g_deg_h_g": 0.05}
 CASES = (
-    Case("field, .05 deg/sqrt(h), 5 min, default parameters", "s1_field", {}, {}),
-    Case("field, the same, g-sensitivity stated", "s1_field", _CALIBRATED, {}),
-    Case("laboratory, the same", "s1_lab", _CALIBRATED, {}),
+    Case("field, .05 deg/sqrt(h), 5 min, g-sensitivity stated", "s1_field", {}, {}),
+    Case("field, the same, g-sensitivity not stated", "s1_field", {f"{_GYRO}.g_deg_h_g": 0.5}, {}),
+    Case("laboratory, g-sensitivity stated", "s1_lab", {}, {}),
     Case(
         "field, .01 deg/sqrt(h), one position of 2 min, stated",
         "s1_field",
         {
-            f"{_GYRO}.g_deg_h_g": 0.0,
             f"{_GYRO}.bias_deg_h": 0.02,
             f"{_GYRO}.walk_deg_h_sqrt_h": 0.1,
         },

@@ -146,6 +146,13 @@ def along(parts: Sequence[Part], horizontal: float) -> tuple[Array, Array, Array
     return angle, share / whole[:, None], np.log(whole) - 0.5 * least[:, 0]
 
 
+def log_evidence(parts: Sequence[Part], horizontal: float) -> float:
+    """Return the log evidence of all parts together on the circle, up to a constant that all latitudes share."""
+    log_weight = along(parts, horizontal)[2]
+    most = float(log_weight.max())
+    return most + math.log(float(np.exp(log_weight - most).sum()))
+
+
 def posterior(parts: Sequence[Part], horizontal: float, expected: float | None = None) -> OnCircle:
     """
     Return mean and sigma of the azimuth, given the length of the horizontal Earth rate.

@@ -2,10 +2,10 @@
 """
 Gyro errors learnt during a run: a mixture over how good the unit is, updated station after station.
 
-The stated bias and drift are figures for all units of a type; the run shows how good this unit is. At every station the
-vertical rate and the length of the horizontal Earth rate are known from the latitude, and other toolfaces show other
-axes of the tool. Bias and ramp of the three axes are therefore estimated for several scales of the stated bias and of
-the stated drift (a scale mixture, as for Student's t; Gelman et al., Bayesian Data Analysis, section 17.2). Each is a
+The stated bias, drift and g-sensitivity are figures for all units of a type; the run shows how good this unit is. At
+every station the vertical rate and the length of the horizontal Earth rate are known from the latitude, and other
+toolfaces show other axes of the tool. Bias, ramp and g-sensitivity are therefore estimated for several scales of each
+stated figure (a scale mixture, as for Student's t; Gelman et al., Bayesian Data Analysis, section 17.2). Each is a
 Kalman filter, weighted by its evidence, with the azimuth marginalised on the circle of the latitude. A shock may change
 the biases: this is a possible change point before any station (Adams and MacKay, Bayesian online changepoint detection,
 2007), whose probability follows from the same evidence.
@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_estimation.gyrocompass.azimuth_posterior import Part, along, part
-from mwd_estimation.gyrocompass.seek_params import LEAST_BIAS, SeekParams, kernel_params
+from mwd_estimation.gyrocompass.seek_params import G_SCALES, LEAST_BIAS, SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
@@ -31,12 +31,17 @@ from mwd_sensors.core.frames import wrap_pi
 # some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
 _DRIFT_SCALES: Array = np.array([4.0**k for k in (-2, -1, 0, 1, 4)])
+# Scale factors of the stated g-sensitivity, relative to the largest one. One seek does not show the g-sensitivity, so
+# that its sigma must contain units with three times the stated one: with smaller shares of worse units, or without
+# them, more than 1 % of the azimuths of such a unit are beyond 3 sigma. The stations of a run show how good a unit is.
+_OF_G = np.array(G_SCALES) / G_SCALES[-1]
+_G_SHARE = 1.0 / len(G_SCALES)
 _BETTER, _AS_STATED, _WORSE = 0.05, 0.8, 0.15
 # Correlation time of a ramp of the bias, s: a collar takes up the temperature around it.
 _RAMP_S = 3600.0
-_BIAS, _RAMP = slice(0, 3), slice(3, 6)
+_BIAS, _RAMP, _G, _SIZE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 # Indices in the Gaussian of a seek.
-_EARTH, _DRIFTING, _HEADING = slice(0, 2), slice(2, 8), 8
+_EARTH, _INSTRUMENT, _HEADING = slice(0, 2), slice(2, 12), 12
 # Kinds of unit whose biases stepped earlier in the run, and those that step before this station.
 _EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
 # Centres of overlapping arcs of azimuth, rad, short enough that the Earth rate along one is nearly straight, and least
@@ -50,14 +55,14 @@ _STEP = 0.02
 
 @dataclasses.dataclass(frozen=True)
 class GyroErrors:
-    """Bias and ramp of the gyros as k Gaussians, one or more for each kind of unit."""
+    """Bias, ramp and g-sensitivity of the gyros as k Gaussians, one or more for each kind of unit."""
 
     log_weight: Array  #: shape (k,)
-    #: `bias_kind`, `drift_kind`: shape (k,); index of the scale of the stated bias, or `_EARLIER` or `_NOW`, and index
-    #: of the scale of the stated drift.
-    bias_kind: Indices
-    drift_kind: Indices
-    #: `mean`, `covariance`: shapes (k, 6) and (k, 6, 6), of biases x, y, z, rad/s, and their ramps, rad/s^2.
+    #: shape (k, 3); kind of unit: index of the scale of the stated bias, or `_EARLIER` or `_NOW`, and indices of the
+    #: scales of the stated drift and of the stated g-sensitivity.
+    kind: Indices
+    #: `mean`, `covariance`: shapes (k, 10) and (k, 10, 10), of biases x, y, z, rad/s, their ramps, rad/s^2, and
+    #: g-sensitivity along, across, stretch and shear, rad/s per m/s^2.
     mean: Array
     covariance: Array
 
@@ -78,21 +83,22 @@ class Sought:
     """
     Result of a seek.
 
-    The order is horizontal Earth rate (2) and biases (3), rad/s, ramps (3), rad/s^2, heading, rad, and vertical Earth
-    rate, rad/s.
+    The order is horizontal Earth rate (2) and biases (3), rad/s, ramps (3), rad/s^2, g-sensitivity beyond the
+    calibrated one (4), rad/s per m/s^2, heading, rad, and vertical Earth rate, rad/s.
     """
 
-    mean: Array  #: shape (10,)
-    covariance: Array  #: shape (10, 10)
-    prior: Array  #: shape (6, 6); covariance of biases and ramps at the end that the seek assumed, about zero
+    mean: Array  #: shape (14,)
+    covariance: Array  #: shape (14, 14)
+    #: shape (10, 10); covariance of biases, ramps and g-sensitivity at the end that the seek assumed, about zero
+    prior: Array
 
 
 class Joined(NamedTuple):
     """Result of a seek for each of k Gaussians of gyro errors, in the order of `Sought`."""
 
     log_evidence: Array  #: shape (k,)
-    mean: Array  #: shape (k, 10); shape (k, 9) where the vertical Earth rate is given
-    covariance: Array  #: shape (k, 10, 10), or (k, 9, 9)
+    mean: Array  #: shape (k, 14); shape (k, 13) where the vertical Earth rate is given
+    covariance: Array  #: shape (k, 14, 14), or (k, 13, 13)
     #: shape (k,); squared distance of the given vertical Earth rate from the estimate, in sigmas
     misfit: Array
 
@@ -113,22 +119,23 @@ class Joined(NamedTuple):
 
 def stated(params: SeekParams) -> GyroErrors:
     """Return the gyro errors as the parameters state them, before any station."""
-    bias, drift = (kinds.ravel() for kinds in np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES))))
+    kind = np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES), len(_OF_G))).reshape(3, -1).T
+    bias, drift, _ = kind.T
     of_drift = _beforehand(_DRIFT_SCALES)[drift]
     # A unit whose bias is worse than stated has a greater drift with a probability of one half.
     of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
-    weight = _beforehand(_BIAS_SCALES)[bias] * of_drift
-    return _as_stated(params, weight, bias, drift, _BIAS_SCALES[bias])
+    return _as_stated(params, _beforehand(_BIAS_SCALES)[bias] * of_drift * _G_SHARE, kind, _BIAS_SCALES[bias])
 
 
-def _as_stated(params: SeekParams, weight: Array, bias_kind: Indices, drift_kind: Indices, scale: Array) -> GyroErrors:
-    """Return Gaussians with these scales of the stated bias, shape (k,), and with the ramps of `drift_kind`."""
+def _as_stated(params: SeekParams, weight: Array, kind: Indices, scale: Array) -> GyroErrors:
+    """Return Gaussians of these kinds with these scales of the stated bias, shape (k,)."""
+    p = kernel_params(params)
     one = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]) * DEG_PER_HOUR
-    variances = np.zeros((len(scale), 6))
-    variances[:, _BIAS] = (scale[:, None] * np.maximum(one, LEAST_BIAS * DEG_PER_HOUR)) ** 2
-    variances[:, _RAMP] = (_DRIFT_SCALES[drift_kind, None] * kernel_params(params).bias_ramp) ** 2
-    covariance = variances[:, :, None] * np.eye(6)
-    return GyroErrors(np.log(weight), bias_kind, drift_kind, np.zeros((len(scale), 6)), covariance)
+    sigmas = np.empty((len(scale), _SIZE))
+    sigmas[:, _BIAS] = scale[:, None] * np.maximum(one, LEAST_BIAS * DEG_PER_HOUR)
+    sigmas[:, _RAMP] = _DRIFT_SCALES[kind[:, 1], None] * p.bias_ramp
+    sigmas[:, _G] = _OF_G[kind[:, 2], None] * p.g_sensitivity
+    return GyroErrors(np.log(weight), kind, np.zeros((len(scale), _SIZE)), sigmas[:, :, None] ** 2 * np.eye(_SIZE))
 
 
 def _beforehand(scales: Array) -> Array:
@@ -157,20 +164,27 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
     )
     noise *= p.bias_ramp**2
     noise[0, 0] += p.bias_walk**2 * max(seconds, 0.0)
-    phi = np.kron(np.array([[1.0, moved], [0.0, kept]]), np.eye(3))
-    added = _DRIFT_SCALES[errors.drift_kind, None, None] ** 2 * np.kron(noise, np.eye(3))
+    phi, added = np.eye(_SIZE), np.zeros((len(errors.kind), _SIZE, _SIZE))
+    phi[: _G.start, : _G.start] = np.kron(np.array([[1.0, moved], [0.0, kept]]), np.eye(3))
+    drift = _DRIFT_SCALES[errors.kind[:, 1], None, None]
+    added[:, : _G.start, : _G.start] = drift**2 * np.kron(noise, np.eye(3))
     return dataclasses.replace(errors, mean=errors.mean @ phi.T, covariance=phi @ errors.covariance @ phi.T + added)
 
 
 def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
     """Return the gyro errors before the next station, to which the biases may step to those of a unit as stated."""
-    drift = np.arange(len(_DRIFT_SCALES))
-    weight: Array = np.asarray(np.bincount(errors.drift_kind, np.exp(errors.log_weight), len(drift)), dtype=float)
-    steps = _as_stated(params, _STEP * weight, np.full(len(drift), _NOW), drift, np.ones(len(drift)))
+    weight = np.exp(errors.log_weight)
+    # A step leaves drift and g-sensitivity as they are: one Gaussian for each pair of their kinds.
+    pairs, of_pair = np.unique(errors.kind[:, 1:], axis=0, return_inverse=True)
+    total, mean, covariance = _merged(of_pair.ravel(), weight, errors.mean, errors.covariance)
+    kind = np.column_stack([np.full(len(pairs), _NOW), pairs])
+    steps = _as_stated(params, _STEP * np.maximum(total, _NONE), kind, np.ones(len(pairs)))
+    steps.mean[:, _G], steps.covariance[:, _G, _G] = mean[:, _G], covariance[:, _G, _G]
+    before = errors.kind.copy()
+    before[before[:, 0] == _NOW, 0] = _EARLIER
     return GyroErrors(
         np.append(errors.log_weight + math.log(1.0 - _STEP), steps.log_weight),
-        np.append(np.where(errors.bias_kind == _NOW, _EARLIER, errors.bias_kind), steps.bias_kind),
-        np.append(errors.drift_kind, steps.drift_kind),
+        np.append(before, steps.kind, axis=0),
         np.append(errors.mean, steps.mean, axis=0),
         np.append(errors.covariance, steps.covariance, axis=0),
     )
@@ -180,30 +194,30 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
     """
     Combine the result of a seek with each Gaussian of `errors` at the end of the seek.
 
-    The seek's own prior of biases and ramps is divided out, so that the prior counts only once in a run.
+    The seek's own prior of biases, ramps and g-sensitivity is divided out, so that the prior counts only once in a run.
     """
     unit = np.sqrt(np.diagonal(sought.covariance))
     unit = np.where(unit > 0.0, unit, 1.0)
-    of_drifting = unit[_DRIFTING, None] * unit[_DRIFTING]
+    of_instrument = unit[_INSTRUMENT, None] * unit[_INSTRUMENT]
     information = np.linalg.inv(sought.covariance / np.outer(unit, unit))
     seen = information @ (sought.mean / unit)
-    inverse = np.linalg.inv(errors.covariance / of_drifting)
-    known = np.einsum("kij,kj->ki", inverse, errors.mean / unit[_DRIFTING])
+    inverse = np.linalg.inv(errors.covariance / of_instrument)
+    known = np.einsum("kij,kj->ki", inverse, errors.mean / unit[_INSTRUMENT])
     total = np.repeat(information[None], len(inverse), axis=0)
-    total[:, _DRIFTING, _DRIFTING] += inverse - np.linalg.inv(sought.prior / of_drifting)
+    total[:, _INSTRUMENT, _INSTRUMENT] += inverse - np.linalg.inv(sought.prior / of_instrument)
     towards = np.repeat(seen[None], len(inverse), axis=0)
-    towards[:, _DRIFTING] += known
+    towards[:, _INSTRUMENT] += known
     S = np.linalg.inv(total)
     S = 0.5 * (S + np.transpose(S, (0, 2, 1)))
     mean = np.einsum("kij,kj->ki", S, towards)
-    log: Array = np.einsum("ki,ki->k", towards, mean) - np.einsum("ki,ki->k", known, errors.mean / unit[_DRIFTING])
+    log: Array = np.einsum("ki,ki->k", towards, mean) - np.einsum("ki,ki->k", known, errors.mean / unit[_INSTRUMENT])
     log += np.linalg.slogdet(inverse)[1] - np.linalg.slogdet(total)[1]
     return Joined(0.5 * log, mean * unit, S * np.outer(unit, unit), np.zeros(len(log)))
 
 
 def parts(errors: GyroErrors, found: Joined) -> list[Part]:
     """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
-    heading = np.eye(9)[_HEADING]
+    heading = np.eye(_HEADING + 1)[_HEADING]
     return [
         part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]), float(misfit))
         for log, mean, S, misfit in zip(
@@ -233,10 +247,10 @@ def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:
     spread = (of_arc @ squares / whole[:, :, None]).reshape(*mass.shape, 2, 2)
     spread -= earth[:, :, :, None] * earth[:, :, None, :]
     S, at = found.covariance, found.mean
-    K = np.transpose(np.linalg.solve(S[:, _EARTH, _EARTH], S[:, _EARTH, _DRIFTING]), (0, 2, 1))[:, None]
-    mean = at[:, None, _DRIFTING] + (K @ (earth - at[:, None, _EARTH])[..., None])[..., 0]
+    K = np.transpose(np.linalg.solve(S[:, _EARTH, _EARTH], S[:, _EARTH, _INSTRUMENT]), (0, 2, 1))[:, None]
+    mean = at[:, None, _INSTRUMENT] + (K @ (earth - at[:, None, _EARTH])[..., None])[..., 0]
     change = K @ (spread - S[:, None, _EARTH, _EARTH]) @ np.swapaxes(K, 2, 3)
-    return _collapsed(errors, log_weight, mass, mean, S[:, None, _DRIFTING, _DRIFTING] + change)
+    return _collapsed(errors, log_weight, mass, mean, S[:, None, _INSTRUMENT, _INSTRUMENT] + change)
 
 
 def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, covariance: Array) -> GyroErrors:
@@ -244,10 +258,10 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
     Merge the Gaussians of a station by kind of unit and arc; the improbable arcs of a kind are merged into one.
 
     log_weight, shape (k,), is that of each previous Gaussian; mass, shape (k, a), its share in each arc; mean and
-    covariance have shapes (k, a, 6) and (k, a, 6, 6).
+    covariance have shapes (k, a, 10) and (k, a, 10, 10).
     """
-    kind = errors.bias_kind * len(_DRIFT_SCALES) + errors.drift_kind
-    kinds, of_kind = np.unique(kind, return_inverse=True)
+    kinds, of_kind = np.unique(errors.kind, axis=0, return_inverse=True)
+    of_kind = of_kind.ravel()
     # Weights relative to the best of each kind; relative to the whole mixture those of an improbable kind would
     # underflow.
     most = np.full(len(kinds), -math.inf)
@@ -259,24 +273,24 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
     by_arc *= (of_all / (of_all @ by_arc.sum(axis=1)))[:, None]
     arc = np.where(by_arc > _WORTH_AN_ARC, np.arange(weight.shape[1]), weight.shape[1])[of_kind]
     cells, cell = np.unique(of_kind[:, None] * (weight.shape[1] + 1) + arc, return_inverse=True)
-    cell, share = cell.ravel(), weight.ravel()
-    total = np.bincount(cell, share, len(cells))
-    share = share / np.maximum(total, _NONE)[cell]
-    middle, square = np.zeros((len(cells), 6)), np.zeros((len(cells), 6, 6))
-    flat = mean.reshape(-1, 6)
-    np.add.at(middle, cell, share[:, None] * flat)
-    off = flat - middle[cell]
-    each = covariance.reshape(-1, 6, 6) + off[:, :, None] * off[:, None, :]
-    np.add.at(square, cell, share[:, None, None] * each)
+    total, middle, square = _merged(
+        cell.ravel(), weight.ravel(), mean.reshape(-1, _SIZE), covariance.reshape(-1, _SIZE, _SIZE)
+    )
     of_cell = cells // (weight.shape[1] + 1)
     held = total > _NONE
     odds = total * of_all[of_cell]
     log = np.log(np.maximum(odds / odds.max(), _LEAST_ODDS))[held]
-    kinds = kinds[of_cell[held]]
-    return GyroErrors(
-        log - math.log(float(np.exp(log).sum())),
-        kinds // len(_DRIFT_SCALES),
-        kinds % len(_DRIFT_SCALES),
-        middle[held],
-        0.5 * (square + np.transpose(square, (0, 2, 1)))[held],
-    )
+    return GyroErrors(log - math.log(float(np.exp(log).sum())), kinds[of_cell[held]], middle[held], square[held])
+
+
+def _merged(cell: Indices, weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array, Array]:
+    """Return total weight, mean and covariance of the Gaussians of each cell; cell, shape (n,): from 0 without gaps."""
+    order = np.argsort(cell, kind="stable")
+    begins = np.flatnonzero(np.diff(cell[order], prepend=-1))
+    total = np.add.reduceat(weight[order], begins)
+    share = weight[order] / np.maximum(total, _NONE)[cell[order]]
+    middle = np.add.reduceat(share[:, None] * mean[order], begins)
+    off = mean[order] - middle[cell[order]]
+    each = share[:, None, None] * (covariance[order] + off[:, :, None] * off[:, None, :])
+    square = np.add.reduceat(each, begins)
+    return total, middle, 0.5 * (square + np.transpose(square, (0, 2, 1)))

@@ -32,7 +32,7 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-_RAMPS = range(Error.BIAS_RAMP, Error.SIZE)
+_RAMPS, _G_SENSITIVITY = range(Error.BIAS_RAMP, Error.SIZE), range(Error.G_SENSITIVITY, Error.LAG)
 # A bias this many sigmas from zero counts as found; for an x gyro in steady rotation it may really be a scale error.
 _FOUND = 3.0
 # A seek gives new information if toolface or inclination changed by more than this, rad: half an arc of `gyro_errors`.
@@ -130,9 +130,13 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     method = _method(state)
     inclination, heading, right = _hole_axis(state, method)
     now = errors_now(params, state, errors)
-    joined = gyro_errors.joined(now, _sought(p, state, right)).at(p.down)
+    anywhere = gyro_errors.joined(now, _sought(p, state, right))
+    joined = anywhere.at(p.down)
     parts = gyro_errors.parts(now, joined)
     circle = azimuth_posterior.posterior(parts, p.horizontal)
+    here, other = (
+        azimuth_posterior.log_evidence(of, p.horizontal) for of in (parts, gyro_errors.parts(now, anywhere.at(-p.down)))
+    )
     # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
     larger = max(math.sqrt(circle.misfit) - 1.0, 1.0)
     sigma = min(larger * circle.sigma, math.pi)
@@ -142,7 +146,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
     found = gyro_errors.learnt(now, joined, p.horizontal)
     known = np.where(np.abs(found.bias) > _FOUND * found.bias_sigma, found.bias, 0.0)
-    fit = Fit(method, azimuth, sigma, inclination, seen, circle.misfit, fitting, known)
+    fit = Fit(method, azimuth, sigma, inclination, seen, circle.misfit, other - here, fitting, known)
     reason = refusal(params, state, fit)
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:
@@ -227,20 +231,23 @@ def _toolface(state: State) -> float:
 
 def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
     """
-    Return Earth rate, biases, ramps and heading of a seek, with their covariance and with the prior of the biases.
+    Return Earth rate, gyro errors and heading of a seek, with their covariance and with the prior of the gyro errors.
 
     right, shape (37,): factors by which the error state adds to the heading. The prior has the start sigma of the
-    biases and the stated ramp, both propagated over the duration of the seek.
+    biases and the stated ramp, both propagated over the duration of the seek, and the start sigma of the g-sensitivity.
     """
     north, east, down = range(Error.EARTH_RATE, Error.GYRO_BIAS)
     each = np.eye(Error.SIZE)
-    rows = np.vstack([each[[north, east, *range(Error.GYRO_BIAS, Error.SCALE_X), *_RAMPS]], right, each[down]])
+    instrument = [*range(Error.GYRO_BIAS, Error.SCALE_X), *_RAMPS, *_G_SENSITIVITY]
+    rows = np.vstack([each[[north, east, *instrument]], right, each[down]])
     mean = rows @ estimate(state)
+    mean[8:12] -= p.g_calibration
     # The heading of the present states is added to the azimuth separately.
     mean[-2] = 0.0
     t = float(state.elapsed)
     drift = np.array([[1.0, t], [0.0, 1.0]])
-    prior = np.zeros((6, 6))
+    prior = np.zeros((10, 10))
+    prior[range(6, 10), range(6, 10)] = p.g_sensitivity**2
     for i, start in enumerate(p.start_bias):
         one = drift @ np.diag([start**2, p.bias_ramp**2]) @ drift.T
         one[0, 0] += p.bias_walk**2 * t

@@ -34,6 +34,9 @@ LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
 # knowledge of the run replaces it (`gyro_errors`). A wider one lets bias and scale of the x gyro, which are not
 # separable in steady rotation, drift away.
 _UNKNOWN = 16.0
+# Sigma of the g-sensitivity of a unit over the stated one, from a unit as stated to the worst; a seek starts with that
+# of the worst, because the knowledge of the run replaces it. Least 1 sigma, deg/h/g.
+G_SCALES, _LEAST_G = (1.0, 2.0, 4.0), 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,7 +133,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
     latitude = math.radians(params.latitude_deg)
     horizontal = EARTH_RATE * math.cos(latitude)
     # Along, across, stretch and shear are half sums of two matrix elements, each of this sigma.
-    element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
+    element = G_SCALES[-1] * max(params.g_sensitivity_deg_h_g, _LEAST_G) * math.sqrt(0.5)
     start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
     return KernelParams(

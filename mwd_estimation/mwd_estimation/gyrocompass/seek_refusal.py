@@ -24,6 +24,10 @@ _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Rotation about an axis near horizontal east-west shows no north: least share of the Earth rate that is measured.
 _LEAST_SENSITIVITY = 0.17
+# Share of latitudes that are given with the wrong sign (a guess), and probability of that above which north is refused:
+# twice as much. No azimuth of 84 sound seeks is refused by it (seeds 2000 to 2099), and each wrong one of the benchmark
+
+_WRONG_SIGN, _SIGN_DOUBTED = 0.01, 0.02
 # Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
 # figures.
 _MISFIT, _EXCESSIVE = 3.0, 5.0
@@ -40,6 +44,7 @@ class Fit:
     inclination: float
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
     misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
+    other_sign: float  #: log evidence of the latitude with the other sign, relative to that of the latitude
     azimuths: tuple[float, ...]  #: azimuths that fit equally well, rad, if there are several
     bias: Array  #: shape (3,); gyro biases, rad/s; 0 for a bias that was not found
 
@@ -120,10 +125,15 @@ def _attitude(fit: Fit) -> Reason | None:
 
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
-    """Return the refusal if no plausible bias of the unit explains the Earth rate at this latitude."""
-    if fit.misfit <= _MISFIT**2:
-        return None
-    return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (math.radians(params.latitude_deg),))
+    """Return the refusal if no plausible unit explains the Earth rate here, or if it fits the other hemisphere."""
+    latitude = math.radians(params.latitude_deg)
+    if fit.misfit > _MISFIT**2:
+        return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (latitude,))
+    odds = _WRONG_SIGN / (1.0 - _WRONG_SIGN) * math.exp(min(fit.other_sign, 700.0))
+    wrong = odds / (1.0 + odds)
+    if wrong > _SIGN_DOUBTED:
+        return Reason(Code.LATITUDE_SIGN, wrong, _SIGN_DOUBTED, (latitude, -latitude))
+    return None
 
 
 def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:

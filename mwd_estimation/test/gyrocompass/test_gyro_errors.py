@@ -24,15 +24,15 @@ PARAMS = SeekParams(gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, gyro_ramp_deg_h2
 P_SI = kernel_params(PARAMS)
 HORIZONTAL, DOWN = EARTH_RATE * math.cos(math.radians(34.0)), -EARTH_RATE * math.sin(math.radians(34.0))
 NOISE = 0.3 * DEG_PER_HOUR
-PRIOR = np.diag([*np.square(P_SI.start_bias), *[P_SI.bias_ramp**2] * 3])
-# What a seek supposes: any Earth rate, biases and ramps, and a heading that the gyros do not change.
+PRIOR = np.diag([*np.square(P_SI.start_bias), *[P_SI.bias_ramp**2] * 3, *[P_SI.g_sensitivity**2] * 4])
+# What a seek supposes: any Earth rate, errors of the gyros, and a heading that the gyros do not change.
 START = np.diag([*[(3.0 * HORIZONTAL) ** 2] * 2, *np.diag(PRIOR), 1e-12, (3.0 * HORIZONTAL) ** 2])
 
 
 def reading(bias: Array, heading: float, rng: np.random.Generator, mat: Array) -> tuple[Array, Array]:
-    """Rates of a still tool, and their slopes by what a seek finds, shape (3, 10)."""
+    """Rates of a still tool, and their slopes by what a seek finds, shape (3, 14)."""
     earth = np.array([HORIZONTAL * math.cos(heading), -HORIZONTAL * math.sin(heading), DOWN])
-    H = np.hstack([mat.T[:, :2], np.eye(3), np.zeros((3, 4)), mat.T[:, 2:]])
+    H = np.hstack([mat.T[:, :2], np.eye(3), np.zeros((3, 8)), mat.T[:, 2:]])
     return mat.T @ earth + bias + NOISE * rng.standard_normal(3), H
 
 
@@ -70,10 +70,10 @@ def test_each_kind_of_unit_has_its_exact_posterior_and_evidence_whatever_the_see
     found = gyro_errors.joined(errors, sought(value, H)).at(DOWN)
     log, evidence = found.log_evidence, []
     # Given the vertical Earth rate, it is a known part of the reading.
-    value, H, known = value - H[:, 9] * DOWN, H[:, :9], START[:9, :9]
+    value, H, known = value - H[:, 13] * DOWN, H[:, :13], START[:13, :13]
     for k, covariance in enumerate(errors.covariance):
         start = known.copy()
-        start[2:8, 2:8] = covariance
+        start[2:12, 2:12] = covariance
         S = H @ start @ H.T + NOISE**2 * np.eye(3)
         gain = np.linalg.solve(S, H @ start).T
         unit = np.sqrt(np.diag(start))
@@ -126,7 +126,7 @@ def test_a_kind_of_unit_that_does_not_fit_keeps_its_own_biases():
     gain = np.linalg.solve(H @ START @ H.T + (0.01 * NOISE) ** 2 * np.eye(3), H @ START).T
     found = Sought(gain @ value, START - gain @ H @ START, PRIOR)
     later = gyro_errors.learnt(known, gyro_errors.joined(known, found).at(DOWN), HORIZONTAL)
-    assert set(later.bias_kind) == set(known.bias_kind)
+    assert set(later.kind[:, 0]) == set(known.kind[:, 0])
     assert np.diagonal(later.covariance, axis1=1, axis2=2).min() > 0.0
 
 

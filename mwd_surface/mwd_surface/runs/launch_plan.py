@@ -93,8 +93,17 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
 
 
 def estimator_parameters(scenario: Scenario) -> dict[str, Any]:
-    """Return the parameters of the estimator that follow from a scenario: place, day or field, and the string."""
-    return {**reference_parameters(scenario), "tool.string": scenario.string}
+    """
+    Return the parameters of the estimator that follow from a scenario: place, day or field, the string, the gyros.
+
+    Of the precision unit only the g-sensitivity is stated: the stations of a run show the unit's bias and noise, but
+    one station does not show its g-sensitivity, so that sigma contains all that is stated.
+    """
+    from mwd_sensors.simulator.instrument_grade import grade
+
+    unit = scenario.precision
+    gyros = {} if unit is None else {"tool.precision.gyro.g_deg_h_g": grade(unit.grade, unit.changes).gyro.g_deg_h_g}
+    return {**reference_parameters(scenario), "tool.string": scenario.string, **gyros}
 
 
 def surface_parameters(scenario: Scenario) -> dict[str, Any]:

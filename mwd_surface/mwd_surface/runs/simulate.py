@@ -14,7 +14,7 @@ from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.core.settings import from_mapping
+from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -256,8 +256,4 @@ class SimulatedTool:
 
 def estimator_settings(sonde: Sonde) -> EstimatorSettings:
     """Return settings of the estimator for the scenario of a sonde: place, day or field, and the string."""
-    nested: dict[str, dict[str, object]] = {}
-    for name, value in estimator_parameters(sonde.scenario).items():
-        block, _, key = name.partition(".")
-        nested.setdefault(block, {})[key] = value
-    return from_mapping(EstimatorSettings, nested)
+    return changed(EstimatorSettings(), estimator_parameters(sonde.scenario))
