@@ -69,8 +69,8 @@ class LogMonitor:
             self._live.show(now, logs=self._log.curves(FIRST, _SHOWN), newest_logs=self._log.newest())
         self._tell_refused(now)
         self._tell_journal(now)
-        # The rig's frequent flow data do not raise the version of the tool's health; their effect is shown with the next
-        # log sample.
+        # Frequent flow data of the rig do not raise the version of the tool's health; their effect is shown with the
+        # next log sample.
         if self._book.health.version != self._shown_health:
             self._shown_health = self._book.health.version
             health = self._book.health.health()
