@@ -29,6 +29,7 @@ from mwd_surface.receiver.words import Reception
 # evidence. The share is needed because the error of the model grows with the signal.
 _BETTER, _SHARE = 12.0, 0.1
 _MOST = 6  # hypotheses at a time
+_APART_TU = 3  # distance from which two syncs are those of two tools; a pulse is 2 TU wide
 # A leader with good parities is established after this number of packets. Later syncs are then not decoded. They are
 # removed when the leader has been decoded this far beyond them, TU.
 _ESTABLISHED, _BEYOND_TU = 30, 200
@@ -66,6 +67,9 @@ class Tracker:
         expecting = [one for one in self._all if one.expects_sync(position)]
         for one in expecting:
             one.offer_sync()
+        for one in self._all:
+            if _APART_TU * STEPS_PER_TU < position - one.begin < self._tool.sync.length_tu * STEPS_PER_TU:
+                one.second = max(one.second, found.score)
         near = [one for one in self._all if abs(one.begin - position) <= STEPS_PER_TU]
         if expecting or (near and max(one.score for one in near) >= found.score):
             return

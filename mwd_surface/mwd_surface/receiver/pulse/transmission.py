@@ -35,12 +35,16 @@ _AFTER_TU = 14
 # Probability that parities hold only by chance above which the transmission counts as lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
-_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
+_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
+_TWO_TOOLS = "two syncs overlap: two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 # Prior of the share of missing pulses: its weight in packets; and the largest share.
 _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
 # Factor by which a toolface after a sync needs more evidence per TU than a survey.
 _CLEARER = 1.2
+# Least score of a sync within this one that shows a second tool, alone and as a share of the score of this one. Some 40
+# places are within a sync, and noise reaches the score at one of a million; an echo of a strong sync has a small share.
+_SECOND, _SECOND_SHARE = 14.0, 0.15
 
 
 class Transmission:
@@ -62,6 +66,8 @@ class Transmission:
     ----------
     begin, score : float
         Position and score of the sync.
+    second : float
+        Score of another sync that begins during this one.
     presence : Presence
     lost : str
         Reason why the hypothesis has ended by itself; empty while it goes on.
@@ -97,7 +103,7 @@ class Transmission:
         self._off_s = math.inf
         self._held: list[ReceivedWord] = []
         self._pending = Reception()
-        self.begin, self.score = position, found.score
+        self.begin, self.score, self.second = position, found.score, 0.0
         self.frames = self.base = 0
         self.published = self.sent = False
         self.lost = ""
@@ -249,7 +255,8 @@ class Transmission:
             for word, part in zip(words, now.parts, strict=True)
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
-        reason = self.lost or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
+        reason = _TWO_TOOLS if self.second > max(_SECOND, _SECOND_SHARE * self.score) else self.lost
+        reason = reason or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frames, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frames += 1

@@ -280,6 +280,18 @@ def test_a_wrong_table_in_a_strong_signal_is_not_blamed_on_the_signal(wrong):
     assert "too weak" not in said
 
 
+@pytest.mark.parametrize(("late_tu", "named"), [(0, False), (17, True)])
+def test_two_tools_that_send_at_once_are_named(late_tu, named):
+    tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P Grav:12:P",), transmit_delay_s=20.0)
+    (time, first), (_, second) = (white(tool, transmit(tool, ((0.0, 200.0),), seed), 14.0) for seed in (1, 2))
+    late = round(late_tu * tool.tu_s / (time[1] - time[0]))
+    both = first.copy()
+    both[late:] += named * (second[: len(both)] - second.mean())[: len(both) - late]
+    receiver = PulseReceiver(tool)
+    frames = receiver.push(time, both).frames + receiver.finish().frames
+    assert any("two tools" in one.reason for one in frames) == named
+
+
 def test_a_flow_too_short_for_the_sync_is_named():
     time = np.arange(0.0, 100.0, 0.02)
     flow = (time > 20.0) & (time < 40.0)
