@@ -89,7 +89,7 @@ def watch(
         before = ""
         if _STATES[newest["state"]] in _ENDED:
             _shown(newest, before)
-        # The topic also delivers earlier messages: ignore those of earlier commands.
+        # The topic also delivers earlier messages: ignore messages of earlier commands.
         for _, message in client.listen("downlink/state", seconds):
             if message["number"] >= newest["number"]:
                 before = _shown(message, before)
@@ -106,7 +106,7 @@ def _shown(message: dict[str, Any], before: str) -> str:
 
 
 def _newest(client: GraphClient, seconds: float) -> dict[str, Any]:
-    """Return the last state published; ValueError if none arrives in this time."""
+    """Return the last published state of the downlink; raise ValueError if no state arrives within `seconds`."""
     heard: list[dict[str, Any]] = []
     listened = 0.0
     while not heard and listened < seconds:
