@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_surface.uncertainty.collar_spacing import Steel
 
-_MOST_ROWS = 10_000
+_MOST_ROWS = 10_000  # largest number of rows in the table of sag corrections
 _STRING = "String, if no assembly is given"
 
 

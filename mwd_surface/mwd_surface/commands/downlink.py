@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
 Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of the request, from `mwd downlink state`.")]
-_SUBMIT, _GRANT, _DENY, _ABORT = range(4)
+_SUBMIT, _GRANT, _DENY, _ABORT = range(4)  # decisions, as in mwd_msgs/DecideDownlink
 _STATES = (
     *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
     *("lapsed", "aborted"),
 )
 _ENDED = _STATES[7:]
-_LISTEN_S = 3.0
+_LISTEN_S = 3.0  # longest wait for a state before the graph is asked again, s
 
 
 @app.command("send")

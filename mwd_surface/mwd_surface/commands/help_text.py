@@ -22,7 +22,7 @@ from mwd_surface.commands.speech import say, spoken
 _PIECES = re.compile(r"\s+|[\u2e80-\uffef…—]|[^\s\u2e80-\uffef…—]+")
 _CLOSING = "。，、；：）！？」…"
 _EXTRA = re.compile(r"(.*?)\s*\[((?:default: |required|env var: |x[<>]|[^\[\]]*<=?x)[^\[\]]*)\]", re.DOTALL)
-_SHORTEST = 20
+_SHORTEST = 20  # least width of the column of descriptions
 
 
 def width_of(text: str) -> int:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _SAY_EVERY = 30.0  # s between two messages with the reason why the start waits
 _SETTLE = 1.5  # s between the last sample and the end of the run, for messages that are still being transmitted
-_POLL = 0.1
+_POLL = 0.1  # s between two checks of the processes
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mwd_surface.surveys.table_run import TableSurvey
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
-_MOST = 12
+_MOST = 12  # largest number of surveys that are printed
 
 
 def show_surveys(

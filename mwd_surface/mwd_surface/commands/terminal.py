@@ -154,7 +154,7 @@ def waiting(words: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def live_line() -> Iterator[Callable[[str], None]]:
-    """Show a line that the next one replaces, if the output is a terminal; the block gets the function for it."""
+    """Yield a function that shows a line in place of the last line; without a terminal it has no effect."""
     if not sys.stderr.isatty():
         yield lambda _words: None
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of all nodes of a well as tables in a recording, so that it can be processed again with the same ones."""
+"""Tables with the parameters of all nodes of a well in a recording, for processing the recording again."""
 
 from __future__ import annotations
 
