@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of `mwd`, one module each; each imports what it needs only when it runs, to keep `mwd --help` fast."""
+"""Commands of `mwd`, a module each; modules are imported only when a command runs, to keep `mwd --help` fast."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_surface.uncertainty.collar_spacing import Steel
 
-_MOST_ROWS = 10_000
+_MOST_ROWS = 10_000  # largest number of rows in the table of sag corrections
 _STRING = "String, if no assembly is given"
 
 
@@ -111,7 +111,7 @@ def spacing(
     if not 0.0 <= inclination <= 180.0 or not limit > 0.0:
         raise ValueError("--inclination: must be within 0 and 180 deg; --limit: must be above 0")
     turn = north_correction(reference, "true")
-    # Without a declination it is 0: azimuth and field both refer to magnetic north.
+    # Without a declination no angle is subtracted, because azimuth and field both refer to magnetic north.
     attitude = math.radians(inclination), math.radians(azimuth) - (turn or 0.0)
     most = collar_spacing.largest_interference(math.radians(limit), *attitude, reference.horizontal)
     lines: list[tuple[str, str]] = []
@@ -141,7 +141,7 @@ def spacing(
 def _poles_of(
     pieces: tuple[Steel, ...], poles: tuple[float, float], below_length: float
 ) -> tuple[tuple[float, float], float]:
-    """Return pole strengths above and below the sensors, Wb, and the length of the steel below, m, of an assembly."""
+    """Return an assembly's pole strengths above and below the sensors, Wb, and the length of the steel below, m."""
     import math
 
     up = max((piece.pole for piece in pieces if math.isinf(piece.length)), default=poles[0])
@@ -182,7 +182,7 @@ def _pole(option: str, text: str) -> float:
 
 
 def _numbers(option: str, text: str) -> list[float]:
-    """Return the numbers of LOW:HIGH[:STEP], ends included, or of a list with commas."""
+    """Return the numbers of a text LOW:HIGH[:STEP], both ends included, or of a list with commas."""
     import math
 
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd bundle`: a zip for a bug report."""
+"""`mwd bundle`: zip file for a bug report."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
     if grade is None:
         return scenario
     known = getattr(scenario, unit) or Unit()
-    # Rebuilt to check that the grade exists and fits the unit.
+    # Build the unit again, which checks that the grade exists and fits the unit.
     changed: dict[str, Any] = {unit: dataclasses.replace(known, grade=grade)}
     return dataclasses.replace(scenario, **changed)
 
@@ -141,7 +141,7 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
 def _place(
     lat: float | None, lon: float | None, date: str | None, field: str | None, day_ns: int
 ) -> tuple[float | None, tuple[float, float] | None, str]:
-    """Return gravity, field and their source, as far as given by options."""
+    """Return gravity, m/s^2, field, and their source as text; a value that no option gives is None."""
     import datetime
     import math
 

@@ -100,7 +100,7 @@ def _limits(given: list[str] | None) -> dict[str, float]:
 
 
 def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
-    """Print the differences; names: of the two runs, the second is subtracted from the first."""
+    """Print the differences, first run minus second run; names: names of the two runs."""
     from mwd_surface.commands import terminal
 
     console = terminal.output()

@@ -55,7 +55,7 @@ def doctor(
         _show(results)
     missing = sum(result.level.name == "MISSING" for result in results)
     if file is None and not missing:
-        # These imports may fail if something is missing.
+        # Import here, because these imports fail if a package is missing.
         from mwd_estimation.gravity import methods as gravity
 
         methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
@@ -76,7 +76,7 @@ def _show(results: list[CheckResult]) -> None:
     for name in ("", "check", "state"):
         table.add_column(name, overflow="fold")
     for result in results:
-        # The remedy has its own line, which a narrow terminal does not cut.
+        # Print the remedy on a line of its own, which a narrow terminal does not cut.
         remedy = f"\n[dim]->[/] {escape(result.remedy)}" if result.remedy else ""
         table.add_row(marks[result.level], result.name, escape(result.state) + remedy)
     terminal.output().print(table, soft_wrap=False)

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
 Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of the request, from `mwd downlink state`.")]
-_SUBMIT, _GRANT, _DENY, _ABORT = range(4)
+_SUBMIT, _GRANT, _DENY, _ABORT = range(4)  # decisions, as in mwd_msgs/DecideDownlink
 _STATES = (
     *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
     *("lapsed", "aborted"),
 )
 _ENDED = _STATES[7:]
-_LISTEN_S = 3.0
+_LISTEN_S = 3.0  # longest wait for a state before the graph is asked again, s
 
 
 @app.command("send")
@@ -89,7 +89,7 @@ def watch(
         before = ""
         if _STATES[newest["state"]] in _ENDED:
             _shown(newest, before)
-        # The topic also delivers earlier messages: ignore those of earlier commands.
+        # The topic also delivers earlier messages: ignore messages of earlier commands.
         for _, message in client.listen("downlink/state", seconds):
             if message["number"] >= newest["number"]:
                 before = _shown(message, before)
@@ -106,7 +106,7 @@ def _shown(message: dict[str, Any], before: str) -> str:
 
 
 def _newest(client: GraphClient, seconds: float) -> dict[str, Any]:
-    """Return the last state published; ValueError if none arrives in this time."""
+    """Return the last published state of the downlink; raise ValueError if no state arrives within `seconds`."""
     heard: list[dict[str, Any]] = []
     listened = 0.0
     while not heard and listened < seconds:

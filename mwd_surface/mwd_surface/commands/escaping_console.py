@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Console of the command line: it prints in the chosen language, and escapes hidden characters in all that it prints.
+Console of the command line, which translates texts to the chosen language and escapes hidden characters.
 
-See `speech` and `terminal.PrintableStream`.
+`speech` describes the translation, and `terminal.PrintableStream` the reason for escaping.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mwd_surface.commands.spoken_table import spoken_text
 
 
 class _Escaped:
-    """Renderable whose text has all hidden characters escaped, including colour codes; its own style remains."""
+    """Renderable whose text has all hidden characters escaped, including colour codes; its style is kept."""
 
     def __init__(self, made: ConsoleRenderable) -> None:
         self._made = made
@@ -29,10 +29,10 @@ class _Escaped:
 
 
 class _EscapeAll(RenderHook):
-    """Escape everything that a console prints."""
+    """Hook that escapes all text that a console prints."""
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        """Return what is printed instead."""
+        """Return the renderables with escaped text, which are printed instead."""
         return [_Escaped(one) for one in renderables]
 
 
@@ -40,7 +40,7 @@ class _Spoken(Console):
     """Console that prints texts in the chosen language."""
 
     def print(self, *objects: Any, markup: bool | None = None, **options: Any) -> None:
-        """Print texts; a table speaks the language itself (`SpokenTable`)."""
+        """Print texts in the chosen language; a table (`SpokenTable`) is translated already."""
         if spoken().entries:
             objects = tuple(
                 say(one) if markup is False and isinstance(one, str) else spoken_text(one) for one in objects

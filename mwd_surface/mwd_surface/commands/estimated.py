@@ -19,13 +19,13 @@ def estimated(bag: Bag, given: InputSettings, read: ProcessedInput | None = None
     """
     Process a recording into a temporary copy that contains the estimates.
 
-    given: how to read the recording. read: input settings of existing results, used instead of `given` if `given` has
-    only default values.
+    given: settings for reading the recording. read: input settings of existing results, used instead of `given` if
+    `given` has only default values.
 
     Raises
     ------
     BagError, ValueError
-        As for `process.process`.
+        The recording cannot be processed, as in `process.process`.
     """
     import tempfile
 

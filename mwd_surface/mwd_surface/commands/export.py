@@ -156,8 +156,8 @@ def _table(
     """
     Return the printed table of a source.
 
-    plan: its file and how to read it. with_logs: whether to add logs and health of the tool, for which a recording is
-    played from its beginning to its end.
+    plan: file of the plan, and settings for reading it. with_logs: whether to add logs and health of the tool, for
+    which a recording is played from its beginning to its end.
     """
     import time
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd finalize`: the signed final list of a well, from all its runs, recordings and lists."""
+"""`mwd finalize`: signed final survey list of a well, from all its runs, recordings and lists."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ _EXPORTS = {
 
 
 def _source(text: str) -> tuple[Path, Source, tuple[str, ...]]:
-    """Return the path of a source, its list, and notes on its origin."""
+    """Return the path of a source, its survey list, and notes on its origin."""
     from mwd_surface.surveys.final_list import Source
     from mwd_surface.surveys.survey_source import surveys_of
     from mwd_surface.uncertainty.error_terms import check_tool_code
@@ -136,7 +136,7 @@ def _source(text: str) -> tuple[Path, Source, tuple[str, ...]]:
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of a source that its list was read from."""
+    """Return the files of a source from which its survey list was read."""
     if path.is_file():
         return [path]
     found = sorted(path.rglob("surveys.json")) or sorted([*path.rglob("*.mcap"), *path.rglob("*.db3")])
@@ -165,7 +165,7 @@ def _hash(data: bytes) -> str:
 
 
 def _signer(key: Path) -> Callable[[bytes], bytes]:
-    """Return the function that signs by the Ed25519 key of a file; ValueError if it holds no such key."""
+    """Return a function that signs with the Ed25519 key in a file; raise ValueError if the file has no such key."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
@@ -177,7 +177,7 @@ def _signer(key: Path) -> Callable[[bytes], bytes]:
     except (ValueError, TypeError) as error:
         raise ValueError(f"--key {key}: no private key in PEM without a password: {error}") from error
     if not isinstance(private, Ed25519PrivateKey):
-        raise ValueError(  # noqa: TRY004  (of the user's file, not of an argument)
+        raise ValueError(  # noqa: TRY004  (the error is in the user's file, not in an argument)
             f"--key {key}: expected an Ed25519 key: make one with openssl genpkey -algorithm ed25519"
         )
     return private.sign

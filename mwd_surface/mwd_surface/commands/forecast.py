@@ -58,7 +58,7 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    options = locals()  # must be first: only the options, by name
+    options = locals()  # must be the first statement, so that only the options are in it, by name
     import math
 
     from mwd_surface.commands import terminal
@@ -79,7 +79,7 @@ def forecast(
     if not limit > 0.0:
         raise ValueError(f"--limit {limit:g}: must be positive")
     planned = read_plan(plan, given=list_settings(options).given())
-    # For a plan that does not give its north, the default of a well is used, with a remark.
+    # If the plan does not give its north, use the default north of a well, with a remark.
     from_north = planned.north or Well().north_reference
     planned = in_north(planned, plan, from_north)
     settings = table_settings(None, changes, lat, lon, date, field)
@@ -106,7 +106,7 @@ def _show(found: Forecast) -> None:
 
     names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "accept %")
     table = terminal.table(names)
-    # The file has all stations; here only some of them are printed.
+    # Print only some of the stations; the file has all of them.
     for k in np.unique(np.linspace(0, found.md.size - 1, 14).astype(int)):
         degrees = (found.inclination, found.true_azimuth, found.sigma_inclination, found.sigma_azimuth)
         table.add_row(

@@ -164,7 +164,7 @@ def visit(domain: int | None) -> Iterator[GraphClient]:
 
 
 def _assigned(fields: list[str] | None) -> dict[str, Any]:
-    """Return FIELD=VALUE texts as a table; a dotted name is a nested field."""
+    """Return FIELD=VALUE texts as a dict; a name with dots is a nested field."""
     from mwd_surface.commands.reference_options import assignments
 
     table: dict[str, Any] = {}

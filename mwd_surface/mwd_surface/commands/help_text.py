@@ -2,7 +2,8 @@
 """
 Help of the commands in the chosen language: headings, paragraphs, options and their defaults.
 
-The texts are those of the sources (docstrings and options); a paragraph is one text of the catalogue.
+The English texts are the docstrings of the commands and the descriptions of their options. A paragraph is one text of
+the translation catalogue.
 """
 
 from __future__ import annotations
@@ -17,20 +18,20 @@ import typer
 
 from mwd_surface.commands.speech import say, spoken
 
-# A run of spaces, a wide character, or a word of others.
+# Pieces of a line: spaces, a single wide (Chinese) character, or a word of other characters.
 _PIECES = re.compile(r"\s+|[\u2e80-\uffef…—]|[^\s\u2e80-\uffef…—]+")
 _CLOSING = "。，、；：）！？」…"
 _EXTRA = re.compile(r"(.*?)\s*\[((?:default: |required|env var: |x[<>]|[^\[\]]*<=?x)[^\[\]]*)\]", re.DOTALL)
-_SHORTEST = 20
+_SHORTEST = 20  # least width of the column of descriptions
 
 
 def width_of(text: str) -> int:
-    """Return the width of a text on a terminal; a Chinese character is as wide as two others."""
+    """Return the width of a text on a terminal, in columns; a Chinese character has two columns."""
     return sum(2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Return the lines of a paragraph; Chinese is broken between any two characters, but not before a closing mark."""
+    """Return the lines of a paragraph; a line may break between Chinese characters, but not before a closing mark."""
     lines, line = [], ""
     for piece in _PIECES.findall(text):
         if line and piece[0] not in _CLOSING and width_of(line + piece.rstrip()) > width:
@@ -41,14 +42,14 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def paragraphs(text: str) -> Iterator[tuple[str, bool]]:
-    """Return the paragraphs of a help text, each on one line, and whether its lines stay as they are."""
+    """Yield the paragraphs of a help text, and whether the line breaks of each are kept; else it is on one line."""
     for block in re.split(r"\n\s*\n", inspect.cleandoc(text).partition("\f")[0]):
         fixed = block.lstrip().startswith("\b")
         yield (block.partition("\b")[2].strip("\n") if fixed else " ".join(block.split())), fixed
 
 
 def cut(text: str, width: int) -> str:
-    """Return the beginning of a text with an ellipsis if it is wider."""
+    """Return a text, or its beginning with an ellipsis if the text is wider than `width` columns."""
     if width_of(text) <= width:
         return text
     while width_of(text) > width - 2:
@@ -57,10 +58,10 @@ def cut(text: str, width: int) -> str:
 
 
 class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-type]
-    """Help page in the chosen language; of English the same as without it."""
+    """Formatter of the help page in the chosen language; in English the page is unchanged."""
 
     def write_usage(self, prog: str, args: str = "", prefix: str | None = None) -> None:
-        """Write how the command is called."""
+        """Write the line that shows the arguments of the command."""
         super().write_usage(prog, args, say(prefix or "Usage: "))
 
     def write_heading(self, heading: str) -> None:
@@ -69,7 +70,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
         self.write(f"{'':>{self.current_indent}}{said.get(heading, heading)}{said.get(': ', ':')}\n")
 
     def write_text(self, text: str) -> None:
-        """Write paragraphs."""
+        """Write the paragraphs of a text."""
         if not spoken().entries:
             super().write_text(text)
             return
@@ -81,7 +82,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
         self.write("\n\n".join(made) + "\n")
 
     def write_dl(self, rows: Sequence[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
-        """Write names with their meaning."""
+        """Write names with their descriptions."""
         if not spoken().entries:
             super().write_dl(rows, col_max, col_spacing)
             return
@@ -101,7 +102,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
 
 
 def _meaning(text: str) -> str:
-    """Return the meaning of an option with its default in the chosen language."""
+    """Return the description of an option, with its default, in the chosen language."""
     words = " ".join(text.split())
     if not (match := _EXTRA.fullmatch(words)):
         return say(words)
@@ -114,10 +115,14 @@ def _meaning(text: str) -> str:
 
 
 def with_spoken_help(command: Any, most: int = 64) -> Any:
-    """Return a command, with those below it, whose help is in the chosen language; `most`: width of one in a list."""
+    """
+    Return a command and its subcommands with help in the chosen language.
+
+    most: largest width of the description of a subcommand in the list, columns.
+    """
 
     class Context(command.context_class):  # type: ignore[misc]
-        """Context with the help page in the chosen language."""
+        """Context whose help page is in the chosen language."""
 
         formatter_class = SpokenHelp
 

@@ -125,13 +125,13 @@ def _rests(count: int | None, longest_s: float) -> str:
 
 
 def _not_used(topics: list[TopicInfo]) -> str:
-    """Return the topics that are not inputs: those of other programs by name, those of this program as a number."""
+    """Return the topics that are not inputs: topics of other programs by name, topics of this program as a number."""
     foreign = [f"{topic.name} ({topic.type_name})" for topic in topics if not topic.type_name.startswith("mwd_msgs/")]
     own = len(topics) - len(foreign)
     return ", ".join([*foreign, *([f"{own} of this program's own topics (see `mwd bag info`)"] if own else [])])
 
 
 def _verdicts(surveys: list[str]) -> str:
-    """Return the number of surveys by verdict, in words."""
+    """Return the number of surveys with each verdict, as text."""
     counts = {verdict: surveys.count(verdict) for verdict in dict.fromkeys(surveys)}
     return f"{len(surveys)}: " + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()) if surveys else "none"

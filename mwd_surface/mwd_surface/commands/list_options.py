@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options for reading a list: single options for the list of a command, NAME=VALUE for its plan."""
+"""Options for reading a survey list: single options for the list of a command, NAME=VALUE for the plan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.plan import Plan
 
 _LIST = "List"
-#: Names of the options, the same as in `ListSettings`.
+#: Names of the options; the fields of `ListSettings` have the same names.
 NAMES = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wellhead", "confirm")
 
 Columns = Annotated[
@@ -73,7 +73,7 @@ def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSetting
     Raises
     ------
     SettingsError
-        Unknown word.
+        An option has an unknown word.
     """
     from mwd_sensors.core import settings
     from mwd_surface.list_files.list_settings import ListSettings
@@ -88,7 +88,7 @@ def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSetting
 
 def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
     """
-    Return the settings of a list from NAME=VALUE texts; confirm can be given several times.
+    Return the settings of a list from NAME=VALUE texts; `confirm` can be given several times.
 
     Raises
     ------
@@ -113,12 +113,12 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
     """
     Return the plan of --plan, read with the settings of --plan-set; None if --plan is not given.
 
-    well: its north is required of the azimuths, and its angle convention is that of dips; None: any north.
+    well: well whose north the azimuths must have, and whose angle convention gives the sign of dips; None: any north.
 
     Raises
     ------
     ListFileError
-        As for `read_plan`; a question of the reader refers to --plan-set.
+        The plan cannot be read, as in `read_plan`; options in the message are those of --plan-set.
     """
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mwd_surface.receiver.word_files import WordFiles
     from mwd_surface.receiver.words import ReceivedWord, Reception
 
-_PAUSE_S = 0.05
+_PAUSE_S = 0.05  # s between two reads of the source
 
 
 def listen(
@@ -87,7 +87,7 @@ def listen(
 
 def _print_words(got: Reception, files: WordFiles) -> None:
     """Print words as soon as they are received, and write them once they are final."""
-    # Codes whose words are final at once have no provisional words.
+    # A code whose words are final at once has no provisional words: print the final words.
     _print(got.provisional or got.words)
     files.add(got.words)
 
@@ -97,7 +97,7 @@ def _print(words: list[ReceivedWord]) -> None:
 
     for word in words:
         value = f"{word.value:.6g} {word.unit}".rstrip() if word.status != "erased" else "erased"
-        # Rounded down, so that 1 is never printed.
+        # Round down, so that a confidence below 1 is not printed as 1.
         share = math.floor(1000.0 * word.confidence) / 1000.0
         line = f"{word.end_s:9.1f} s  {word.kind:8} {word.name} {value}  confidence {share:.3f}"
         terminal.output().print(line, markup=False)
@@ -106,7 +106,7 @@ def _print(words: list[ReceivedWord]) -> None:
 def _opened(
     where: str, configuration: ToolConfiguration, gauge: Path | None, columns: str, clock: Callable[[], float]
 ) -> Source:
-    """Return the source for a name such as `modbus:HOST:PORT`."""
+    """Return the source of live samples for a name such as `modbus:HOST:PORT`."""
     from mwd_sensors.core import settings
     from mwd_sensors.core.input_files import read_yaml
     from mwd_surface.receiver import network_sources, pressure_table, sources

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd memory`: a tool's own recording, and its merge into the log and the surveys of a run."""
+"""`mwd memory`: recording in the memory of a tool, and its merge into the log and the surveys of a run."""
 
 from __future__ import annotations
 

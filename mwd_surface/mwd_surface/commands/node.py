@@ -12,7 +12,7 @@ import typer
 
 
 class Node(enum.StrEnum):
-    """The nodes of the graph; `well` is sonde, estimator and surface in one process."""
+    """Node of the ROS graph; `well` is sonde, estimator and surface in one process."""
 
     SONDE = "sonde"
     PROBE = "probe"
@@ -54,7 +54,7 @@ def node(context: typer.Context, name: Node) -> None:
 
 def node_main(module: str) -> Callable[[Sequence[str]], int]:
     """
-    Return the main function of a node; the middleware is set up for streams unless it is already configured.
+    Return the main function of a node; set up the middleware for streams, unless the user has configured it.
 
     Raises
     ------

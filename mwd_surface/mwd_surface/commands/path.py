@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.list_comparison import PathDifference
 
 _LIST = "List"
-# Day of the field for a list without times: the first day of the model.
+# Day for the field model if the list has no times: the first day of the model.
 _USUAL_DAY = "2025-01-01"
 
 
 class Values(enum.StrEnum):
-    """Which values of the surveys of a run are used."""
+    """Choice between the definitive values of the surveys of a run and the values as first decided."""
 
     DEFINITIVE = "definitive"
     FIRST = "first"
@@ -112,7 +112,7 @@ def path(
       mwd path boreholes.xlsx -o out --dip up
       mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
     """
-    options = locals()  # must be first: only the options, by name
+    options = locals()  # must be the first statement, so that only the options are in it, by name
     import dataclasses
 
     from mwd_surface.commands import terminal
@@ -135,7 +135,7 @@ def path(
         files[stored.name] = encoded(surveys)
     _show(table)
     if against is not None:
-        # The options that say how to read LIST do not apply to the list of --against.
+        # Do not use the options for reading LIST for the list of --against.
         others = {**options, "tie_on": None, "every": every}
         try:
             other = _surveys(against, others, assigned(against_set, "--against-set"), against_code, surveys)
@@ -151,8 +151,8 @@ def _surveys(
     """
     Return the survey list of a source by the options of the command; print remarks about it as warnings.
 
-    said: how to read the list. beside: another list of the same hole, whose place and field are used if this list has
-    none.
+    said: settings for reading the list. beside: another list of the same hole, whose location and field are used if
+    this list has none.
     """
     import dataclasses
 
@@ -247,14 +247,14 @@ def _table(surveys: SurveyList) -> SurveyTable:
 
 
 def _is_source(source: Path, stored: Path) -> bool:
-    """Return whether the list to write is the one that was read."""
+    """Return whether the file to write, `stored`, is the list that was read."""
     return stored.is_file() and any(
         candidate.is_file() and candidate.samefile(stored) for candidate in (source, source / stored.name)
     )
 
 
 def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> dict[str, str | bytes]:
-    """Return the files of the comparison of a path with that of another list, from the same north."""
+    """Return the files, by name, of the comparison of a path with the path of another list, from the same north."""
     import dataclasses
 
     from mwd_surface.commands.speech import spoken_figure
@@ -299,7 +299,7 @@ def _show_difference(found: PathDifference, names: tuple[str, str]) -> None:
 
     columns = ("depth m", "inclination deg", "azimuth deg", "north m", "east m", "down m", "sigmas")
     table = terminal.table(columns, title=f"{names[0]} minus {names[1]}")
-    # The file has all stations; here only some of them are printed.
+    # Print only some of the stations; the file has all of them.
     for k in np.unique(np.linspace(0, found.md.size - 1, 12).astype(int)):
         sigmas = found.sigmas[k]
         table.add_row(

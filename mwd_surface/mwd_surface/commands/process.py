@@ -109,7 +109,7 @@ def process(
 
 
 def _refuse_taken(output: Path) -> None:
-    """Refuse a folder with results of a run before processing begins."""
+    """Raise an error if a folder has results of a run, before processing begins."""
     from mwd_surface.processing.run_output import results_in
 
     if found := results_in(output):
@@ -135,7 +135,7 @@ def _run(
 
     compensation = None
     if calibration is not None:
-        # Imported only if needed: it loads scipy's optimisation.
+        # Import only if needed, because this module loads scipy's optimisation.
         from mwd_surface.runs import calibration_run
 
         compensation = Compensation(calibration_run.read(calibration))
@@ -169,7 +169,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     for fault in summary.faults:
         if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
             continue  # reported before, or in the table below
-        # Relative to the first sample, as --start and --end count.
+        # Print the time relative to the first sample, like --start and --end.
         moment = max((fault.cleared_ns or fault.since_ns) - summary.start_ns, 0)
         text = describe(fault)
         terminal.warn(f"{moment * 1e-9:.1f} s: {text.message}" + (f"; {text.remedy}" if text.remedy else ""))
@@ -193,7 +193,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         show_surveys(console, records, summary.listed.well.angles)
         for sentence in revision_sentences(records):
             console.print(sentence, markup=False)
-        # For a recording without depths, the line above reports it.
+        # If the recording has no depths, the line above says so, and no warning per survey is printed.
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
             terminal.warn(sentence)
     else:
@@ -202,7 +202,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
 
 
 def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: Summary) -> list[tuple[str, str]]:
-    """Return the sources of settings and depths, as names and values."""
+    """Return lines about the sources of settings and depths: name and value of each line."""
     from mwd_sensors.core import settings
 
     lines = []

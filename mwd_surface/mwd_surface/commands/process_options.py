@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of `mwd process`, named like the settings they set."""
+"""Options of `mwd process`; an option has the name of the setting that it sets."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options for reading a recording, named like the settings they set, for all commands that read one."""
+"""Options for all commands that read a recording; an option has the name of the setting that it sets."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INPUT_PANEL = "Input"
 Recording = Annotated[
     Path, typer.Argument(help="Folder of a rosbag2 recording or of a run, or an .mcap, .db3 or .bag file.")
 ]
-#: Options of a command by the names of settings, as passed by `reads_recording`.
+#: Values of the options for reading a recording, by name of the setting, as passed by `reads_recording`.
 Reading = Mapping[str, Any]
 
 
@@ -58,7 +58,7 @@ def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
     """
     Add the options for reading a recording to a command.
 
-    The command needs an argument `reading` (see `Reading`), from which `input_settings` makes the settings.
+    The command must have an argument `reading` (see `Reading`), from which `input_settings` makes the settings.
     """
     own = inspect.signature(command, eval_str=True)
     options = [
@@ -73,14 +73,14 @@ def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
     def called(*arguments: Any, **given: Any) -> None:
         command(*arguments, reading={name: given.pop(name, None) for name in _OPTIONS}, **given)
 
-    # typer makes the options of the command line from these.
+    # typer makes the options of the command line from the signature and the annotations.
     called.__signature__ = own.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
     called.__annotations__ = {one.name: one.annotation for one in (*kept, *options)}
     return called
 
 
 def given_names(reading: Reading) -> list[str]:
-    """Return the given options, as written on the command line."""
+    """Return the names of the given options, as written on the command line."""
     from mwd_surface.processing.bag_input import option_of
 
     return [option_of(name) for name, value in reading.items() if value]
@@ -93,7 +93,7 @@ def input_settings(reading: Reading, **more: Any) -> InputSettings:
     Raises
     ------
     ValueError
-        The end is not after the start, or a value is not allowed.
+        The end is not later than the start, or a value is not allowed.
     """
     from mwd_surface.processing.bag_input import InputSettings
 

@@ -76,12 +76,12 @@ Precision = Annotated[
 
 def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     """
-    Return settings `tool.*` from tool files or names of simulator grades; empty if none was given.
+    Return settings `tool.*` from tool files or names of simulator grades; empty if no option was given.
 
     Raises
     ------
     SettingsError
-        Unknown file or grade (similar names are listed), or an unknown name in it.
+        A file or grade does not exist (similar names are listed), or a file has an unknown name.
     OSError
         The file cannot be read.
     """
@@ -97,12 +97,12 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
 
 def mount_changes(given: Sequence[str] | None, accelerometer: str | None = None) -> dict[str, Any]:
     """
-    Return settings `tool.mount.*` from --mount (every unit, or one as UNIT=MOUNT) and --accelerometer.
+    Return settings `tool.mount.*` from --mount (MOUNT for every unit, or UNIT=MOUNT for one) and --accelerometer.
 
     Raises
     ------
     ValueError
-        Unknown unit.
+        The unit of a mount is unknown.
     """
     changes: dict[str, Any] = {} if accelerometer is None else {"tool.mount.accelerometer": accelerometer}
     for text in given or ():
@@ -150,13 +150,13 @@ def placed_settings(
     """
     Return settings of the estimator from the options of a command.
 
-    `place` comes from `place_changes`, `tool` from `tool_changes`; `start` are the settings that apply if neither file
-    nor option sets them.
+    place, tool: results of `place_changes` and `tool_changes`. start: settings that apply where neither file nor option
+    sets a value.
 
     Raises
     ------
     SettingsError
-        As for `estimator_settings`.
+        A name is unknown or a value is not allowed, as in `estimator_settings`.
     """
     named = dict(place)
     if named and "survey.north" not in {**named, **assignments(changes)} and config is None and start is None:
@@ -176,12 +176,12 @@ def estimator_settings(
     start: EstimatorSettings | None = None,
 ) -> EstimatorSettings:
     """
-    Return settings of the estimator: of the file or `start`, then of named options, then of --set.
+    Return settings of the estimator: from the file or `start`, changed by named options, then by --set.
 
     Raises
     ------
     SettingsError
-        Unknown name (similar ones are listed) or value that is not allowed.
+        A name is unknown (similar names are listed), or a value is not allowed.
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
@@ -193,12 +193,12 @@ def estimator_settings(
 
 def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     """
-    Return NAME=VALUE texts as a table; values are read as YAML.
+    Return NAME=VALUE texts as a dict; values are read as YAML.
 
     Raises
     ------
     SettingsError
-        A text without an equals sign or a value that YAML cannot read.
+        A text has no equals sign, or YAML cannot read a value.
     """
     import datetime
 
@@ -216,19 +216,19 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
             read = load_yaml(value)
         except yaml.YAMLError as error:
             raise SettingsError(f"--set {change}: the value cannot be read: {str(error).splitlines()[0]}") from error
-        # YAML reads a day as a date, but settings take it as text.
+        # YAML reads a day as a date object, but settings need a text.
         table[name.strip()] = value.strip() if isinstance(read, datetime.date) else read
     return table
 
 
 def field_figures(text: str) -> tuple[float, float, float | None]:
     """
-    Return strength in nT, dip and declination in deg of --field; the declination is None if omitted.
+    Return strength, nT, dip, deg, and declination, deg, from --field; the declination is None if it is omitted.
 
     Raises
     ------
     ValueError
-        Not two or three numbers.
+        The text does not have two or three numbers.
     """
     parts = text.split(",")
     try:
@@ -244,12 +244,12 @@ def place_changes(
     lat: float | None, lon: float | None, date: str | None, field: str | None, declination: float | None = None
 ) -> dict[str, Any]:
     """
-    Return the settings `place.*` of the options; empty if none was given.
+    Return the settings `place.*` from the options; empty if no option was given.
 
     Raises
     ------
     ValueError
-        Half a place, a date without one, or both a place and a field.
+        Only one of latitude and longitude is given, a date is given without both, or both place and field are given.
     """
     if (lat is None) != (lon is None):
         raise ValueError("--lat and --lon: give both, or neither")
@@ -264,19 +264,21 @@ def place_changes(
         total, dip, given = field_figures(field)
         changes = {"place.field": "fixed", "place.total_nt": total, "place.dip_deg": dip}
         known = given if given is not None else declination
-        # Without a declination, true north is unknown.
+        # Without a declination, true north is unknown: refer azimuths to magnetic north.
         return changes | ({"survey.north": "magnetic"} if known is None else {"place.declination_deg": known})
     return {}
 
 
 def recording_changes(lat: float | None, lon: float | None, date: str | None, field: str | None) -> dict[str, Any]:
     """
-    Return as `place_changes`, for a recording: the latitude, enough for a gyro, may be alone or with a field.
+    Return the settings `place.*` for a recording.
+
+    In addition to `place_changes`, the latitude may be given alone, which is enough for a gyro, or with a field.
 
     Raises
     ------
     ValueError
-        A longitude or a date that has no effect without other options; a field that cannot be read.
+        A longitude or a date has no effect without other options, or the field cannot be read.
     """
     if lat is None or (lon is not None and field is None):
         return place_changes(lat, lon, date, field)
@@ -286,7 +288,7 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
 
 
 def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
-    """Return settings of a kind from the options of the same names; None keeps the default."""
+    """Return settings of a class from the options with the same names; for None the default is kept."""
     import dataclasses
 
     from mwd_sensors.core import settings

@@ -44,7 +44,7 @@ def replay(
     main = node_main("mwd_surface.nodes.replay")
     from mwd_surface.nodes.replay import ReplaySettings, published_topics
 
-    # Errors are reported here, before any middleware starts.
+    # Check the options here, to report errors before the middleware starts.
     asked = ReplaySettings(topics=list(topic or ()), sensors_only=sensors, clock_hz=0.0 if no_clock else 1.0)
     with Bag(bag) as opened:
         published_topics(opened, asked)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd rig`: the rig interfaces of a running graph."""
+"""`mwd rig`: rig interfaces of a running graph."""
 
 from __future__ import annotations
 

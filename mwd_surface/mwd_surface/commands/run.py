@@ -130,7 +130,11 @@ def run(
 
 
 def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
-    """Return the parameters of the surface node for a plan given by option; ValueError for words about no plan."""
+    """
+    Return the parameters of the surface node for the plan of --plan.
+
+    Raise ValueError if settings for reading a plan are given without a plan.
+    """
     from mwd_surface.commands.list_options import assigned
 
     if path is None:
@@ -143,9 +147,10 @@ def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
 
 def _drop_tie_on_from_true_north(surface: dict[str, Any], from_true_north: Mapping[str, Any]) -> None:
     """
-    Remove the tie-on of the scenario where the user asks for another north.
+    Remove the tie-on of the scenario if the user sets another north for the well.
 
-    A scenario describes the hole from true north; without a tie-on, the path reports that its start is assumed.
+    The tie-on of a scenario has its azimuth from true north. Without a tie-on, the path reports that its start is
+    assumed.
     """
     from mwd_surface.runs import launch_plan
 
@@ -156,7 +161,7 @@ def _drop_tie_on_from_true_north(surface: dict[str, Any], from_true_north: Mappi
 
 
 def _written_plan(story: Scenario, folder: Path) -> Path:
-    """Write the planned path of a scenario as the file that the surface node reads."""
+    """Write the planned path of a scenario to a file for the surface node; return the path of the file."""
     lines = [f"{md},{angle},{azimuth}" for md, angle, azimuth in story.well.plan]
     column = AngleConvention(story.well.convention).column
     file = folder / f"{story.name}.csv"
@@ -167,7 +172,7 @@ def _written_plan(story: Scenario, folder: Path) -> Path:
 def _parameters(
     story: Scenario, path: Path, *, method: str | None, rate: float, seed: int | None
 ) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the nodes that follow from the scenario."""
+    """Return the parameters of each node that follow from the scenario and these options."""
     from mwd_surface.runs import launch_plan
 
     sonde: dict[str, Any] = {
@@ -185,7 +190,7 @@ def _parameters(
 
 
 def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Path) -> None:
-    """Let the surface receive the tool only by the scenario's links: one tool file per link, for both ends."""
+    """Let the surface receive the tool only over the scenario's telemetry links; write one tool file per link."""
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.runs import launch_plan
 
@@ -195,7 +200,7 @@ def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Pa
     for name, tool in zip(("tool_file", "second_tool_file"), story.telemetry.tools, strict=False):
         files[name] = folder / (name.removesuffix("_file") + ".yaml")
         files[name].write_text(tool_configuration.text(tool), encoding="utf-8")
-    # The truth does not pass the surface, which subscribes to no topic of the tool.
+    # Write the truth to a file, because the surface, which would record it, subscribes to no topic of the tool.
     parameters["sonde"]["truth_file"] = str(folder / "truth.csv")
     parameters["estimator"] |= {f"transmit.{name}": str(file) for name, file in files.items()}
     parameters["surface"]["tool_file"] = str(files["tool_file"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of `mwd run`: start, supervision until the end of the scenario, and shutdown in order."""
+"""Processes of `mwd run`: start, supervision until the end of the scenario, and shutdown in order."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import typer
 if TYPE_CHECKING:
     from mwd_surface.runs.supervise import Supervisor
 
-_SAY_EVERY = 30.0  # s between two messages about what the start waits for
-_SETTLE = 1.5  # s between the last sample and the end, for messages still under way
-_POLL = 0.1
+_SAY_EVERY = 30.0  # s between two messages with the reason why the start waits
+_SETTLE = 1.5  # s between the last sample and the end of the run, for messages that are still being transmitted
+_POLL = 0.1  # s between two checks of the processes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,9 +22,9 @@ class RunOptions:
     """
     Options for running the graph.
 
-    port : of the page, None for a free one. rig : whether rig interfaces are on. hold : whether to stay after the
-    scenario.
-    words : ROS arguments for every node. single_process : whether sonde, estimator and surface share one process.
+    port: port of the page; None: a free port. rig: whether rig interfaces are on. hold: whether the graph continues to
+    run after the scenario. words: ROS arguments for every node. single_process: whether sonde, estimator and surface
+    share one process.
     """
 
     port: int | None
@@ -97,11 +97,11 @@ def _in_one_process(
 
 
 class StartError(RuntimeError):
-    """The graph did not start; the message names the node and the reason."""
+    """Raised if the graph did not start; the message names the node and the reason."""
 
 
 class _Interrupts:
-    """Counts SIGINT and SIGTERM during the block."""
+    """Counter of the signals SIGINT and SIGTERM during the block."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -152,10 +152,10 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
 
 def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
     """
-    Return the reason why the scenario cannot be played yet, in words; empty if it can.
+    Return the reason why the scenario cannot be played yet; empty if it can be played.
 
-    state : sections of the page, empty while it does not answer. logs : log text of each node, by its name.
-    Raises StartError if a node reports that it cannot be configured: it keeps running, to be corrected.
+    state: sections of the page, empty while the page does not answer. logs: log text of each node, by its name.
+    Raise StartError if a node reports that it cannot be configured: it would keep running, for corrected parameters.
     """
     for node, words in logs.items():
         _, found, reason = words.partition("cannot configure: ")
@@ -175,7 +175,7 @@ def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
 def _run_to_end(
     supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str, last: str, hold: bool
 ) -> None:
-    """Wait until the scenario is over (the process `last` ends), or an interrupt; with `hold`, until an interrupt."""
+    """Wait until the scenario is over (the process `last` ends) or an interrupt; hold: wait for an interrupt only."""
     import time
 
     from mwd_surface.commands import terminal
@@ -207,11 +207,11 @@ def _how_far(state: dict[str, Any]) -> str:
 
 
 def _state(address: str) -> dict[str, Any]:
-    """Return the sections of the page; empty while it does not answer."""
+    """Return the sections of the page; empty while the page does not answer."""
     import json
     import urllib.request
 
-    # Without any proxy: the page is on this machine.
+    # Use no proxy, because the page is on this machine.
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
         with opener.open(f"{address}state.json", timeout=1.0) as answer:

@@ -12,7 +12,7 @@ import typer
 from mwd_surface.commands.speech import say
 
 _SETTINGS = "Settings"
-_LEAST_SECRET = 8  # characters, as required by the page
+_LEAST_SECRET = 8  # least number of characters of a secret, as required by the page
 
 Hold = Annotated[bool, typer.Option("--hold", help="Keep running after the scenario, until Ctrl-C.")]
 SingleProcess = Annotated[
@@ -45,13 +45,13 @@ Params = Annotated[
 ]
 
 
-# Parameters that follow from an option of `mwd run`, which alone may set them: the option, or what to do.
+# Parameters that only an option of `mwd run` may set, with the name of the option or the remedy.
 OF_OPTIONS = {
     "surface.folder": "mwd run keeps recording, lists and logs in one folder: name it with -o",
     "surface.serve_page": "mwd run follows the graph over its page: start the nodes by a launch file to have none",
     "sonde.scenario": "everything else follows from the scenario: name it as the argument of mwd run",
 }
-# Parameters that an option of `mwd run` sets too.
+# Parameters that an option of `mwd run` also sets, with the name of the option.
 _ALSO = {
     "surface.page.port": "--port",
     "surface.plan.file": "--plan",
@@ -72,15 +72,16 @@ def give_parameters(
     options: Mapping[str, Any] | None = None,
 ) -> None:
     """
-    Put the parameters that a user gives in the place of those that `mwd run` computes: --set wins over --params.
+    Replace parameters that `mwd run` computes by those that the user gives; --set has precedence over --params.
 
-    parameters : of each node by its name, as computed; changed. namespace : of the well. options : values of those
-    options that were given, by their name.
+    parameters: computed parameters of each node, by its name; changed in place. namespace: namespace of the well.
+    options: values of the given options, by name.
 
     Raises
     ------
     SettingsError
-        As `set_parameters`; a parameter that only an option sets, or that an option sets to another value.
+        A parameter of --set is refused by `set_parameters`, may be set only by an option, or is set to another value by
+        an option.
     """
     from mwd_sensors.core.settings import SettingsError
 
@@ -100,7 +101,7 @@ def give_parameters(
 
 
 def _take_file(given: dict[str, dict[str, Any]], params: Path, namespace: str) -> list[tuple[str, str]]:
-    """Take the values of a parameter file for the nodes; return which parameters of ours it has."""
+    """Add the values of a parameter file to `given`; return the node and name of each parameter in the file."""
     from mwd_sensors.core import settings
 
     usual, found = _usual(), []
@@ -116,14 +117,15 @@ def _take_file(given: dict[str, dict[str, Any]], params: Path, namespace: str) -
 
 def file_parameters(params: Path, node: str) -> dict[str, Any]:
     """
-    Return what a ROS parameter file has for a node, by its full name; later sections win, as in ROS.
+    Return the parameters that a ROS parameter file has for a node; node: full name.
 
-    A section names a node, or several with `*` for one part of the name and `**` for any number of parts.
+    A section has the name of a node, or a pattern with `*` for one part of the name and `**` for any number of parts.
+    If several sections set a parameter, the last one holds, as in ROS.
 
     Raises
     ------
     ValueError
-        The file is not YAML of that form.
+        The file is not a ROS parameter file in YAML.
     """
     from mwd_sensors.core.input_files import read_yaml
 
@@ -160,7 +162,7 @@ def _flat(table: Mapping[Any, Any], before: str = "") -> Iterator[tuple[str, Any
 
 
 def _usual() -> dict[str, Any]:
-    """Return the settings of the nodes that take parameters."""
+    """Return the default settings of each node that has parameters, by its name."""
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.nodes.sonde import SondeSettings
     from mwd_surface.nodes.receiver_settings import ReceiverSettings
@@ -172,9 +174,9 @@ def _usual() -> dict[str, Any]:
 
 def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] | None) -> None:
     """
-    Add the parameters of --set to those of the nodes.
+    Add the parameters of --set to the parameters of the nodes.
 
-    parameters : by name of the node; changed in place.
+    parameters: parameters of each node, by its name; changed in place.
 
     Raises
     ------
@@ -211,7 +213,9 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
 
 def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
     """
-    Return surface parameters for a secret of the page's controls; it is stored in a file readable only by its owner.
+    Return the surface parameters for a secret that protects the page's controls.
+
+    The secret is stored in a file that only its owner can read.
 
     Raises
     ------
@@ -237,7 +241,7 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
 
 def parameter_file(params: Path | None) -> list[str]:
     """
-    Return the ROS arguments for a parameter file, ahead of the parameters of the node itself.
+    Return the ROS arguments for a parameter file; they precede the parameters of the node, which replace them.
 
     Raises
     ------

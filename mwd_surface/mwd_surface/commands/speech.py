@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The language of the command line: texts are translated where they are printed, as on the page.
+Language of the command line: texts are translated when they are printed, as on the page.
 
 `mwd --language CODE` or the variables of gettext (`LANGUAGE`, `LC_ALL`, `LC_MESSAGES`, `LANG`) choose the language.
 """
@@ -16,16 +16,16 @@ from mwd_surface.language.language import Language, language, language_of_comman
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Marks and spaces around the words of a piece of a line.
+# Pattern of a part of a line: marks and spaces, the words, marks and spaces.
 _AROUND = re.compile(r"([\s:;,.(→•-]*)(.*?)([\s:;,.)]*)", re.DOTALL)
 
-# The name of a file, and the sentence about it.
+# Pattern of a line with the name of a file, and a sentence about the file.
 _NAMED = re.compile(r"(\s*[^\s:]+): (.+)")
 
 
 def choose(code: str) -> None:
     """
-    Choose the language of this process and of those that it starts.
+    Choose the language of this process and of its child processes.
 
     Raises
     ------
@@ -36,12 +36,12 @@ def choose(code: str) -> None:
 
 
 def spoken() -> Language:
-    """Return the language that is chosen."""
+    """Return the chosen language."""
     return language_of_commands(os.environ)
 
 
 def say(text: str) -> str:
-    """Return a text in the language, line by line; spaces and marks around its words stay."""
+    """Return a text in the chosen language, line by line; spaces and marks around the words are kept."""
     said = spoken()
     if not said.entries:
         return text
@@ -49,7 +49,7 @@ def say(text: str) -> str:
 
 
 def spoken_figure(figure: Figure) -> Figure:
-    """Translate the texts of a figure into the language, and return it."""
+    """Translate the texts of a figure into the chosen language; return the figure."""
     from mwd_surface.plots.drawing import translate
 
     return translate(figure, say) if spoken().entries else figure

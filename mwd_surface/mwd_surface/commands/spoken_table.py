@@ -12,7 +12,7 @@ from mwd_surface.commands.speech import say
 
 
 def spoken_text(said: Any) -> Any:
-    """Return a string or text in the chosen language, piece by piece of its styles; other things as they are."""
+    """Return a string or a rich Text in the chosen language, translated per style; other objects unchanged."""
     if isinstance(said, str):
         return say(said) if "[" not in said else spoken_text(Text.from_markup(said))
     if not isinstance(said, Text) or not said.plain.strip():
@@ -34,9 +34,9 @@ class SpokenTable(Table):
         super().__init__(*headers, title=spoken_text(title), **options)
 
     def add_column(self, header: Any = "", *arguments: Any, **options: Any) -> None:
-        """Add a column."""
+        """Add a column with a translated heading."""
         super().add_column(spoken_text(header), *arguments, **options)
 
     def add_row(self, *cells: Any, **options: Any) -> None:
-        """Add a row."""
+        """Add a row with translated cells."""
         super().add_row(*map(spoken_text, cells), **options)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mwd_surface.surveys.table_run import TableSurvey
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
-_MOST = 12
+_MOST = 12  # largest number of surveys that are printed
 
 
 def show_surveys(
@@ -34,10 +34,10 @@ def show_surveys(
     records: Sequence[SurveyRecord],
     convention: AngleConvention = AngleConvention.INCLINATION,
 ) -> None:
-    """Print surveys with their depths, in the order given; of a long list only the last ones."""
+    """Print a table of surveys with their depths, in the given order; only the last `_MOST` of a long list."""
     first = max(len(records) - _MOST, 0)
     title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
-    # With the widest numbers it just fits the 80 columns of a plain terminal.
+    # With the widest numbers the table just fits the 80 columns of a plain terminal.
     table = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
     angle = convention.heading if convention.points else "inclination"
     for name in ("nr", "depth m", angle, "azimuth", "", "toolface", "nT", "dip"):
@@ -70,9 +70,10 @@ def show_surveys(
 
 def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> None:
     """
-    Print the reasons for stations not accepted, those with the same reason in one line.
+    Print the main reasons for verdicts; stations with the same verdict and reason are on one line.
 
-    stations: number, verdict ("accept", "doubtful", "reject") and the main reason; empty if there is none.
+    stations: number, verdict ("accept", "doubtful", "reject") and main reason; a station with an empty reason is
+    omitted.
     """
     numbers: dict[tuple[str, str], list[int]] = {}
     for number, verdict, action in stations:
@@ -100,7 +101,7 @@ def numbered(numbers: Sequence[int]) -> str:
 
 
 def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
-    """Return sentences on the joint analysis of runs: their size and outliers."""
+    """Return sentences about the joint analysis of each run: number of stations, and outliers."""
     counts: dict[str, int] = {}
     for row in rows:
         counts[row.run] = counts.get(row.run, 0) + 1
@@ -130,7 +131,7 @@ def correction_sentences(references: Sequence[Reference | None]) -> list[str]:
 
 
 def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
-    """Return sentences on the surveys whose definitive value differs from the first one."""
+    """Return sentences about the surveys whose definitive values differ from the values as first decided."""
     revised = [(first, record.survey) for record in records if (first := record.replaced) is not None]
     if not revised:
         return []
@@ -149,10 +150,10 @@ def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
 
 
 def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
-    """Return sentences on the records of a list: those without a depth, with the reason, and flagged ones."""
+    """Return sentences about records of a list without a depth, with the reason, and about flagged records."""
     without: dict[str, list[int]] = {}
     flagged: dict[str, list[int]] = {}
-    # Not the first: a recording does not contain the hole above it.
+    # Do not report flags of the first record with a depth, because a recording does not contain the hole above it.
     first = next((record for record in records if math.isfinite(record.measured_depth)), None)
     for record in records:
         number, why = record.survey.sequence, record.comment if math.isnan(record.measured_depth) else ""
@@ -175,7 +176,7 @@ def _azimuth(survey: Survey) -> str:
 
 
 def repeated(rows: Sequence[TableSurvey], settings: EstimatorSettings) -> list[str]:
-    """Return sentences on rows of a six-axis table that were taken at one depth."""
+    """Return sentences about rows of a six-axis table that were measured at the same depth."""
     import numpy as np
 
     from mwd_estimation.settings.derivation import sensor_errors
@@ -187,7 +188,7 @@ def repeated(rows: Sequence[TableSurvey], settings: EstimatorSettings) -> list[s
     surveys = [row.record.survey for row in rows]
     force = [np.array(survey.specific_force) for survey in surveys]
     field = [np.array(survey.magnetic_field) for survey in surveys]
-    # A run is one tool in its collars: different runs share no errors.
+    # A run is one tool in its collars, so different runs have no common errors.
     runs = [row.run for row in rows]
     found = check_shots([row.record.measured_depth for row in rows], force, field, sensor_errors(settings), runs)
     return [sentence(shot) for shot in found]

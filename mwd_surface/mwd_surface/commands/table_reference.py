@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference field of a table or list, from the options of a command: each option is used or refused."""
+"""Reference field for a table or list, from the options of a command; an option that has no use is refused."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
 
-# Settings of the place that a table does not use, for each source of the field.
+# Settings of the place that have no use with a table, by source of the field.
 _BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")
 _UNUSED = {
     "fixed": ("grid", "date"),
@@ -27,7 +27,7 @@ _ANY_FIELD = ("field", "observatory_file", "observatory_share")
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """Single values of the reference given by the user: deg and m/s^2, None if not given."""
+    """Single values of the reference that the user gives, in deg and m/s^2; None if not given."""
 
     declination: float | None = None
     convergence: float | None = None
@@ -37,7 +37,11 @@ class Known:
     def of(
         cls, field: str | None, declination: float | None, convergence: float | None, gravity: float | None = None
     ) -> Known:
-        """Return values of options; the declination in `--field` is used if there is no other. Raises ValueError."""
+        """
+        Return the values of options; the declination in --field is used if --declination is not given.
+
+        Raise ValueError if --field cannot be read.
+        """
         from mwd_surface.commands.reference_options import field_figures
 
         if declination is None and field is not None:
@@ -45,7 +49,7 @@ class Known:
         return cls(declination, convergence, gravity)
 
     def figures(self) -> dict[str, Any]:
-        """Return fields of `Reference` by name, in SI."""
+        """Return the given values as fields of `Reference`, by name, in SI."""
         named = {
             name: math.radians(value)
             for name, value in (("declination", self.declination), ("convergence", self.convergence))
@@ -68,7 +72,7 @@ def table_settings(
     Raises
     ------
     ValueError
-        Contradictory options, or a setting of the place that would not be used.
+        Options contradict each other, or a setting of the place would not be used.
     """
     from mwd_estimation.settings.place import Place
     from mwd_surface.commands.reference_options import estimator_settings, place_changes
@@ -80,7 +84,7 @@ def table_settings(
     place, usual = settings.place, Place()
     names = _UNUSED.get(place.field) or tuple(f.name for f in dataclasses.fields(place) if f.name not in _ANY_FIELD)
     for name in names:
-        # As text: an unknown value is nan, which is not equal to itself.
+        # Compare texts, because an unknown value is NaN, which is not equal to itself.
         if repr(getattr(place, name)) != repr(getattr(usual, name)):
             why = {
                 "none": "needs a place (--lat, --lon) or a field (--field)",
@@ -93,9 +97,9 @@ def table_settings(
 
 class RowReference:
     """
-    The reference of each row by its time: with the external field of an observatory, and the sigmas of the tool code.
+    Reference of each row at its time, with the external field of an observatory and the sigmas of the tool code.
 
-    Raises ValueError if the observatory's file cannot be used.
+    Raise ValueError if the observatory's file cannot be used.
     """
 
     def __init__(self, settings: EstimatorSettings) -> None:
@@ -104,7 +108,7 @@ class RowReference:
         self._settings, self._observatory = settings, Observatory(settings.place)
 
     def at(self, reference: Reference, time: str) -> Reference:
-        """Return the reference of a row at its time (text). ValueError if the tool code does not fit it."""
+        """Return the reference of a row at its time, given as text; raise ValueError if the tool code does not fit."""
         from mwd_estimation.settings import derivation
 
         coded, moment = derivation.with_code(self._settings, reference), _moment(time)
@@ -116,15 +120,15 @@ def table_reference(
     settings: EstimatorSettings, known: Known, times: Iterable[str] = (), otherwise: str = ""
 ) -> tuple[Reference | None, tuple[str, ...]]:
     """
-    Return the reference from options and settings, and remarks for the user; None if they give no reference.
+    Return the reference from options and settings, and remarks for the user; the reference is None if it is not given.
 
-    times: of the stations, as text; the first valid one gives the day of the field if no date is set.
-    otherwise: the day if there is neither, with a remark; if empty, that is an error.
+    times: times of the stations, as text; the first valid time gives the day of the field if no date is set. otherwise:
+    day to use, with a remark, if there is neither a date nor a time; if it is empty, a missing day is an error.
 
     Raises
     ------
     ValueError
-        A model without a day, or a day outside every model.
+        A field model has no day, or the day is outside the range of every model.
     """
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.place import reference_of

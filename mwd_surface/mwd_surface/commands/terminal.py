@@ -2,7 +2,7 @@
 """
 Output of all commands: results on standard output, remarks and progress on standard error.
 
-The library that draws tables is imported with the first output, because the help of the commands does not need it.
+The library for tables (rich) is imported at the first output, because the help of the commands does not need it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class PrintableStream:
     """
     Standard output or error that escapes hidden characters.
 
-    Names of topics and files, and data from peers, may contain control sequences for a terminal. On a
-    terminal, colours are not escaped, because the help of the commands uses them. Text from others may also contain
-    colours; print such text with `output` and `remarks`, which escape them. The bar of `progress` moves the cursor and
+    Names of topics and files, and data from peers, may contain control sequences for a terminal. On a terminal, colour
+    codes are not escaped, because the help of the commands uses them. Text from other sources may also contain colour
+    codes; print such text with `output` and `remarks`, which escape them. The bar of `progress` moves the cursor and
     therefore does not use this stream.
     """
 
@@ -41,7 +41,7 @@ class PrintableStream:
         return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text."""
+        """Write a text with hidden characters escaped."""
         if self.stream.isatty():
             parts = self._COLOUR.split(text)
             text = "".join(part if k % 2 else printable(part) for k, part in enumerate(parts))
@@ -50,7 +50,7 @@ class PrintableStream:
         return int(self.stream.write(text))
 
     def writelines(self, lines: Iterable[str]) -> None:
-        """Write texts."""
+        """Write several texts with hidden characters escaped."""
         for line in lines:
             self.write(line)
 
@@ -81,7 +81,7 @@ def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
 
 
 def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
-    """Return a table without a frame: columns aligned right, those in `left` aligned left."""
+    """Return a table without a frame: columns in `left` are aligned left, others right; names: of the columns."""
     from mwd_surface.commands.spoken_table import SpokenTable
 
     made = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
@@ -128,7 +128,7 @@ def _moving() -> Console:
 
 @contextlib.contextmanager
 def progress(words: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar on a terminal, nothing elsewhere; the block gets a function that sets the share."""
+    """Show a progress bar if the output is a terminal; the block gets a function that sets the share done, 0 to 1."""
     if not sys.stderr.isatty():
         yield lambda _share: None
         return
@@ -143,7 +143,7 @@ def progress(words: str) -> Iterator[Callable[[float], None]]:
 
 @contextlib.contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """Show a spinner on a terminal, one plain line elsewhere."""
+    """Show a spinner if the output is a terminal, else print one line."""
     if not sys.stderr.isatty():
         remarks().print(words, markup=False)
         yield
@@ -154,7 +154,7 @@ def waiting(words: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def live_line() -> Iterator[Callable[[str], None]]:
-    """Show one line, replaced by the next, on a terminal; nothing elsewhere."""
+    """Yield a function that shows a line in place of the last line; without a terminal it has no effect."""
     if not sys.stderr.isatty():
         yield lambda _words: None
         return

@@ -108,7 +108,7 @@ def _word_line(item: SequenceItem, word: Word) -> str:
 
 
 def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
-    """Return lines on the pulse width, sync and parity that the tool sends, found blindly in a pressure file."""
+    """Return lines on pulse width, sync and parity of the tool, found in a pressure file without its configuration."""
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link import other_width
@@ -141,7 +141,7 @@ def _alike(one: ToolConfiguration, other: ToolConfiguration) -> bool:
 
 
 def _channel_lines(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
-    """Return lines on the pulse widths that the channel of a pressure file with pulses of this tool allows."""
+    """Return lines on the pulse widths that can be received with the noise and the pulses of a pressure file."""
     import numpy as np
 
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES

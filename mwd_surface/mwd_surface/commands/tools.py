@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd tools`: comparison of the two tools of a probe, conventional and gyro, in simulated holes."""
+"""`mwd tools`: comparison of the two tools of a probe, the conventional and the gyro tool, in simulated holes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd trajectory`: the hole between the stations, from continuous measurements or the slide sheet."""
+"""`mwd trajectory`: path between the stations, from continuous measurements or the slide sheet."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
-    options = locals()  # must be first: only the options, by name
+    options = locals()  # must be the first statement, so that only the options are in it, by name
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import assigned, list_settings
     from mwd_surface.commands.speech import spoken_figure
@@ -124,7 +124,7 @@ def _of_table(table: Path, said: ListSettings) -> Continuous:
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.trajectory.dense_trajectory import Continuous
 
-    # Samples are so close together that their noise looks like a dogleg.
+    # Confirm doglegs, because samples are so close together that their noise looks like large doglegs.
     said = dataclasses.replace(said, confirm=f"{said.confirm},dogleg")
     try:
         read = read_list(table, said.given())
@@ -134,7 +134,7 @@ def _of_table(table: Path, said: ListSettings) -> Continuous:
 
 
 def _of_recording(source: Path, surveys: SurveyList, recording: Path | None) -> Continuous | None:
-    """Return continuous measurements of a processed recording; None if none is given."""
+    """Return the continuous measurements of a processed recording; None if no recording is given."""
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.processing import run_folder
     from mwd_surface.processing.continuous_log import continuous_log

@@ -39,7 +39,7 @@ def version_lines() -> list[str]:
 
 
 def _distribution() -> str:
-    """Return the ROS distribution and where it comes from."""
+    """Return the name of the ROS distribution, "jazzy (wheels)" without an installation, or "is not installed"."""
     import importlib.util
     import os
 

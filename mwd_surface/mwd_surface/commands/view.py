@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd view`: the live page over a recording, with a time slider."""
+"""`mwd view`: live page of a recording, with a time slider."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.plan import Plan
 
 _PERIOD_S = 0.1  # s between two states of the page
-_LOOK_S = 0.5  # s of seeking after which an intermediate state is shown
+_LOOK_S = 0.5  # s of work in a seek after which an intermediate state is shown
 
 
 @reads_recording
@@ -135,7 +135,7 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
 
 
 def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
-    """Return the plan of a file, read as --plan-set says, or the plan file or straight design of the recording."""
+    """Return the plan of a file, read with the settings of --plan-set, or else the plan or design in the recording."""
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.list_files.list_error import ListFileError

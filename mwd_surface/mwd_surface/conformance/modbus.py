@@ -11,8 +11,8 @@ from typing import Any
 from mwd_surface.conformance.bench import Answer, Bench, CaseError, NotPossibleError, Point, View, Wish
 from mwd_surface.control.set_point import Mode
 
-_REQUEST, _COMMAND, _STATE = 110, 120, 38
-_ASK, _RELEASE = 1, 2
+_REQUEST, _COMMAND, _STATE = 110, 120, 38  # addresses of the blocks
+_ASK, _RELEASE = 1, 2  # actions of a request
 _RPM, _DEGREE, _LITRE_PER_MINUTE = math.pi / 30.0, math.pi / 180.0, 1e-3 / 60.0
 _LAG_S = 0.5  # s; longer than the period of 0.1 s at which the registers are updated
 _LARGEST = 3e38  # largest float32 that is sent

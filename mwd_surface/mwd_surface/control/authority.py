@@ -15,7 +15,7 @@ A part of the surface node that needs the rig, for example a downlink, is a cont
     decision = authority.request(Request(me, "downlink", priority=50), now)
     if decision.permission == Permission.GRANTED:
         authority.command(SetPoint(Mode.PUMP, decision.lease, 1, flow_rate=0.02), now, me)
-        ...                                         # send number 0 (heartbeat) at least once in heartbeat_s
+        ...                                         # send sequence 0 (heartbeat) at least once in heartbeat_s
     authority.release(decision.lease, now, me)  # the driller's settings apply again
 """
 
@@ -43,7 +43,7 @@ from mwd_surface.control.status import (
 
 _SWITCHED_OFF = "control is switched off at this rig; set control.enabled to allow it"
 _TORQUE_TIME = 1.0  # s for which the torque must exceed its limit; stick-slip peaks are shorter
-_LONGEST_NAME = 100
+_LONGEST_NAME = 100  # largest number of characters of the name or the role of a controller
 # A larger step back, s, is a clock that was set back; a smaller step is due to calls of several threads out of order.
 _CLOCK_BACK = 1.0
 _WORDS = {
@@ -362,7 +362,7 @@ class ControlAuthority:
                 self._reason = f"the MWD went silent while {how}: {_WORDS[reaction]}"
                 self._log(self._reason)
 
-    # Time.
+    # Periodic update and expiry.
 
     def update(self, now: float) -> list[SetPoint]:
         """Advance the time and return the commands that are due to the rig; called about ten times per second."""

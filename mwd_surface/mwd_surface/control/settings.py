@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the control authority: who may have control, within what limits, and the reactions to faults."""
+"""Settings of the control authority: permission to control the rig, limits, and the reactions to faults."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from mwd_sensors.telemetry.downlink import ROTATION, Downlink, amplitude
 from mwd_surface.downlink.settings import DownlinkSettings
 
 _BAR = 1e5
-_RIG_SILENT_S = 2.0
-_LINK_SILENT_S = 10.0
+_RIG_SILENT_S = 2.0  # largest age of the rig's data, s
+_LINK_SILENT_S = 10.0  # largest age of the state of the link, s
 _USUAL_S = 60.0  # time over which the median gives the usual pressure, s
 # Exponent of the flow in the pressure loss of turbulent pipe flow (Blasius); pressure / flow^1.75 depends little on the
 # flow.
@@ -97,7 +97,7 @@ def medium_value(readings: Readings, downlink: Downlink) -> float | None:
 
 
 def words(value: float, downlink: Downlink) -> str:
-    """Write a value of the quantity that the downlink changes, with its unit for people."""
+    """Return a value of the quantity that the downlink changes as text, in r/min or l/min."""
     return f"{value / RPM:.0f} r/min" if downlink.medium == ROTATION else f"{value / LPM:.0f} l/min"
 
 

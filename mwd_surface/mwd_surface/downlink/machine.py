@@ -307,7 +307,7 @@ class Machine:
         return 2.0 * slowest + self.downlink.symbol_s + _LATE_S
 
     def elapsed(self, now: float) -> float:
-        """Return the time since the first symbol, s; 0 before it, the duration of the programme after the last one."""
+        """Return the time since the first symbol, s; 0 before it, the programme's duration after the last symbol."""
         if self.programme is None or self.state not in (DownlinkState.RUNNING, DownlinkState.SENT):
             return 0.0
         return min(max(now - self._started, 0.0), self.programme.duration_s)

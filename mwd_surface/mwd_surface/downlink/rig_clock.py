@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-_SILENT_S = 2.0
+_SILENT_S = 2.0  # time without data after which the rig is silent, s
 
 
 class RigClock:

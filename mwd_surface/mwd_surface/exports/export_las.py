@@ -21,7 +21,7 @@ from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
-NULL = -999.25
+NULL = -999.25  # number for an unknown value
 # Number of each verdict in the Survey message, by its word.
 _VERDICTS = {verdict.word: int(verdict) for verdict in Verdict}
 _VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.items())

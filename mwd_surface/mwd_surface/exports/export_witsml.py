@@ -30,7 +30,7 @@ from mwd_surface.trajectory.well_path import ASSUMED
 NAMESPACE = "http://www.witsml.org/schemas/1series"
 _OWN = "urn:mwd:provenance"
 _DEG = 180.0 / math.pi
-_NAME, _COMMENT, _UID = 64, 4000, 64
+_NAME, _COMMENT, _UID = 64, 4000, 64  # largest numbers of characters in the schema
 # Elements of a station in the order of the schema; the elements between these two groups are optional.
 STATION = ("md", "tvd", "incl", "azi")
 PLACE = ("dispNs", "dispEw", "vertSect", "dls", "rateTurn", "rateBuild")
@@ -242,7 +242,7 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
 
 
 def _assumed(table: SurveyTable, k: int) -> str:
-    """Return the note on what is assumed at a station without a survey; the flags of a survey contain this note."""
+    """Return the note on the assumption at a station without a survey; the flags of a survey contain this note."""
     if table.path.kind[k] == ASSUMED:
         return "assumed, not surveyed"
     return "coordinates assumed" if table.path.assumed and table.records[k] is None else ""

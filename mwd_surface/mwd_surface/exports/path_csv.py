@@ -18,7 +18,7 @@ from mwd_surface.signals import cells
 from mwd_surface.signals.table import LISTED
 from mwd_surface.uncertainty.position_covariance import ellipse
 
-_DECIMALS = 10
+_DECIMALS = 10  # decimals of every number
 _ELLIPSE = ("ellipse_major_m", "ellipse_minor_m", "ellipse_azimuth_deg")
 _WORDS = ("azimuth_reference", "station", "sequence", "tool", "coordinates")
 

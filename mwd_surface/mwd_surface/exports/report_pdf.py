@@ -36,7 +36,7 @@ _ROWS = (4.2, 3.7)  # heights of table rows, mm: usual, and smaller if few rows 
 _ALONE = 4  # largest number of rows that count as few
 _SMALLER = 0.6  # smallest scale of a drawing with which it is kept on the page of its heading
 _SENTENCE = 9.2  # height of a sentence of two lines, mm
-_NARROW = 134.0
+_NARROW = 134.0  # width of one of two drawings side by side, mm
 
 
 def report_pdf(table: SurveyTable) -> bytes:

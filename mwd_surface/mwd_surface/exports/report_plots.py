@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # Colours of Okabe and Ito's palette, which colour-blind readers can distinguish; the marks also differ.
 _SURVEY, _PLAN, _ELLIPSE, _LIMIT = BLUE, GOOD, NEUTRAL, SKY
-ELLIPSE_SIGMAS = 2.0
+ELLIPSE_SIGMAS = 2.0  # semi-axes of the error ellipses, in sigmas
 # Gravity, field and dip: axis label and factor from SI.
 _QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg", 180.0 / math.pi))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 
-BIN_NS = 10_000_000_000
+BIN_NS = 10_000_000_000  # length of an interval, ns
 FLAGS = (
     Status.STILL,
     Status.ROTATING,

@@ -27,7 +27,7 @@ from mwd_surface.signals.table import SURVEY_TABLE
 
 TABLES = ("attitude", "surveys", "bags")
 DONE, FAILED = "done", "failed"
-_CHUNK = 1 << 20
+_CHUNK = 1 << 20  # bytes that are read at a time
 _TYPES = {"Double": pa.float64(), "Int64": pa.int64(), "Boolean": pa.bool_(), "String": pa.string()}
 _WHERE = [("key", pa.string()), ("bag", pa.string()), ("well", pa.string())]
 

@@ -59,7 +59,7 @@ class ControlServer:
         if settings.enabled:
             try:
                 # The first lease number is at least the time in seconds since the epoch. If the folder with the numbers
-                # was deleted, the new numbers are then above all earlier ones, because a lease is granted less often
+                # was deleted, the new numbers are then above all earlier numbers, because leases are granted less often
                 # than once a second.
                 first = self._numbers.first(int(time.time()))
             except ValueError as error:

@@ -46,10 +46,10 @@ from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
 
-_PERIOD_S = 0.05
-_SILENT_S = 5.0
+_PERIOD_S = 0.05  # s between two calls that process the arrived messages
+_SILENT_S = 5.0  # time without a burst after which an input is silent, s
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # s between two messages
-_WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
+_WAVE_SPEED = 1250.0  # speed of pressure waves in mud (Korteweg), m/s, for the age of a word
 _DEEPEST_M = 20_000.0  # depth that no hole exceeds, m
 _TURNING = 0.5  # speed of the top drive below which the string counts as sliding, rad/s
 _TYPES: dict[str, Any] = {
@@ -148,7 +148,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
 
     def changeable_at_runtime(self, name: str) -> bool:
-        """Return whether a parameter is one of place or verdict; changes of these apply to the next survey."""
+        """Return whether a parameter belongs to place or verdict; their changes apply to the next survey."""
         return name.startswith(("place.", "verdict."))
 
     def on_settings_changed(self, settings: ReceiverSettings) -> None:

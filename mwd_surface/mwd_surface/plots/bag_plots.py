@@ -33,8 +33,8 @@ _HEADINGS = {
 # Width of the plot, its margins, and heights of its parts, inches.
 _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM = 12.5, 0.95, 1.85, 0.6, 0.35
 _PANEL, _HEADING, _SQUARE, _TITLE, _AXIS = 1.35, 0.3, 3.0, 0.28, 0.5
-_DOTS_PER_INCH = 110
-_NORTH_TRUE = 2
+_DOTS_PER_INCH = 110  # resolution of a PNG file
+_NORTH_TRUE = 2  # number of true north in the messages
 
 
 @dataclasses.dataclass

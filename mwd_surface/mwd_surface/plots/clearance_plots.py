@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _MOST = 12  # largest number of wells drawn; more would hide each other
 # Largest separation factor on the axis.
 _FAR = 10.0
-_ELLIPSE_SIGMAS = 2.0
+_ELLIPSE_SIGMAS = 2.0  # semi-axes of the error ellipses, in sigmas
 
 
 def ladder(found: Sequence[Clearance]) -> Figure:

@@ -32,7 +32,7 @@ _OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
 _QUIET_RATE, _QUIET_FORCE = 0.03, 0.25
 _AS_QUIET = 1.8
 _STILL_S = 10.0
-_SEGMENT_S = 10.0
+_SEGMENT_S = 10.0  # longest segment of a spectrum, s
 
 
 @dataclasses.dataclass
@@ -267,7 +267,7 @@ class _SurveyPen(_Pen):
                 self.found[survey.uuid] = (survey, math.nan)
 
     def end(self) -> None:
-        # A record of the survey list has a depth, so it replaces the survey without depth.
+        # Only the records of the survey list have depths: a record with a depth replaces the survey without depth.
         known = {survey.uuid: (survey, depth) for survey, depth in self.data.surveys}
         for uuid, (survey, depth) in self.found.items():
             if uuid not in known or not math.isnan(depth):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST = 6000  # number of rows of each run to draw; `thinned` returns at most twice this number
+_MOST = 6000  # least number of rows of a long run that are drawn; at most twice this number is drawn
 _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 

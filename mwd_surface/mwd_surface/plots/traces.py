@@ -76,7 +76,7 @@ def _vector(field: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     def values(samples: Samples) -> Array:
         out = samples[field] * scale
         if covariance in (samples.dtype.names or ()):
-            # REP-145: -1 means that the sensor does not report.
+            # REP-145: a covariance that begins with -1 means that the sensor does not report this quantity.
             out = np.where(samples[covariance][:, :1] == -1.0, np.nan, out)
         return np.asarray(out)
 

@@ -21,7 +21,7 @@ from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
 FILE_NAME = "rig_status.json"
 LASTS = 5.0  # s; a status older than this is from a ROS graph that hangs or was killed
-_VERSION = 1
+_VERSION = 1  # version of the format of the file
 
 
 class RigStatusError(ValueError):

@@ -23,7 +23,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
-LAST = 32
+LAST = 32  # largest number of surveys that the rig interfaces have
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
 # Fields that depend on the whole path above the station, and fields that depend on the interval above the station only.
 _PLACE = frozenset({"vertical_depth", "position_north", "position_east", "vertical_section"})

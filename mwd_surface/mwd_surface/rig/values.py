@@ -271,7 +271,7 @@ def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigVa
             continue
         sigma = getattr(survey, f"sigma_{signal.field}") if signal.sigma else None
         condition, reason = whole, "accepted by a person" if survey.overridden else ""
-        # A position that rests on an assumption stays doubtful even if a person accepts the survey.
+        # A position that is based on an assumption remains doubtful even if a person accepts the survey.
         if signal.field in survey.assumed:
             condition, reason = Condition.DOUBTFUL, f"assumed: {survey.assumption}"
         elif name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:

@@ -18,13 +18,13 @@ from mwd_surface.conformance.bench import Answer, Bench, NotPossibleError, Point
 from mwd_surface.control.status import Judgement
 from mwd_surface.ros.controller import Controller
 
-_DISCOVERY_S, _ANSWER_S = 30.0, 30.0
-_SEEN_S = 1.0  # the state shows an accepted or refused set-point within a tenth of this time
+_DISCOVERY_S, _ANSWER_S = 30.0, 30.0  # longest waits for the authority and for the answer of a service, s
+_SEEN_S = 1.0  # longest wait for the state to show a set-point, s; usually a tenth of it is enough
 
 
 class RosConformance:
     """
-    Control authority on a graph as the interface under test, and the person at the rig.
+    Control authority on a ROS graph as the interface under test, and the person at the rig.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class RosConformance:
     Raises
     ------
     ValueError
-        No control authority answers there.
+        No control authority answers in this namespace.
     """
 
     name, largest, lag_s = "ROS", 2**32 - 1, 0.0
@@ -63,7 +63,7 @@ class RosConformance:
                 self.close()
                 raise ValueError(f"no control authority answers in namespace {namespace} of domain {domain}")
             time.sleep(0.1)
-        time.sleep(0.5)  # wait until the server has discovered its clients too
+        time.sleep(0.5)  # wait until the server has also discovered its clients
 
     def _spin(self) -> None:
         try:
@@ -81,7 +81,7 @@ class RosConformance:
         return asked.result()
 
     def peer(self, number: int) -> RosPeer:
-        """Return a client."""
+        """Return the client with a number."""
         return self._peers[number]
 
     @property
@@ -110,7 +110,7 @@ class RosConformance:
         return bool(self.answer(self._judge.call_async(srv.JudgeControl.Request(**fields))).success)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the cases that exist for this interface only."""
+        """Return the additional cases of this interface."""
         return [
             ("a set-point that is not signed", "refused", self._unsigned),
             ("a set-point that was changed after it was signed", "refused", self._changed),
@@ -194,7 +194,7 @@ class RosConformance:
 
 
 class RosPeer:
-    """One controller with its key."""
+    """Controller with a key of its own."""
 
     def __init__(self, interface: RosConformance, name: str) -> None:
         self._interface = interface
@@ -214,7 +214,7 @@ class RosPeer:
         self._controller.publish(copy.deepcopy(sealed))
 
     def ask(self, wish: Wish) -> Answer:
-        """Ask for control."""
+        """Request control."""
         if not 0 <= wish.priority <= 255:
             raise NotPossibleError("a priority is a byte")
         fields = {"priority": wish.priority, "wait": wish.wait, "duration": wish.duration}
@@ -224,7 +224,7 @@ class RosPeer:
         return Answer(answer.permission, answer.lease, answer.message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point, and return whether it comes into force."""
+        """Send a set-point, and return whether it comes into force; True for a heartbeat (sequence 0)."""
         self.publish(self.sealed(_command(lease, sequence, point)))
         if sequence == 0:
             return True

@@ -16,25 +16,25 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import WellState
 from mwd_surface.ros.worker import BackgroundWorker, RequestQueue
 
-_JUMP_NS = NANOSECONDS // 10  # a larger difference means that the wall clock was set, not slewed
+_JUMP_NS = NANOSECONDS // 10  # a larger change against the steady clock means that the wall clock was set, not slewed
 
 
 class SteadyTime:
-    """Time since the epoch that is never set: the wall clock at the start, continued by the steady clock."""
+    """Time since the epoch without steps: the wall clock at the start, continued by the steady clock."""
 
     def __init__(self) -> None:
         self._ahead_ns = time.time_ns() - time.monotonic_ns()
 
     def now_ns(self) -> int:
-        """Return the time, ns."""
+        """Return the present time, ns since the epoch."""
         return time.monotonic_ns() + self._ahead_ns
 
     def of(self, wall_ns: int) -> int:
-        """Return the time, ns, of a recent moment at which the wall clock showed `wall_ns`."""
+        """Return the time of a recent reading of the wall clock, ns."""
         return wall_ns + self._shift_ns()
 
     def wall_of(self, steady_ns: int) -> int:
-        """Return the wall clock, ns, at a recent moment given in this time, ns."""
+        """Return the reading of the wall clock at a recent time of this clock, ns."""
         return steady_ns - self._shift_ns()
 
     def _shift_ns(self) -> int:
@@ -45,7 +45,7 @@ class SteadyTime:
 @dataclasses.dataclass(frozen=True)
 class SurfaceContext:
     """
-    The surface node and the objects that its parts share.
+    Surface node, and the objects that its parts share.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class SurfaceContext:
 
     @property
     def well_now(self) -> float:
-        """Time of the live state, s; not the machine's steady clock, by which controllers are timed."""
+        """Time of the live state, s. It differs from the steady clock of the machine, which times controllers."""
         return self.well.clock.now
 
     def state(self) -> WellState:
@@ -87,5 +87,5 @@ class SurfaceContext:
         return self.live.at(self.well_now)
 
     def now_ns(self) -> int:
-        """Return the time of the graph, ns."""
+        """Return the time of the ROS graph, ns; simulated time if the graph has it."""
         return int(self.node.get_clock().now().nanoseconds)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controller's side of rig control on the graph: requests, set-points, heartbeats and release, all sealed."""
+"""Controller of the rig on the ROS graph: sends requests, set-points, heartbeats and the release, all sealed."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Controller:
     ----------
     node : rclpy.node.Node
     name : str
-        Name of the controller for people.
+        Name of the controller, shown to people.
     private_key : bytes, optional
-        Key of 32 bytes; with a key kept in a file, a controller keeps its identity over a restart.
+        Key of 32 bytes. A controller that stores its key in a file has the same identity after a restart.
 
     Attributes
     ----------
     lease : int
-        Lease number for set-points; 0: none. The caller sets it from the answer to `ask`.
+        Lease number for set-points; 0: no lease. The caller sets the number from the answer to `ask`.
     """
 
     def __init__(self, node: Any, name: str, private_key: bytes | None = None) -> None:
@@ -43,7 +43,7 @@ class Controller:
         return bool(self._request.service_is_ready() and self._commands.get_subscription_count())
 
     def ask(self, **wish: Any) -> Any:
-        """Ask for control, or prolong the lease; wish: fields of RequestControl. Return the future of the answer."""
+        """Request control, or prolong the lease; wish: fields of RequestControl. Return the future of the answer."""
         wanted = srv.RequestControl.Request(controller=self.name, **wish)
         return self._request.call_async(self._sealer.seal(self._names[0], wanted))
 
@@ -62,7 +62,7 @@ class Controller:
         self.publish(self.sealed(command))
 
     def sealed(self, command: Any) -> Any:
-        """Return a RigCommand, with its lease and sequence unchanged, sealed."""
+        """Return a sealed RigCommand, with its lease and sequence unchanged."""
         return self._sealer.seal(self._commands.topic_name, msg.SealedCommand(command=command))
 
     def publish(self, sealed: Any) -> None:

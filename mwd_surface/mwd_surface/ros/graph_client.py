@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Client of a running graph: calls services, reads and sets parameters, listens to topics, as `ros2` does.
+Client of a running ROS graph: calls services, reads and sets parameters, listens to topics, like `ros2`.
 
-Messages are plain tables here: field -> number, text, list or table.
+A message is a dict here: from the name of a field to a number, text, list or dict.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from mwd_surface.ros.topics import message_class
 
 DISCOVERY_S = 5.0  # longest wait for a named topic, service or node to appear
 _QUIET_S = 1.5  # a list counts as complete after this time without additions, as discovery is gradual
-_CALL_S = 600.0
-_MUTUAL_DISCOVERY_S = 0.5  # client and server find each other independently
-# Types of services that every node has; they are listed only when asked for by name.
+_CALL_S = 600.0  # longest wait for the response of a service
+_MUTUAL_DISCOVERY_S = 0.5  # time for the server to discover a client that has discovered the server
+# Beginnings of the types of services that every node has; these services are not listed.
 _COMMON = ("rcl_interfaces/", "lifecycle_msgs/", "type_description_interfaces/")
 
 
@@ -36,7 +36,7 @@ class GraphError(ValueError):
 
 class GraphClient:
     """
-    Temporary node on a graph.
+    Temporary node on a ROS graph.
 
     domain: domain of the middleware.
     """
@@ -59,7 +59,7 @@ class GraphClient:
         self.close()
 
     def services(self) -> dict[str, str]:
-        """Return name and type of every service, except those of every node and the parts of actions."""
+        """Return name and type of every service, except services that every node has, and parts of actions."""
         self.nodes()
         there = _settled(self._services).items()
         return {name: kind for name, kind in there if not kind.startswith(_COMMON) and "/_action/" not in name}
@@ -75,14 +75,14 @@ class GraphClient:
 
     def call(self, service: str, fields: Mapping[str, Any]) -> dict[str, Any]:
         """
-        Call a service and return its response; the end of a name is enough if only one service has it.
+        Call a service and return its response; the end of the service's name is enough if it is unique.
 
         Raises
         ------
         GraphError
             There is no such service, or no answer.
         ValueError
-            The request does not have a field, or a value has another type.
+            The request does not have a given field, or a value has a wrong type.
         """
         name, kind = self._found(service, self._services, "service")
         package, _, type_name = kind.partition("/srv/")
@@ -92,7 +92,7 @@ class GraphClient:
 
     def listen(self, topic: str, seconds: float) -> Iterator[tuple[float, dict[str, Any]]]:
         """
-        Yield the messages of a topic with their time of arrival, s, for a time; inf: until the caller stops.
+        Yield the messages of a topic with their time of arrival, s, for some seconds; inf: until the caller stops.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class GraphClient:
             waiting.clear()
 
     def parameters(self, node: str) -> dict[str, Any]:
-        """Return the parameters of a node, named by the end of its name; GraphError if there is no such node."""
+        """Return the parameters of a node; node: end of its name. Raise GraphError if there is no such node."""
         full = self._node_named(node)
         listed = self._called(ListParameters, f"{full}/list_parameters", ListParameters.Request())
         names = sorted(listed.result.names)
@@ -159,7 +159,7 @@ class GraphClient:
         client = self._node.create_client(made, name)
         if not client.wait_for_service(DISCOVERY_S):
             raise GraphError(f"{name} does not answer: is the node alive?")
-        # A reply is lost until the server has discovered this client's reader, and that cannot be queried, so wait.
+        # A reply is lost if the server has not yet discovered this client's reader. This cannot be queried, so wait.
         time.sleep(_MUTUAL_DISCOVERY_S)
         future = client.call_async(request)
         rclpy.spin_until_future_complete(self._node, future, timeout_sec=_CALL_S)
@@ -168,7 +168,7 @@ class GraphClient:
         return future.result()
 
     def _found(self, wanted: str, there: Callable[[], dict[str, str]], what: str) -> tuple[str, str]:
-        """Return full name and type of an item, named by its full name or the end of it; wait until it appears."""
+        """Wait until an item appears, and return its full name and type; wanted: full name, or the end of the name."""
         end = time.monotonic() + DISCOVERY_S
         names: dict[str, str] = {}
         while time.monotonic() < end:
@@ -199,7 +199,7 @@ class GraphClient:
 
 
 def _settled(there: Callable[[], dict[str, str]]) -> dict[str, str]:
-    """Return the items once some exist and none was added lately, or when the wait is over."""
+    """Return the items of a list as soon as it has some and none was added for 1.5 s, or after the longest wait."""
     end, changed_at, found = time.monotonic() + DISCOVERY_S, time.monotonic(), there()
     while time.monotonic() < end and (not found or time.monotonic() - changed_at < _QUIET_S):
         time.sleep(0.1)
@@ -210,7 +210,7 @@ def _settled(there: Callable[[], dict[str, str]]) -> dict[str, str]:
 
 
 def plain(message: Any) -> Any:
-    """Convert a message to tables, lists, numbers and texts."""
+    """Return a message as dicts, lists, numbers and texts."""
     if hasattr(message, "get_fields_and_field_types"):
         return {name: plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
     if hasattr(message, "tolist"):
@@ -222,14 +222,14 @@ def plain(message: Any) -> Any:
 
 def filled(made: type[Any], fields: Mapping[str, Any]) -> Any:
     """
-    Return a message of this class with the fields of a table set, and defaults elsewhere.
+    Return a message of a class with the values of `fields`, and defaults for the other fields.
 
     Raises
     ------
     ValueError
-        The message does not have a field (similar names are given), or a value has another type.
+        The message does not have a field (the message names its fields), or a value has a wrong type.
     """
-    # Without this check a wrong type would be noticed only when sending, as an error of the middleware.
+    # Check the types here: otherwise a wrong type would cause an error of the middleware when the message is sent.
     message = made(check_fields=True)
     kinds = message.get_fields_and_field_types()
     for name, value in fields.items():
@@ -240,7 +240,7 @@ def filled(made: type[Any], fields: Mapping[str, Any]) -> Any:
             raise ValueError(f"{name}: {value!r} is not of type {kinds[name]}")
         try:
             if isinstance(value, str):
-                # A shell may pass bytes that are not valid text.
+                # Raise ValueError for bytes from a shell that are not valid text.
                 value.encode()
             if isinstance(value, Mapping):
                 setattr(message, name, filled(type(before), value))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of a link's output to messages of the graph."""
+"""Conversion of the output of a telemetry link to ROS messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _STATUS = {BELIEVED: msg.LinkWord.BELIEVED, "by_consistency": msg.LinkWord.BY_CO
 
 
 def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_of: StampOf) -> msg.LinkWord:
-    """Return a word as mwd_msgs/LinkWord; stamp_of: stamp, ns, of a time on the clock of the pressure, s."""
+    """Return a word as mwd_msgs/LinkWord; stamp_of: function from the time of the signal, s, to a stamp, ns."""
     factor = meanings.factor(word.unit)
     item = item_of(word, tool)
     message = msg.LinkWord(
@@ -32,7 +32,7 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
         name=word.name,
         bits=item.bits,
         raw=word.raw,
-        # A word without measurement is erased; 0 is sent so that no consumer needs to handle NaN.
+        # A word without a value has the status erased; send 0, so that no consumer needs to handle NaN.
         value=0.0 if math.isnan(word.value) else word.value * factor,
         unit=meanings.si_unit(word.unit),
         confidence=min(max(word.confidence, 0.0), 1.0),
@@ -50,7 +50,7 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
 
 
 def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stamp_of: StampOf) -> msg.LinkFrame:
-    """Return a pass of a sequence as mwd_msgs/LinkFrame; words: its final words."""
+    """Return a received pass of a sequence as mwd_msgs/LinkFrame; words: final words of this pass."""
     message = msg.LinkFrame(
         link=link,
         kind=_KINDS[frame.kind],

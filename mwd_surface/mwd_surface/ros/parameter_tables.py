@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of all nodes of a well as tables in a recording, so that it can be processed again with them."""
+"""Tables with the parameters of all nodes of a well in a recording, for processing the recording again."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class ParameterTables:
     Parameters
     ----------
     node : GraphNode
-        The surface node.
+        Surface node.
     others : sequence of str
-        Names of the other nodes, relative to the well.
+        Names of the other nodes, relative to the namespace of the well.
     """
 
     def __init__(self, node: GraphNode[Any], others: Sequence[str]) -> None:
@@ -48,7 +48,7 @@ class ParameterTables:
         for other, (names, values) in self._clients.items():
             if other in self._tables or not (names.service_is_ready() and values.service_is_ready()):
                 continue
-            # Store an empty table until the response comes, so that no node is asked twice.
+            # Store an empty table until the response arrives, so that no node is asked twice.
             self._tables[other] = {}
             names.call_async(ListParameters.Request()).add_done_callback(
                 lambda done, other=other, values=values: self._listed(other, values, done)
@@ -79,11 +79,11 @@ class ParameterTables:
         return self._tables.get(node, {}).get(name)
 
     def take_new(self) -> dict[str, dict[str, str]]:
-        """Return the tables received since the last call, which a running recording lacks."""
+        """Return the tables received since the last call, for the running recording, which does not have them yet."""
         new, self._new = self._new, []
         return {f"parameters/{name}": self._tables[name] for name in new}
 
 
 def without_secrets(table: dict[str, Any]) -> dict[str, str]:
-    """Convert a table to text, without tokens and passwords."""
+    """Return the values of a table as texts, without tokens and passwords."""
     return {name: str(value) for name, value in table.items() if name.rsplit(".", 1)[-1] not in _SECRETS}

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Seals that identify the sender of a message on the graph, because rclpy does not.
+Seals that identify the sender of a message on the ROS graph, because rclpy does not identify senders.
 
-A subscription of rclpy 7.1 does not learn the GID of the publisher, nor a service that of its client, and a lease
-number that everyone can read proves nothing. The owner of a lease is therefore identified by its own key: it signs its
-messages, and the lease is bound to the public key. A signature covers the name of the topic or service, an increasing
-count, and the content; a message repeated by somebody else is refused.
+In rclpy 7.1 a subscription does not get the GID of the publisher, and a service does not get the GID of its client. A
+lease number, which everyone can read, is not a proof of identity. The owner of a lease is therefore identified by its
+own key: it signs its messages, and the lease is bound to the public key. A signature covers the name of the topic or
+service, an increasing count, and the content; a message that another node sends again is refused.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ _REMEDY = "see 'Who commands' in docs/rig/control.md"
 
 
 class SealError(ValueError):
-    """Raised for a message whose sender is unknown; the text gives the reason."""
+    """Raised for a message whose sender cannot be identified; the text gives the reason."""
 
 
 def signed_bytes(name: str, count: int, sealed: Any) -> bytes:
     """
     Return the bytes that a seal signs.
 
-    They are: name of the topic or service, count, then each field of the message in order, without header and seal;
-    fields of an inner message are in its place. A text is its length (uint32) and UTF-8, a bool or integer is int64, a
-    float is float64, all little-endian.
+    The bytes are: name of the topic or service, count (uint64), then each field of the message in order, without header
+    and seal; the fields of a nested message stand at the place of this message. A text is encoded as its length
+    (uint32) and UTF-8, a bool or integer as int64, a float as float64, all little-endian.
     """
     return _text(name) + struct.pack("<Q", count) + b"".join(_content(sealed))
 
@@ -68,7 +68,7 @@ class Sealer:
     Parameters
     ----------
     private_key : bytes, optional
-        Secret key of 32 bytes; by default a new one, so that nobody else, and no later run, has this identity.
+        Secret key of 32 bytes; by default a new random key, so that no other sender and no later run has this identity.
     """
 
     def __init__(self, private_key: bytes | None = None) -> None:
@@ -80,7 +80,7 @@ class Sealer:
 
     def seal(self, name: str, message: Any) -> Any:
         """Fill the field `seal` of a message for a topic or service (full name), and return the message."""
-        # Use the clock, so that the count increases over restarts of a controller that keeps its key.
+        # Use the clock, so that the count also increases after a restart of a controller that keeps its key.
         self._count = max(self._count + 1, time.time_ns())
         signature = self._private.sign(signed_bytes(name, self._count, message))
         message.seal.key, message.seal.signature = (np.frombuffer(b, np.uint8) for b in (self._key, signature))

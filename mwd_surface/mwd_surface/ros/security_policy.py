@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Rights of each node of a well with DDS security (SROS2): its topics, services and actions, and nothing else.
+Rights of each node of a well with DDS security (SROS2): the topics, services and actions that it may use.
 
 The table is kept in `security_policy.yaml`; a test compares it with a running graph.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import yaml
 
 Table = dict[str, dict[str, list[str]]]
-"""Names by node and kind of `KINDS`: relative to the well, or absolute if they are not of the well."""
+"""Names of topics, services and actions by node and kind of `KINDS`; relative to the well, or absolute outside it."""
 
 # Element, attribute and inner element of the policy file for each kind of access.
 KINDS = {
@@ -27,7 +27,7 @@ KINDS = {
 }
 OPERATOR, CONTROLLER = "operator", "controller"
 """Profiles for clients that call services and read topics, as `ros2` and `mwd call` do, and for controllers."""
-# Rights of a controller in addition to reading: it holds the lease and sends set-points.
+# Rights of a controller in addition to reading: to request and release control, and to send set-points.
 _CONTROL = {"publish": ["control/command"], "request": ["release_control", "request_control"], "call": []}
 _FILE = Path(__file__).with_name("security_policy.yaml")
 
@@ -50,7 +50,7 @@ def merged(first: Mapping[str, Mapping[str, list[str]]], second: Mapping[str, Ma
 
 
 def missing(allowed: Mapping[str, Mapping[str, list[str]]], found: Mapping[str, Mapping[str, list[str]]]) -> list[str]:
-    """Return a sentence for each item that a graph has open and the table does not allow."""
+    """Return a sentence for each topic, service or action that a node of a graph uses and the table does not allow."""
     return [
         f"{node} may not {kind} {name}"
         for node, kinds in found.items()
@@ -64,7 +64,7 @@ def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
     """
     Return a policy file for `ros2 security create_permission`, version 0.2.0, with an enclave for each node of a well.
 
-    well: namespace without slashes; empty: none.
+    well: namespace of the well without slashes at its ends; empty: no namespace.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
     controller = {**operator, **_CONTROL, "publish": operator["publish"] + _CONTROL["publish"]}
     for node, kinds in {**table, OPERATOR: operator, CONTROLLER: controller}.items():
         enclave = ET.SubElement(enclaves, "enclave", path=f"{space}/{node}")
-        # Visitors have names of their own; their rights follow from their enclave.
+        # Operators and controllers may give their nodes other names; their rights depend on their enclave.
         profile = ET.SubElement(ET.SubElement(enclave, "profiles"), "profile", ns=space or "/", node=node)
         for kind, (element, attribute, inner) in KINDS.items():
             if kinds.get(kind):
@@ -92,7 +92,7 @@ def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
 
 
 def _of_operator(table: Mapping[str, Mapping[str, list[str]]]) -> dict[str, list[str]]:
-    """Return the operator's rights: read all topics, call all services and actions, publish only its own log."""
+    """Return the rights of the operator: read all topics, call all services and actions, publish only a log."""
 
     def of_nodes(kind: str) -> list[str]:
         names = {

@@ -86,7 +86,7 @@ OF_SURFACE = frozenset(
     }
 )
 
-# Topics of the tool; a surface that receives the tool over a telemetry link does not subscribe to them.
+# Topics of the tool; a surface that receives the tool over a telemetry link does not subscribe to these topics.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
     *("gamma/counts", "log", "tool/status"),
@@ -112,9 +112,9 @@ def message_class(type_name: str) -> Any:
 
 def profile_yaml(profile: QoSProfile) -> str:
     """
-    Return a publisher's offered profile as rosbag2 writes it to ``offered_qos_profiles``: a YAML list of one.
+    Return a publisher's offered profile in the form of rosbag2's ``offered_qos_profiles``: a YAML list of one profile.
 
-    It includes deadline and lease, so that a replay serves subscriptions that ask for them.
+    The profile includes deadline and liveliness lease, so that a replay fits subscriptions that require them.
     """
     offer = offered(profile)
     table = qos_profile(offer.reliability.name.lower(), offer.durability.name.lower(), depth=offer.depth)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads of the surface node: slow work in a background thread, requests of other threads in the node's thread."""
+"""Work in threads: slow jobs run in a background thread, requests from other threads run in the node's thread."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from functools import partial
 from typing import Any
 
 Answer = tuple[bool, str]
-"""Success of a request, and a message."""
+"""Whether a request was carried out, and a message."""
 
 _Job = tuple[concurrent.futures.Future[Any], Callable[[Any], None]]
-_TIMEOUT_S = 12.0  # longest wait of another thread for the node
+_TIMEOUT_S = 12.0  # longest wait of another thread for the answer of the node, s
 
 
 class BackgroundWorker:
@@ -32,9 +32,9 @@ class BackgroundWorker:
         writes: bool = False,
     ) -> None:
         """
-        Run `job` in the background; `callback` is called with its future in the node's thread.
+        Run `job` in the background; then `callback` is called with the future of the job in the node's thread.
 
-        writes: whether the job writes a file that somebody asked for, so that `close` waits for it.
+        writes: whether the job writes a file that a user requested; `close` waits for such jobs.
         """
         future = self._executor.submit(job)
         self._jobs.append((future, callback))
@@ -46,7 +46,7 @@ class BackgroundWorker:
         """
         Call the callbacks of finished jobs; called by the node's timer.
 
-        If a callback raises, the remaining callbacks run in the next call, because each of them ends a wait.
+        If a callback raises, the remaining callbacks run in the next call, because a client waits for each of them.
         """
         finished: list[_Job] = []
         running: list[_Job] = []

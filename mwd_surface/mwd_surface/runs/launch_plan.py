@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
 
-FIRST_PORT = 8080
+FIRST_PORT = 8080  # first port that is tried for the page
 TIE_ON = "leg.tie_on_"  # prefix of the tie-on parameters of the surface
 WELL = ("surface", "estimator", "sonde")  # nodes that `mwd node well` runs in one process
 # Profile of Fast DDS for streams at high rates; a profile that the user has set takes precedence.
@@ -38,10 +38,10 @@ _RIG_WORDS = {
     "opcua": "OPC UA opc.tcp://127.0.0.1:{}/",
     "modbus": "Modbus TCP 127.0.0.1:{}",
 }
-_PORTS = 100
+_PORTS = 100  # number of ports that are tried
 # The ports of domains up to 101 are below the ephemeral range of Linux.
 _DOMAINS = range(1, 101)
-_BASE_PORT, _PER_DOMAIN = 7400, 250
+_BASE_PORT, _PER_DOMAIN = 7400, 250  # first port, and number of ports per domain (PB and DG of DDSI-RTPS)
 
 
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:

@@ -27,7 +27,7 @@ from mwd_surface.runs import launch_plan
 from mwd_surface.runs.launch_plan import estimator_parameters
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
 
-_BLOCK_S = 1.0
+_BLOCK_S = 1.0  # length of a block of samples, s
 # QoS profiles as named in `mwd_sensors.ros.qos`: STREAM, and EVENT for the rig.
 _STREAM = qos_profile(depth=200)
 _EVENT = qos_profile(durability="transient_local", depth=100)

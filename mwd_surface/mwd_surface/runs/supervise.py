@@ -29,7 +29,7 @@ from mwd_sensors.core.stop_time import STOP_LIMIT, STOP_PATIENCE, StopTime
 SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
 REFUSED = 2  # exit status of a process whose settings are invalid: a restart would not help
 
-_FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0  # s before a restart after a crash
 _SETTLED = 20.0  # s; after a process has run for this time, its count of crashes begins again
 _MOST_CRASHES = 5  # crashes in a row after which a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
@@ -259,7 +259,11 @@ def in_words(status: int) -> str:
 
 
 def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Signals, patience: float) -> None:
-    """Send a signal to the processes; wait until each has ended, at most `patience` seconds of its own run time."""
+    """
+    Send a signal to the processes, and wait until each has ended, at most for `patience` seconds.
+
+    Time in which a process waits for a CPU does not count.
+    """
     waiting = {process: StopTime(patience, STOP_LIMIT + _MARGIN, process.pid) for process in processes}
     for process in processes:
         process.send_signal(number)

@@ -24,7 +24,7 @@ from mwd_surface.trajectory.plan import Plan, azimuth_at, nearest, steering_to
 from mwd_surface.trajectory.slide_sheet import Yield
 from mwd_surface.trajectory.well_path import Definitive
 
-_PER_30_M = math.radians(1.0) / 30.0  # rad/m of one degree in 30 m
+_PER_30_M = math.radians(1.0) / 30.0  # one degree per 30 m, in rad/m
 _YIELDS = 3  # number of latest intervals for the motor yield, which changes with formation and wear
 _LEAST_AHEAD = 1.0  # m; if less of the plan lies ahead of the bit, there is no advice
 

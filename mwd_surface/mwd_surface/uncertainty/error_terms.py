@@ -39,7 +39,7 @@ RANDOM = "random"
 _WHOLE_WELL = ("well", "global", "within_pad")
 # Inclination below which no tool gives an azimuth, rad.
 _VERTICAL = math.radians(1.0)
-# Inclination at which a vertical station is evaluated, rad; relative to the limit, its shifts differ by this number.
+# Inclination at which a vertical station is evaluated, rad; the relative error of its shifts has the same size.
 _NEXT_TO_VERTICAL = 1e-7
 # Name prefixes of error sources that affect depth, or the course between stations, instead of the measured angles.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")

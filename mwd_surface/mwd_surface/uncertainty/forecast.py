@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Forecast of surveys along a plan: sigmas of inclination and azimuth, limits of quality control, share of accepted ones.
+Forecast of surveys along a plan: their sigmas, the limits of quality control, and the share that will be accepted.
 
 Sigmas are those of the tool code at each attitude. For the single-station correction of axial interference they are
 those of the sibling code with this correction (+AX). The corrected azimuth has no accuracy where the hole is nearly

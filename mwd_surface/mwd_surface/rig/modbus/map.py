@@ -24,24 +24,24 @@ from mwd_surface.signals.table import TO_RIG
 from mwd_surface.signals.units import UNITS
 from mwd_surface.trajectory.advice import AdviceMode
 
-VERSION = 3
-COUNT = 80
-WRITABLE, WRITABLE_COUNT = 100, 2
+VERSION = 3  # version of the register map, register 0
+COUNT = 80  # number of input registers
+WRITABLE, WRITABLE_COUNT = 100, 2  # address and number of the holding registers for the bit depth
 WORD_ORDERS = ("ABCD", "CDAB")
 # Age sent while there is no toolface yet.
 NEVER = 1e9  # s
 _LARGEST = 3.4e38  # largest magnitude that a 32-bit float holds
-_NAN: tuple[int, ...] = (0x7FC0, 0x0000)
+_NAN: tuple[int, ...] = (0x7FC0, 0x0000)  # words of a 32-bit float NaN
 # By address of a float register: name of the value, factor from SI to its unit, and the value at which it wraps.
 FLOATS: dict[int, tuple[str, float, float]] = {
     signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, signal.wrap)
     for signal in TO_RIG
     if signal.modbus is not None
 }
-_AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
+_AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78  # addresses of single values and of the blocks of control and inputs
 # Values of register 78 by name of the depth source; 0: no source, 9: a source that is not in this table.
 DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5, BLOCK: 6}
-_ANOTHER, _NO_CLOCK = 9, 255
+_ANOTHER, _NO_CLOCK = 9, 255  # a depth source that is not in the table; no clock, because the input sends no data
 # Name of a Modbus controller in the authority: this prefix and the number of the controller.
 CONTROLLER = "modbus "
 

@@ -52,10 +52,10 @@ from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.signals.units import UNITS
 
-_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
+_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16  # function codes
 # Largest number of bits or registers in one request, by function (Modbus application protocol 1.1b3, section 6).
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
-_WRITES = (5, 6, 15, 16, 22, 23)
+_WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write
 # Functions that are answered: reads, writes, and reading the identification (43). To other functions pymodbus would
 # answer with example values (24, a queue of registers that does not exist) or a false confirmation (8).
 _SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
@@ -380,9 +380,9 @@ def _refusal(data: bytes) -> bytes | None:
 # Holding registers through which a controller requests control (from 110) and sends set-points (from 120).
 
 
-REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
-COMMAND, COMMAND_COUNT = 120, 12
-_ASK, _RELEASE = 1, 2
+REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4  # address of the request; numbers of registers
+COMMAND, COMMAND_COUNT = 120, 12  # address and number of registers of a set-point
+_ASK, _RELEASE = 1, 2  # actions of a request
 _INTERFACE = "Modbus"
 
 

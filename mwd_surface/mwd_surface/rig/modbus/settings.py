@@ -55,7 +55,7 @@ class ModbusSettings:
 
 @dataclasses.dataclass(frozen=True)
 class ModbusSerialSettings:
-    """Settings of the serial line of Modbus RTU; unit, encoding and rights are those of Modbus TCP."""
+    """Settings of the serial line of Modbus RTU; the settings of Modbus TCP give unit, encoding and rights."""
 
     enabled: bool = setting(False, "Serve Modbus RTU over a serial line.", fixed=True)
     device: str = setting("/dev/ttyS0", "Serial device of the line.", fixed=True)

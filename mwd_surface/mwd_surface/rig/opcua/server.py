@@ -588,7 +588,7 @@ class Conditions:
         self._events = await self._server.get_event_generator(
             ua.ObjectIds.AlarmConditionType, emitting_node=self._source.nodeid
         )
-        # Set the type here, because asyncua does not map UtcTime to a VariantType.
+        # Set the type here, because asyncua does not find the base type of UtcTime by itself.
         self._events.event.data_types["ActiveState/TransitionTime"] = ua.VariantType.DateTime
         self._refresh = [
             await self._server.get_event_generator(kind)

@@ -19,12 +19,12 @@ from mwd_sensors.core.foreign_text import unprintable
 
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
 MAX_FRAME_BYTES = budgets.WITS.size
-NULLS = (-9999.0, -8888.0, -999.25)
+NULLS = (-9999.0, -8888.0, -999.25)  # numbers that mean "no value" by default
 # Packet that a Pason-type recorder sends and expects every half minute: a vertical depth (item 0111) without a value.
 KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"
 _LINE = re.compile(rb"[ \t]*(\d\d)(\d\d)(.*)", re.DOTALL)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
-_LONGEST_VALUE = 256
+_LONGEST_VALUE = 256  # largest number of bytes in a line
 
 
 @dataclasses.dataclass(frozen=True)

@@ -43,7 +43,7 @@ _LIVE_ITEMS = {
     record: sorted((item.code, s.name) for item, s in _ITEMS if item.code // 100 == record) for record in (8, 9)
 }
 _SAME_TIME_NS = 600 * NANOSECONDS  # longest time between a survey and a hole depth that is sent with the survey
-_DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
+_DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7  # codes of the rig activity
 # Sequence numbers count seconds from this time, so that they continue to grow after a restart without being stored.
 _SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
 

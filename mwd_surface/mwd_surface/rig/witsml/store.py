@@ -39,8 +39,8 @@ from mwd_surface.rig.interface import (
 
 _NAMESPACE = "http://www.witsml.org/message/120"
 _ACTION = "http://www.witsml.org/action/120/Store."
-SUCCESS, ALREADY_THERE, NOT_THERE = 1, -405, -433
-_SHOWN = 300
+SUCCESS, ALREADY_THERE, NOT_THERE = 1, -405, -433  # result numbers of WITSML 1.4.1.1
+_SHOWN = 300  # characters of an error that the status shows
 
 
 class StoreRefusedError(RuntimeError):
