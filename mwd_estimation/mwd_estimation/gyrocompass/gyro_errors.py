@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gyro errors learnt during a run: a mixture over how good the unit is, updated station after station.
+Gyro errors estimated during a run: a mixture over the quality of the unit, updated at each station.
 
-The stated bias and drift are figures for all units of a type; the run shows how good this unit is. At every station the
-vertical rate and the length of the horizontal Earth rate are known from the latitude, and other toolfaces show other
-axes of the tool. Bias and ramp of the three axes are therefore estimated for several scales of the stated bias and of
-the stated drift (a scale mixture, as for Student's t; Gelman et al., Bayesian Data Analysis, section 17.2). Each is a
-Kalman filter, weighted by its evidence, with the azimuth marginalised on the circle of the latitude. A shock may change
-the biases: this is a possible change point before any station (Adams and MacKay, Bayesian online changepoint detection,
-2007), whose probability follows from the same evidence.
+The stated bias and drift are figures for all units of a type; the stations of a run show the quality of this unit. At
+every station the vertical rate and the length of the horizontal Earth rate are known from the latitude, and other
+toolfaces show other axes of the tool. Bias and ramp of the three axes are therefore estimated for several scales of the
+stated bias and of the stated drift (a scale mixture, as for Student's t; Gelman et al., Bayesian Data Analysis, section
+17.2). For each pair of scales there is a Kalman filter, weighted by its evidence, with the azimuth marginalised on the
+circle of the latitude. A shock may change the biases: there is a possible change point before each station (Adams and
+MacKay, Bayesian online changepoint detection, 2007), whose probability follows from the same evidence.
 """
 
 from __future__ import annotations
@@ -25,24 +25,26 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
 
-# Scale factors of the stated bias and of the stated drift, in logarithmic steps. The least bias is below the noise. The
-# largest drift moves a bias by degrees per hour within a minute, which the change within each position shows. The
-# shares of units that are better than stated, as stated, and worse are a guess. Few are assumed to be better, because
-# some units that are as stated look better by chance, and their sigma would be too small.
+# Scale factors of the stated bias and of the stated drift, in logarithmic steps. The smallest bias is below the noise.
+# The largest drift changes a bias by degrees per hour within a minute, which is visible within each position. The
+# shares of units that are better than stated, as stated, and worse than stated are a guess. The share of better units
+# is small, because some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
 _DRIFT_SCALES: Array = np.array([4.0**k for k in (-2, -1, 0, 1, 4)])
 _BETTER, _AS_STATED, _WORSE = 0.05, 0.8, 0.15
-# Correlation time of a ramp of the bias, s: a collar takes up the temperature around it.
+# Correlation time of a ramp of the bias, s: the time in which a collar takes the temperature around it.
 _RAMP_S = 3600.0
 _BIAS, _RAMP = slice(0, 3), slice(3, 6)
-# Indices in the Gaussian of a seek.
+# Indices in `Sought` of the horizontal Earth rate, of biases and ramps, and of the heading.
 _EARTH, _DRIFTING, _HEADING = slice(0, 2), slice(2, 8), 8
-# Kinds of unit whose biases stepped earlier in the run, and those that step before this station.
+# Values of `bias_kind` for a unit whose biases stepped earlier in the run, and for one whose biases step before this
+# station.
 _EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
-# Centres of overlapping arcs of azimuth, rad, short enough that the Earth rate along one is nearly straight, and least
-# probability of an arc that gets its own Gaussian.
+# Centres of overlapping arcs of azimuth, rad, which are so short that the Earth rate along an arc is nearly a straight
+# line; and smallest probability of an arc with its own Gaussian.
 _ARCS, _WORTH_AN_ARC = np.arange(12) * math.tau / 12.0, 1e-4
-# Least odds of a kind, because the unit may change; and a probability treated as zero.
+# Smallest odds of a kind relative to the most probable one, because the unit may change; and a probability that counts
+# as zero.
 _LEAST_ODDS, _NONE = 1e-6, 1e-300
 # Probability that the biases step between two stations (a shock): a guess of one shock in a run of fifty stations.
 _STEP = 0.02
@@ -52,7 +54,7 @@ _STEP = 0.02
 class GyroErrors:
     """Bias and ramp of the gyros as k Gaussians, one or more for each kind of unit."""
 
-    log_weight: Array  #: shape (k,)
+    log_weight: Array  #: shape (k,); logarithm of the probability of each Gaussian
     #: `bias_kind`, `drift_kind`: shape (k,); index of the scale of the stated bias, or `_EARLIER` or `_NOW`, and index
     #: of the scale of the stated drift.
     bias_kind: Indices
@@ -76,28 +78,28 @@ class GyroErrors:
 @dataclasses.dataclass(frozen=True)
 class Sought:
     """
-    Result of a seek.
+    Result of a seek: a Gaussian of Earth rate, gyro errors and heading.
 
-    The order is horizontal Earth rate (2) and biases (3), rad/s, ramps (3), rad/s^2, heading, rad, and vertical Earth
-    rate, rad/s.
+    Order: horizontal Earth rate (2) and biases (3), rad/s, ramps (3), rad/s^2, heading, rad, vertical Earth rate,
+    rad/s.
     """
 
     mean: Array  #: shape (10,)
     covariance: Array  #: shape (10, 10)
-    prior: Array  #: shape (6, 6); covariance of biases and ramps at the end that the seek assumed, about zero
+    prior: Array  #: shape (6, 6); covariance of the seek's own prior of biases and ramps (mean 0), at its end
 
 
 class Joined(NamedTuple):
     """Result of a seek for each of k Gaussians of gyro errors, in the order of `Sought`."""
 
-    log_evidence: Array  #: shape (k,)
-    mean: Array  #: shape (k, 10); shape (k, 9) where the vertical Earth rate is given
+    log_evidence: Array  #: shape (k,); logarithm of the evidence of each Gaussian
+    mean: Array  #: shape (k, 10), or (k, 9) if the vertical Earth rate is given
     covariance: Array  #: shape (k, 10, 10), or (k, 9, 9)
     #: shape (k,); squared distance of the given vertical Earth rate from the estimate, in sigmas
     misfit: Array
 
     def at(self, down: float) -> Joined:
-        """Return the Gaussians given the vertical Earth rate, rad/s."""
+        """Return the Gaussians given the vertical Earth rate `down`, rad/s."""
         mean, S = self.mean, self.covariance
         variance = S[:, -1, -1]
         gain, off = S[:, :-1, -1] / variance[:, None], down - mean[:, -1]
@@ -112,17 +114,17 @@ class Joined(NamedTuple):
 
 
 def stated(params: SeekParams) -> GyroErrors:
-    """Return the gyro errors as the parameters state them, before any station."""
+    """Return the prior of the gyro errors from the parameters, before any station."""
     bias, drift = (kinds.ravel() for kinds in np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES))))
     of_drift = _beforehand(_DRIFT_SCALES)[drift]
-    # A unit whose bias is worse than stated has a greater drift with a probability of one half.
+    # If the bias of a unit is worse than stated, its drift is assumed to be worse with the same probability as not.
     of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
     weight = _beforehand(_BIAS_SCALES)[bias] * of_drift
     return _as_stated(params, weight, bias, drift, _BIAS_SCALES[bias])
 
 
 def _as_stated(params: SeekParams, weight: Array, bias_kind: Indices, drift_kind: Indices, scale: Array) -> GyroErrors:
-    """Return Gaussians with these scales of the stated bias, shape (k,), and with the ramps of `drift_kind`."""
+    """Return zero-mean Gaussians whose bias sigmas are `scale`, shape (k,), times those stated, with given ramps."""
     one = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]) * DEG_PER_HOUR
     variances = np.zeros((len(scale), 6))
     variances[:, _BIAS] = (scale[:, None] * np.maximum(one, LEAST_BIAS * DEG_PER_HOUR)) ** 2
@@ -133,14 +135,14 @@ def _as_stated(params: SeekParams, weight: Array, bias_kind: Indices, drift_kind
 
 def _beforehand(scales: Array) -> Array:
     better = _BETTER / np.count_nonzero(scales < 1.0)
-    # Among units that are worse than stated, a unit is rarer the worse it is.
+    # The prior of a worse scale is inversely proportional to the scale.
     rarer = np.where(scales > 1.0, 1.0 / scales, 0.0)
     return np.where(scales < 1.0, better, np.where(scales > 1.0, _WORSE * rarer / rarer.sum(), _AS_STATED))
 
 
 def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
     """
-    Return the gyro errors after some seconds: biases have moved by their ramps and random walks.
+    Return the gyro errors propagated over `seconds`: biases change by their ramps and random walks.
 
     A ramp is a first-order Gauss-Markov process, because its thermal cause changes within about an hour. Source: Brown
     and Hwang, Introduction to Random Signals, the integrated process.
@@ -163,7 +165,7 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
 
 
 def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
-    """Return the gyro errors before the next station, to which the biases may step to those of a unit as stated."""
+    """Return the gyro errors before the next station; the biases may have stepped to those of a unit as stated."""
     drift = np.arange(len(_DRIFT_SCALES))
     weight: Array = np.asarray(np.bincount(errors.drift_kind, np.exp(errors.log_weight), len(drift)), dtype=float)
     steps = _as_stated(params, _STEP * weight, np.full(len(drift), _NOW), drift, np.ones(len(drift)))
@@ -180,7 +182,7 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
     """
     Combine the result of a seek with each Gaussian of `errors` at the end of the seek.
 
-    The seek's own prior of biases and ramps is divided out, so that the prior counts only once in a run.
+    The seek's own prior of biases and ramps is removed, because the prior must count only once in a run.
     """
     unit = np.sqrt(np.diagonal(sought.covariance))
     unit = np.where(unit > 0.0, unit, 1.0)
@@ -202,7 +204,7 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
 
 
 def parts(errors: GyroErrors, found: Joined) -> list[Part]:
-    """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
+    """Return Gaussians of the horizontal Earth rate, weighted by evidence; found: `Joined`, with the latitude given."""
     heading = np.eye(9)[_HEADING]
     return [
         part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]), float(misfit))
@@ -216,10 +218,10 @@ def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:
     """
     Return the gyro errors after a station, given the length of the horizontal Earth rate, rad/s; found as in `parts`.
 
-    For a known azimuth the biases are nearly known. For each kind of unit, the Gaussians of all azimuths of an arc are
-    therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian for the
-    whole circle would cover the disc inside it, and the next station's circle would cut it as if the azimuth had been
-    learnt.
+    If the azimuth were known, the biases would nearly be known. For each kind of unit, the Gaussians of all azimuths of
+    an arc are therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian
+    for the whole circle would also cover the disc inside the circle; combined with the circle of the next station it
+    would wrongly determine the azimuth.
     """
     angle, share, log_weight = along(parts(errors, found), horizontal)
     circle = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
@@ -243,13 +245,13 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
     """
     Merge the Gaussians of a station by kind of unit and arc; the improbable arcs of a kind are merged into one.
 
-    log_weight, shape (k,), is that of each previous Gaussian; mass, shape (k, a), its share in each arc; mean and
-    covariance have shapes (k, a, 6) and (k, a, 6, 6).
+    log_weight, shape (k,): logarithm of the weight of each previous Gaussian; mass, shape (k, a): share of each
+    Gaussian in each arc; mean and covariance: shapes (k, a, 6) and (k, a, 6, 6).
     """
     kind = errors.bias_kind * len(_DRIFT_SCALES) + errors.drift_kind
     kinds, of_kind = np.unique(kind, return_inverse=True)
-    # Weights relative to the best of each kind; relative to the whole mixture those of an improbable kind would
-    # underflow.
+    # Compute weights relative to the largest of each kind; relative to the whole mixture, the weights of an improbable
+    # kind would underflow.
     most = np.full(len(kinds), -math.inf)
     np.maximum.at(most, of_kind, log_weight)
     weight = np.exp(log_weight - most[of_kind])[:, None] * mass
