@@ -30,7 +30,7 @@ _APART, _NEAR = 3.0, math.radians(1.0)
 
 @dataclasses.dataclass(frozen=True)
 class GyroParts:
-    """Density of the azimuth in two parts: for a right gyro, and for a doubted one (its bias stepped or it is wrong)."""
+    """Density of the azimuth in two parts: for a right gyro, and for a doubted gyro (bias stepped, or wrong)."""
 
     #: `right`, `doubted`: shape (n,); densities, per rad, each times the probability of its case.
     right: Array
