@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Elastic beam in a hole: it bends under its weight and an axial force, and the wall holds it where it touches.
+Elastic beam in a hole: it bends under its weight and an axial force, and the wall of the hole limits its deflection.
 
 The model is an Euler-Bernoulli beam-column of cubic elements in the plane of gravity. Deflection is measured from the
 axis of the hole, positive towards the high side; distance is measured from the bit, up-hole. The wall bounds the
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array, Indices
 
-_MOST_STEPS = 60
+_MOST_STEPS = 60  # largest number of iterations of the primal-dual active set
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def shape(beam: Beam) -> Shape:
     bounds[::2] = beam.clearance
     # The upper end is parallel to the hole.
     bounds[-1] = 0.0
-    # Without the axial force a minimum always exists; its contacts are a good start, as they prevent most buckling.
+    # Without the axial force a minimum always exists. Start from its contacts, because they prevent most buckling.
     start, side = _bounded(bending, load, bounds, np.zeros(len(load), dtype=int))
     try:
         found, _ = _bounded(bending + axial, load, bounds, side) if axial.any() else (start, side)
@@ -73,9 +73,10 @@ def shape(beam: Beam) -> Shape:
 
 def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
     """
-    Minimise the energy within -bounds and bounds, and return which bound each row touches: -1, 1, or 0 for none.
+    Return the deflections and slopes with the smallest energy between -bounds and bounds, and the contacts.
 
-    side: initial guess of the same. Raises LinAlgError if there is no minimum.
+    The contact of a row is -1 or 1 if the row is at the lower or upper bound, else 0. side: initial guess of the
+    contacts. Raises LinAlgError if there is no minimum.
     """
     limited = np.isfinite(bounds)
     rigid = bounds <= 0.0
@@ -87,7 +88,7 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
         try:
             found = np.where(fixed, found, _solved(matrix, load - matrix @ found, fixed))
         except LinAlgError:
-            # Too many contacts were released at once, so that a compressed part buckles.
+            # Too many contacts were released at once, so that a compressed component buckles.
             break
         over = np.where(fixed, load - matrix @ found, 0.0) / weight + found
         new = np.where(limited & (over > bounds), 1, np.where(limited & (over < -bounds), -1, 0))
@@ -100,7 +101,7 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
 
 
 def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
-    """Solve the same problem by a primal active set: one contact changes at a time, and the energy only decreases."""
+    """Solve the problem of `_bounded` by a primal active set, which changes one contact at a time."""
     side, reach = side.copy(), np.where(np.isfinite(bounds), bounds, 0.0)
     found = np.where(side != 0, side * reach, 0.0)
     for _ in range(20 * len(load)):

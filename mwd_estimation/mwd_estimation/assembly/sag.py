@@ -15,12 +15,13 @@ from mwd_estimation.assembly.beam import Beam, Shape, shape
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# Longest element, m; half this length changes the sag in the tests by less than 0.001 deg.
+# Longest element, m; elements of half this length change the sag in the tests by less than 0.001 deg.
 _ELEMENT = 0.5
-# Above the described part, the last component is assumed to continue for this length, m. It is much longer than the
-# length over which a collar lifts off the low side.
+# Length for which the last component is assumed to continue above the described components, m. It is much longer than
+# the length over which a collar lifts off the low side.
 _ABOVE = 60.0
-# Inclinations in the table of a correction, deg. Steeper holes are not drilled; there an assembly buckles by itself.
+# Inclinations in the table of a correction, deg. Holes with larger inclinations are not drilled; an assembly would
+# buckle there under its own weight.
 _TABLE_DEG = np.arange(0.0, 122.5, 2.5)
 
 
@@ -28,7 +29,7 @@ _TABLE_DEG = np.arange(0.0, 122.5, 2.5)
 class SagCorrection:
     """Correction to add to a measured inclination."""
 
-    #: Correction in a horizontal hole, rad, to multiply by the sine of the inclination; unused if there is a table.
+    #: Correction in a horizontal hole, rad, which is multiplied by the sine of the inclination; unused with a table.
     horizontal: float = 0.0
     table: tuple[tuple[float, float], ...] = ()  #: pairs of inclination, rad, increasing, and correction, rad
 
@@ -50,7 +51,7 @@ def sag(assembly: Assembly, inclination: float, build: float | None = None) -> f
     inclination : float
         Inclination of the hole at the sensors, rad.
     build : float, optional
-        Build rate of the hole, rad/m; by default that of the assembly.
+        Build rate of the hole, rad/m; by default the build rate in the description of the assembly.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
             ),
         ]
     )
-    # At a joint the component with the larger diameter touches the wall.
+    # At a joint, use the diameter of the wider component, which touches the wall first.
     below, over = np.searchsorted(ends, at - 1e-9), np.searchsorted(ends, at + 1e-9)
     last = len(bodies) - 1
     widest = np.maximum(bodies[np.minimum(below, last)], bodies[np.minimum(over, last)])
@@ -125,6 +126,6 @@ def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
         k = int(np.argmin(np.abs(at - where)))
         widest[k] = max(widest[k], od)
     clearance = 0.5e-3 * (assembly.hole_mm - widest)
-    # The bit cut the hole, so it is centred in it.
+    # The bit has the diameter of the hole, so it has no clearance.
     clearance[0] = 0.0
     return at, clearance

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transmission of the tool: a state machine that turns flow, rotation and measurements into words. Imports no ROS."""
+"""Transmission of the tool: a state machine that converts flow, rotation and measurements to telemetry words."""

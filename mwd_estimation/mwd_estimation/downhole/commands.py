@@ -26,9 +26,9 @@ class Commands:
     Attributes
     ----------
     settings : ToolSettings
-        Settings in force.
+        Settings after the commands received so far.
     echo : int
-        Code of the last command, for the word that repeats it; 0 before the first command.
+        Code of the last command, which the tool transmits as confirmation; 0 before the first command.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
@@ -43,7 +43,7 @@ class Commands:
             self._received.extend(self._decoder.push(stamps, signal))
 
     def obey(self, now: int) -> bool:
-        """Apply the commands decoded by a time, ns, and return whether there were any."""
+        """Apply the commands that the tool has decoded at a time, ns; return whether the code to echo has changed."""
         before = self.echo
         while self._decoder is not None and self._received:
             if now < self._received[0].stamp_ns + self._decoder.delay_ns:
@@ -53,36 +53,38 @@ class Commands:
             try:
                 tool_commands.applied(self._tool, settings)
             except ValueError:
-                # The tool cannot do what the command asks for. It does not echo it, so the surface sees that nothing
-                # changed.
+                # The tool cannot carry out the command. It does not echo the command, so the surface can see this.
                 continue
             self.settings, self.echo = settings, frame.echo
         return self.echo != before
 
     def speak(self) -> None:
-        """End the muting, because the flow has been switched on again."""
+        """End the muting, as after the flow has been switched on again."""
         self.settings = self.settings._replace(mute=False)
 
     def tool(self) -> ToolConfiguration:
-        """Return the tool configuration in force."""
+        """Return the tool configuration, changed by the commands received so far."""
         return self._tool if self._downlink is None else tool_commands.applied(self._tool, self.settings)
 
 
 # Find commands from the surface in the rotation or flow that the tool measures.
 
 
-_CELL_NS = 200_000_000
-_DATA = 9
-_SAMPLES = len(HEAD) + _DATA + len(TAIL)
-# Unit of the signal as whole numbers: 1e-6 rad/s or 1e-9 m^3/s, far below the noise of any sensor.
+_CELL_NS = 200_000_000  # ns; the signal is averaged over cells of this length
+_DATA = 9  # number of data symbols of a command
+_SAMPLES = len(HEAD) + _DATA + len(TAIL)  # number of symbols of a command
+# Steps of the signal in rad/s or m^3/s: the signal is rounded to 1e-6 rad/s or 1e-9 m^3/s, far below sensor noise, and
+# summed as whole numbers. The values are steps per unit.
 _SCALE = {"rotation": 1e6, "flow": 1e9}
-# Allowed ratio of the drop in flow or rotation to the configured one: flow meters are inexact, and the string slips.
+# Smallest and largest allowed ratio of the measured to the configured drop of flow or rotation: flow meters are
+# inexact, and the string slips.
 _DROP = (0.6, 1.5)
-# Drilling values within one command differ by less than this share of the drop; more would look like another level.
+# Largest difference between the high values of one command, as a share of the drop: a larger one would be another
+# level.
 _STEADY = 1.0 / (2.0 * (LEVELS - 1))
-# Allowed distance of the levels from whole numbers: rms and largest. Random values would be 0.29 away (rms).
+# Largest allowed distance of the measured levels from whole levels, rms and maximum. Random values have an rms of 0.29.
 _RMS, _MOST = 0.2, 0.42
-# Longest gap without samples, in cells of 0.2 s; after a longer gap the decoder restarts.
+# Longest gap without samples, in cells; after a longer gap the decoder restarts.
 _GAP = 10
 
 
@@ -94,7 +96,7 @@ class ReceivedCommand(NamedTuple):
 
 
 class DownlinkDecoder:
-    """Finds commands in a stream of samples."""
+    """Decoder of commands in a stream of samples of flow or rotation."""
 
     def __init__(self, downlink: Downlink) -> None:
         self._downlink, self._scale = downlink, _SCALE[downlink.medium]
@@ -102,7 +104,7 @@ class DownlinkDecoder:
         self._half = max(round(0.5 * downlink.hold_s / cell_s), 1)
         places = [round(k * downlink.symbol_s / cell_s) for k in range(_SAMPLES)]
         self._places = [place - places[-1] - 1 for place in places]
-        # The best match comes at most this long after the first one.
+        # Number of cells after the first match in which a better match of the same command may follow.
         self._settle = max(round(0.5 * downlink.symbol_s / cell_s), 1)
         self._begin()
 
@@ -141,7 +143,11 @@ class DownlinkDecoder:
         return found
 
     def _add_cell(self, cell: int, total: int, count: int) -> list[ReceivedCommand]:
-        """Add samples of one cell; more samples of the same cell may follow."""
+        """
+        Add samples of one cell, and return the commands that ended; more samples of the same cell may follow.
+
+        cell: start of the cell divided by its length; total: sum of the samples, in steps of `_SCALE`; count: number.
+        """
         found: list[ReceivedCommand] = []
         if self._cell is not None and not 0 <= cell - self._cell <= _GAP:
             self._begin()
@@ -156,7 +162,7 @@ class DownlinkDecoder:
         return found
 
     def _close(self, cell: int) -> list[ReceivedCommand]:
-        """Smooth the signal up to the end of a cell, and look for a command that ends there."""
+        """Smooth the signal up to the end of a cell; return the command found so far if no better match can follow."""
         half, history = self._half, self._history
         self._once += self._value
         self._twice += self._once
@@ -180,7 +186,7 @@ class DownlinkDecoder:
         return [received]
 
     def _fit(self, cell: int) -> tuple[float, ReceivedCommand] | None:
-        """Return the rms error of the levels and the command that ends with this cell; None without one."""
+        """Return the command that ends with this cell and the rms error of its levels; None if there is no command."""
         smooth, places, downlink = self._smooth, self._places, self._downlink
         first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
         high = (first + second + last) / 3.0

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Samples of the log channels: means over intervals of the tool's clock, for gamma also by direction.
+Samples of the log channels: means over intervals of the tool's clock; for gamma, also means for each sector.
 
-All data are summed by whole seconds. A second is closed when the attitude has reached the end of the next second.
-Therefore a sample does not depend on how the streams are cut, if no data arrive more than a second after the attitude
-of their time. A count belongs to the second and to the direction at the middle of its interval.
+All data are summed over full seconds. A second is closed when the attitude has reached the end of the next second.
+Therefore a sample does not depend on how the streams are cut, if all data arrive at most a second after the attitude of
+their time. A count belongs to the second and to the toolface at the middle of its counting interval.
 
 The rate of counts is corrected for dead time, n = m / (1 - m tau), with m the counted rate (G. F. Knoll, Radiation
 Detection and Measurement, 4th ed. 2010, equation 4.33). Its sigma is sqrt(N + 1/2) / T / (1 - m tau): the posterior of
@@ -36,15 +36,16 @@ from mwd_sensors.telemetry.log_channels import (
     LogSample,
 )
 
-_LATE_S = round(SETTLE_S)
+_LATE_S = round(SETTLE_S)  # time after the end of a second at which it is closed, s
 # Largest time between the middle of a count and the attitude row that gives its toolface, ns.
 _NEAR_NS = 60_000_000
-# 1 sigma of a toolface above which its count goes into no sector, rad: half the width of one of eight sectors.
+# Largest 1 sigma of a toolface whose count is added to a sector, rad: half the width of one of eight sectors.
 _TOOLFACE_SIGMA = math.pi / 8.0
-# Samples that are older than the closed second by more than this come from a clock that was set back. They wait until
-# the attitude shows the set-back too. The second number is the most rows that wait.
+# Samples that are older than the closed seconds by more than _SET_BACK_S come from a clock that was set back. At most
+# _MOST of them are kept until the attitude goes back too.
 _SET_BACK_S, _MOST = 3, 10_000
-# Least share of the time in which the detector is alive for the correction; below, the rate is a lower bound.
+# Smallest live share of the time, 1 - m tau, that is used in the correction; with a smaller one the rate is a lower
+# bound.
 _LEAST_ALIVE = 0.05
 _CONSTANTS = ("dead_time", "tool_factor", "sensor_to_bit")
 _STATED_SIGMA = {"attitude": "sigma_{field}", "temperature": "variance"}
@@ -74,10 +75,10 @@ class LogSampler:
     Attributes
     ----------
     running : list of (int, dict of str to LogSample)
-        Means over the last interval of each channel, for words: when they are known, ns, and the samples by channel.
-        The caller removes what it has used.
+        Running means for telemetry words: the time from which they are known, ns, and the mean over the last interval
+        of each channel, by name. The caller must remove the entries that it has used.
     late : int
-        Samples that came too late and are missing.
+        Number of samples that arrived too late and are not used.
     """
 
     def __init__(self, channels: Mapping[str, LogChannel]) -> None:
@@ -97,15 +98,16 @@ class LogSampler:
 
     def push(self, stream: str, samples: Samples) -> None:
         """
-        Add samples of a stream in order: counts, temperature, dynamics or status, of `wire.COUNTS` and so on.
+        Add samples of a stream, in order of time, before the attitude of the same time.
 
-        Push them before the attitude of the same time.
+        stream: counts, temperature, dynamics or status; samples: dtype `wire.COUNTS`, `wire.TEMPERATURE`,
+        `wire.DYNAMICS` or `wire.TOOL_STATUS`.
         """
         if stream in self._streams and len(samples):
             self._waiting[stream].append(samples)
 
     def advance(self, attitude: Samples) -> list[LogSample]:
-        """Add rows of `wire.ATTITUDE` in order; return the samples they complete. Starts anew if time goes back."""
+        """Add rows of `wire.ATTITUDE` in order; return the log samples now complete. Restart if time goes back."""
         found: list[LogSample] = []
         stamps = attitude["stamp_ns"]
         while len(stamps):
@@ -115,7 +117,7 @@ class LogSampler:
             self._waiting["attitude"].append(attitude[:count])
             if count:
                 if self._closed_s is None:
-                    # Leave out the first second: it is incomplete, and would hold different samples live and offline.
+                    # Skip the first second: it is incomplete, and contains different samples live and offline.
                     self._closed_s = int(stamps[0]) // NANOSECONDS + 1
                 self._lead_ns = int(newest[count - 1])
                 found += self._close(self._lead_ns // NANOSECONDS - _LATE_S)
@@ -127,7 +129,7 @@ class LogSampler:
         return found
 
     def finish(self) -> list[LogSample]:
-        """Return the samples of all data so far, the last ones incomplete; more data must not follow."""
+        """Return the log samples of all data so far; the last ones are incomplete, and no data may follow."""
         found = self._close(self._lead_ns // NANOSECONDS + 1)
         for name, open_ in self._open.items():
             if open_:
@@ -136,7 +138,7 @@ class LogSampler:
         return found
 
     def _close(self, until_s: int) -> list[LogSample]:
-        """Close all seconds before `until_s`, and return the samples that are complete."""
+        """Close all seconds before `until_s`, s since 1970, and return the log samples that are complete."""
         if self._closed_s is None or until_s <= self._closed_s:
             return []
         rows = {name: _joined(waiting) for name, waiting in self._waiting.items()}
@@ -145,7 +147,7 @@ class LogSampler:
         seconds: set[int] = set()
         for name, place in at.items():
             late = (place < begin) & (place >= begin - _SET_BACK_S)
-            # Rows of the attitude are kept for a second, so that the counts of the next second find their toolface.
+            # Do not count late rows of the attitude: they are kept for a second to give the toolface of later counts.
             self.late += int(late.sum()) if name != "attitude" else 0
             seconds.update(np.unique(place[(place >= begin) & (place < until_s)]).tolist())
         found: list[LogSample] = []
@@ -189,7 +191,7 @@ def rate(counts: Array | float, seconds: Array | float, dead_time: float) -> tup
     Parameters
     ----------
     counts, seconds : array_like, shape (...)
-        Counted pulses, and the time of counting, s; where the time is 0, the rate is NaN.
+        Number of counted pulses, and counting time, s; for a time of 0 the rate is NaN.
     dead_time : float
         Dead time after each pulse, s.
     """
@@ -216,7 +218,7 @@ def _sums(second: int, channel: LogChannel, samples: Samples, attitude: Samples 
     else:
         sums.sigmas = math.nan
     if known.any():
-        # One value per second: the samples of a second are not independent.
+        # Count all samples of a second as one value, because they are not independent.
         sums.seconds, sums.samples = 1.0, 1
         if channel.unit == FLAGS:
             sums.total = float(np.bitwise_or.reduce(values[known].astype(np.int64)))
@@ -250,7 +252,7 @@ def _middle(samples: Samples) -> Stamps:
 
 
 def _toolfaces(stamps: Stamps, attitude: Samples | None) -> Array:
-    """Return the gravity toolface at stamps, ns, from the rows nearest in time, rad; NaN where it is not known."""
+    """Return the gravity toolface at stamps, ns, from the nearest attitude rows, rad; NaN where it is unknown."""
     if attitude is None:
         return np.full(len(stamps), np.nan)
     order = np.argsort(attitude["stamp_ns"], kind="stable")
@@ -265,7 +267,11 @@ def _toolfaces(stamps: Stamps, attitude: Samples | None) -> Array:
 
 
 def _sample(name: str, channel: LogChannel, parts: list[_Second], end_s: int | None = None) -> LogSample:
-    """Return the sample of one interval from its seconds; end_s: its end, if it is not a multiple of the interval."""
+    """
+    Return the log sample of one interval from the sums of its seconds.
+
+    end_s: end of the interval, s since 1970; None: the multiple of the interval length after the first second.
+    """
     span = channel.interval_s
     end = end_s if end_s is not None else (parts[0].second // span + 1) * span
     middle_ns = end * NANOSECONDS - span * NANOSECONDS // 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Newest measurement for each word of a tool, in SI, with its sigma and its stamp."""
+"""Newest measurement of each quantity that a telemetry word may carry, in SI, with its sigma and stamp."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NORTH = {int(north): north.name.lower() for north in North}
 
 
 class Reading(NamedTuple):
-    """Value and its 1 sigma, SI (NaN if unknown), and the stamp of the measurement, ns."""
+    """Value and 1 sigma, SI, NaN if unknown; and stamp of the measurement, ns."""
 
     value: float
     sigma: float
@@ -32,9 +32,9 @@ Readings = dict[str, Reading]
 
 def to_magnetic(north: str, reference: Reference | None) -> float | None:
     """
-    Return the angle to add to an azimuth from a named north to refer it to magnetic north, rad; None if unknown.
+    Return the angle from magnetic north to the named north, rad, to add to an azimuth from that north; None if unknown.
 
-    Azimuths are sent from magnetic north, as people at the surface expect; declination and convergence are added there.
+    By convention a tool transmits azimuths from magnetic north; the surface adds declination and convergence.
     """
     correction = north_correction(reference, north) if north in NORTHS else None
     return None if correction is None else -correction

@@ -11,7 +11,7 @@ from mwd_sensors.telemetry.switch import FLOW_HOLD_S
 
 @dataclasses.dataclass(frozen=True)
 class Transmit:
-    """When the tool transmits. The tool configuration (tool.yaml) says what it sends, and how."""
+    """Settings of the times at which the tool transmits; tool.yaml, its configuration, states words and modulation."""
 
     tool_file: str = setting(
         "",
@@ -46,7 +46,7 @@ class Transmit:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a time shorter than half a second, because single jerks of the string last that long."""
+        """Refuse a switching time shorter than half a second, because single jerks of the string last that long."""
         if 0.0 < self.rotation_switching_s < 0.5:
             raise ValueError(
                 f"rotation_switching_s: {self.rotation_switching_s:g} s is below the shortest time, 0.5 s; 0: no "

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Transmission of the tool: a state machine that turns flow, rotation and measurements into words.
+Transmission of the tool: a state machine that converts flow, rotation and measurements to telemetry words.
 
-Without flow the tool is silent. When the flow has been on for a while, the transmit delay starts; after it the tool
-sends sync, header, the survey, and then the toolface sequence repeatedly. Each word is measured when its transmission
-starts. On a carrier, blocks of words take the place of sync, header and words. A tool on a wire does not wait for flow:
-it sends toolface frames all the time, and each survey as soon as it has been taken. The machine moves in steps of 0.1 s
-of the tool's clock, so that the result does not depend on how the samples are cut into blocks.
+Without flow the tool is silent. When the flow has been on for `flow_hold_s`, the transmit delay starts; after the delay
+the tool sends sync, header, the survey, and then the toolface sequence repeatedly. Each word has the newest measurement
+at the start of its transmission. On a carrier, blocks of words replace sync, header and words. A tool on a wire does
+not wait for flow: it sends toolface frames all the time, and each survey as soon as it has been taken. The machine
+moves in steps of 0.1 s of the tool's clock, so that the result does not depend on how the samples are cut into blocks.
 
-A downlink command takes effect with the next sync, which follows the word being sent.
+A downlink command takes effect with the next sync, which is sent after the current word.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from mwd_sensors.telemetry.switch import Switch
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
 NANOSECONDS = 1_000_000_000
-_STEP_NS = NANOSECONDS // 10
-# Averaging time of surveys while the string moves, s; at 30 m/h the hole grows by a tenth of a metre meanwhile.
+_STEP_NS = NANOSECONDS // 10  # step of the state machine, ns
+# Averaging time of surveys while the string moves, s; in this time the hole grows by a tenth of a metre at 30 m/h.
 _CONTINUOUS_S = 10.0
-# Attitude that waits longer than this for the flow of the same time is dropped, so that memory stays bounded.
+# Longest time for which attitude waits for the flow of the same time, ns; older attitude is dropped.
 _KEPT_NS = 60 * NANOSECONDS
-_KEPT_LOGS = 60  # running means of the log channels, one a second
+_KEPT_LOGS = 60  # number of running means of the log channels that are kept, one per second
 Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
@@ -57,7 +57,7 @@ class Kind(enum.IntEnum):
 
 
 class TransmitterState(enum.StrEnum):
-    """Activity of the tool, in words for the operator."""
+    """State of the transmission, with a text for the operator."""
 
     SILENT = "silent: no flow"
     WAITING = "flow is on: transmit delay"
@@ -74,14 +74,14 @@ class Sent:
     frame: int  #: number of the pass through a sequence, from 0
     sequence: int  #: number of the sequence
     name: str  #: name of the word; empty for a sync or header
-    #: `raw`, `bits`: code without parity, and its length.
+    #: `raw`, `bits`: code without parity, and number of its bits.
     raw: int
     bits: int
     reading: Reading | None  #: measurement, SI; None if there is none
-    start_ns: int  #: start of the transmission, clock of the tool
-    duration_s: float
+    start_ns: int  #: start of the transmission, clock of the tool, ns
+    duration_s: float  #: duration of the transmission, s
     edges_s: tuple[float, ...]  #: start of each pulse, counted from `start_ns`, s
-    tool: ToolConfiguration  #: configuration in force
+    tool: ToolConfiguration  #: tool configuration with which it was sent
     phases: tuple[float, ...] = ()  #: phase of each symbol on a carrier, rad; only for the first word of a block
     octets: bytes = b""  #: bytes on a serial line; only for the first word of a frame
 
@@ -98,7 +98,11 @@ _KINDS = {"survey": Kind.SURVEY, "toolface": Kind.TOOLFACE}
 
 
 class Transmitter:
-    """Transmission of one tool: `tool` says what is sent and how, `settings` says when."""
+    """
+    Transmission of one tool.
+
+    tool: tool configuration, with words and modulation; settings: times at which the tool transmits.
+    """
 
     def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
         self.tool, self._settings = tool, settings
@@ -114,8 +118,8 @@ class Transmitter:
         self._fresh = False
         self._current: Readings = {}
         self._slow: Readings = {}
-        # Words that carry log channels and have no other meaning. `_logs` has the readings by word, each with the time
-        # from which they are known.
+        # Words that carry log channels and have no other meaning. `_logs` has the time from which readings of these
+        # words are known, ns, and the readings by word.
         self._logged_words = {
             word: item for word, item in carried(tool.logged).items() if not meanings.meaning_of(word)
         }
@@ -148,7 +152,11 @@ class Transmitter:
             self._slow |= readings.of_dynamics(samples[-1])
 
     def take_logs(self, known_ns: int, samples: Mapping[str, LogSample]) -> None:
-        """Add running means of log channels, known from `known_ns` on, in order and before the attitude."""
+        """
+        Add running means of log channels, in order of time and before the attitude of the same time.
+
+        known_ns: time from which the means are known, ns; samples: means by the name of the channel.
+        """
         found: Readings = {}
         for word, (name, channel, sector) in self._logged_words.items():
             sample = samples.get(name)
@@ -160,7 +168,7 @@ class Transmitter:
                 else (sample.sectors[sector], sample.sigma_sectors[sector])
             )
             if math.isfinite(value):
-                # Readings are in SI, or in the unit of the word where SI has none.
+                # Readings are in SI, or in the unit of the word if the quantity has no SI unit.
                 unit = self.tool.table[word].unit
                 factor = meanings.factor(unit) / channel.factor(unit)
                 found[word] = Reading(value * factor, sigma * factor, sample.stamp_ns)
@@ -168,12 +176,12 @@ class Transmitter:
 
     def advance(self, attitude: Samples, reference: Reference | None) -> list[Sent]:
         """
-        Add samples of `wire.ATTITUDE`, and return what was transmitted up to the last time whose flow is known.
+        Add samples of `wire.ATTITUDE`; return the parts transmitted up to the last time whose flow is known.
 
-        reference : field whose declination and convergence are used to refer azimuths to magnetic north.
+        reference : reference whose declination and convergence convert azimuths to magnetic north.
         """
         stamps = attitude["stamp_ns"]
-        # The first sample in each step is enough.
+        # Keep only the first sample in each step.
         last = self._attitudes[-1][0] // _STEP_NS if self._attitudes else (self._now or 0) // _STEP_NS
         for k, cell in enumerate((stamps // _STEP_NS).tolist()):
             if cell > last:
@@ -243,7 +251,7 @@ class Transmitter:
                 self._begin_sending(self._next_ns)
             elif self._begins_anew:
                 self._begins_anew = False
-                # A tool of surveys only was in its survey, and sends it again.
+                # When rotation ends, a tool without toolface sequences sends its survey again.
                 self._on_air = self._parts(with_survey=self._rotation.on or not self.tool.toolfaces)
             part = next(self._on_air, None)
             if part is None:
@@ -254,7 +262,7 @@ class Transmitter:
         return sent
 
     def _begin_sending(self, at_ns: int) -> None:
-        """Start with a survey, and use the tool configuration in force after the commands received."""
+        """Start to send with the survey at a time, ns, and use the configuration changed by the received commands."""
         self.state, self._next_ns, self._commanded, self._begins_anew = TransmitterState.SENDING, at_ns, False, False
         self.tool = self._commands.tool()
         self._on_air = self._frames() if self.wired else self._parts(with_survey=True)
@@ -270,14 +278,14 @@ class Transmitter:
 
     @property
     def _number(self) -> int:
-        """Number of the sequences to send now."""
+        """Number of the sequences (survey and toolface) to send now."""
         if not self.tool.names_sequences:
             return 0
         switches = self._settings.rotation_switching_s > 0.0
         return int(self._rotation.on) if switches else self._commands.settings.sequence
 
     def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
-        """Yield sync, header and survey, then the toolface sequence, if there is one, until muted."""
+        """Yield sync, header and survey, then the toolface sequence, if there is one, until the tool is muted."""
         number = self._number
         if self.tool.code in PULSE_CODES:
             yield _Part(Kind.SYNC, number, Group("", number, 0, ()))
@@ -292,7 +300,7 @@ class Transmitter:
             yield from self._pass("toolface", number)
 
     def _frames(self) -> Iterator[_Part]:
-        """Yield the frames of a tool on a wire until muted: the survey if there is a new one, else toolfaces."""
+        """Yield the frames of a tool on a wire until it is muted: the survey if there is a new one, else toolfaces."""
         while (self._fresh or self.tool.toolfaces) and not self._commands.settings.mute:
             kind = "survey" if self._fresh else "toolface"
             if self._fresh:
@@ -305,7 +313,7 @@ class Transmitter:
         return (_Part(_KINDS[kind], number, group) for group in on_air.groups(self.tool, kind, number))
 
     def _choose_survey(self) -> None:
-        """Choose the survey taken at rest since the last transmission, or else the least noisy continuous one."""
+        """Use the survey taken at rest since the last transmission; without one, the least noisy continuous survey."""
         self._frame += 1
         if not self._fresh:
             self._survey = self._continuous.best() or self._survey
@@ -321,7 +329,7 @@ class Transmitter:
             number if kind == Kind.HEADER else self._code(item, reading)
             for item, reading in zip(group.items, measured, strict=True)
         )
-        # Sync and header belong to the pass that follows them.
+        # Sync and header get the number of the pass that follows them.
         frame = self._frame if kind in (Kind.SURVEY, Kind.TOOLFACE) else self._frame + 1
         if kind == Kind.SYNC:
             signal = on_air.sync(self.tool)
@@ -349,7 +357,7 @@ class Transmitter:
         return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
 
     def _code(self, item: SequenceItem, reading: Reading | None) -> int | None:
-        """Return the code of a reading; None if there is none (what is then sent cannot be mistaken for a reading)."""
+        """Return the code of a reading; None if there is none (the tool then sends a code that is not a reading)."""
         if reading is None:
             return None
         word = self.tool.table[item.name]
@@ -357,15 +365,16 @@ class Transmitter:
 
 
 def _newest(rows: deque[Row], now: int) -> Row | None:
-    """Return the last row with a stamp up to `now` and drop older ones; None if the first row is later than `now`."""
+    """Return the last row with a stamp up to `now`, ns, and drop older rows; None if all rows are later."""
     while len(rows) > 1 and rows[1][0] <= now:
         rows.popleft()
     return rows[0] if rows[0][0] <= now else None
 
 
-# Surveys while the string moves: averages over some seconds, of which the least noisy one is kept.
+# Surveys while the string moves: averages over some seconds; the least noisy average is kept.
 
 
+# For each averaged quantity: the quantities of a survey for its mean and for 1 sigma.
 _OF_SURVEY = {
     meanings.CONTINUOUS_INCLINATION: (meanings.INCLINATION, meanings.SIGMA_INCLINATION),
     meanings.CONTINUOUS_AZIMUTH: (meanings.AZIMUTH, meanings.SIGMA_AZIMUTH),
@@ -373,7 +382,7 @@ _OF_SURVEY = {
 
 
 class ContinuousSurvey:
-    """Averages of inclination and azimuth over windows of equal length, `window_ns`."""
+    """Averages of inclination and azimuth over windows of equal length, `window_ns`, ns."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
@@ -383,7 +392,7 @@ class ContinuousSurvey:
         self._best: Readings = {}
 
     def take(self, stamp_ns: int, readings: Readings) -> None:
-        """Add the readings of one sample."""
+        """Add the readings of one sample; stamp_ns: stamp of the sample, ns."""
         if self._begin is None:
             self._begin = stamp_ns
         elif stamp_ns - self._begin >= self._window_ns:
@@ -400,7 +409,7 @@ class ContinuousSurvey:
         return dict(self._best)
 
     def forget(self) -> None:
-        """Forget the best window, because it has been sent."""
+        """Discard the best window, as after it has been sent."""
         self._least, self._best = math.inf, {}
 
     def _close(self, stamp_ns: int) -> None:

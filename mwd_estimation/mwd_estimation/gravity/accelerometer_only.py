@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Accelerometer alone as a gravity method: the baseline with which every other method is compared.
+Gravity from the accelerometer alone: the baseline to which every other method is compared.
 
-Down is minus the direction of the specific force, sample by sample, without a gyro and without memory. This method also
-takes over when the gyros are faulty (`fallback`). Limits: ``docs/methods/fuzzy_mahony.md``.
+Down is minus the direction of the specific force, sample by sample, without gyro and filter. This method is also used
+while the gyros are faulty (`fallback`). Limits: ``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Params(NamedTuple):
 
 
 class Record:
-    """Common clock and motion, the last direction down, and averages of the force over the memory."""
+    """State of the method; averages of the force are over the time `Params.memory`."""
 
     clock: track.Clock
     motion: track.Motion
@@ -67,7 +67,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     Return minus the direction of the specific force, sample by sample; arguments and errors as for `fuzzy_mahony.run`.
 
     Sigma comes from the mean square of all forces other than gravity (`_disturbance`), because the direction of a
-    disturbance is not known: vibration along a horizontal hole does not change the magnitude of the force at all.
+    disturbance is unknown: vibration along a horizontal hole does not change the magnitude of the force to first order.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
@@ -110,8 +110,8 @@ def _tilts(p: Params, s: Any, across: float) -> tuple[float, float]:
     """
     Return 1 sigma of the direction down in the vertical plane of the axis and across that plane, rad, at most pi.
 
-    across is the sine of the inclination. The hole hardly changes its direction within the memory, so every change of
-    the axial force is a disturbance; the rest of the disturbance acts equally on both axes across the tool.
+    across: sine of the inclination. The direction of the hole hardly changes within the averaging time, so every change
+    of the axial force is a disturbance; the rest of the disturbance acts equally on both axes across the tool.
     """
     axial = s.square[0] - s.mean[0] * s.mean[0]
     total = _disturbance(p, s)
@@ -120,8 +120,9 @@ def _tilts(p: Params, s: Any, across: float) -> tuple[float, float]:
         return math.pi, math.pi
     aside = 0.5 * max(total - axial, 0.0)
     along = axial * across * across + aside * (1.0 - across * across)
-    # A disturbance that is nearly as strong as gravity leaves no direction. The third power keeps the sigma of weaker
-    # ones (`test_any_rate_from_50_to_1000_hz_is_followed_from_a_start_in_motion`).
+    # With a disturbance nearly as strong as gravity there is no direction, so the scale grows without limit. The third
+    # power keeps the sigma of weaker disturbances unchanged
+    # (`test_any_rate_from_50_to_1000_hz_is_followed_from_a_start_in_motion`).
     scale = 1.0 / ((1.0 - share * share * share) * p.gravity * p.gravity)
     floor = p.sigma_floor * p.sigma_floor
     along = math.sqrt(max(along, s.power) * scale + floor)
@@ -132,12 +133,12 @@ def _tilts(p: Params, s: Any, across: float) -> tuple[float, float]:
 @compiled
 def _disturbance(p: Params, s: Any) -> float:
     """
-    Return the mean square of the forces other than gravity over the memory, (m/s^2)^2.
+    Return the mean square of the forces other than gravity over the averaging time, (m/s^2)^2.
 
-    A disturbance that is not correlated with gravity adds its mean square to that of the force, whatever its direction;
-    the errors of the accelerometers make this sum uncertain by `slack`. Within the slack, the changes of the force in
-    tool axes tell more. They also contain the gravity that a turning tool sees rotate, and no force that is constant in
-    tool axes, such as the centripetal force.
+    A disturbance that is not correlated with gravity adds its mean square to the mean square of the force, for any
+    direction. The errors of the accelerometers make the result uncertain by `slack`. Within this uncertainty, the
+    variance of the force in tool axes is used. In a rotating tool this variance includes gravity, and it excludes
+    forces that are constant in tool axes, such as the centripetal force.
     """
     square = s.square[0] + s.square[1] + s.square[2]
     changes = square - (s.mean[0] * s.mean[0] + s.mean[1] * s.mean[1] + s.mean[2] * s.mean[2])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gravity while a sensor is faulty: leave the faulty sensor out, and give no gravity rather than a wrong one.
+Gravity while a sensor is faulty: the faulty sensor is not used, and unknown gravity is better than a wrong one.
 
-Without usable gyros, gravity is the direction of the accelerometer alone with a sigma from its own disturbance. Without
-a usable accelerometer there is no gravity. When the fault has ended the method restarts, because its state during the
-fault cannot be trusted.
+Without usable gyros, gravity is the direction of the accelerometer alone, with a sigma from the scatter of the force.
+Without a usable accelerometer there is no gravity. When the fault has ended the method restarts, because its state
+during the fault may be wrong.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NOT_TURNING = np.uint32(Status.STILL | Status.SLIDING)
 
 class GravityWithFallback:
     """
-    Gravity method that leaves faulty sensors out.
+    Gravity method that does not use faulty sensors.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class GravityWithFallback:
 
     @property
     def samples_are(self) -> str:
-        """See `State.samples_are`; empty for a method that does not look for it."""
+        """See `State.samples_are`; empty for a method that does not check the meaning of samples."""
         return self._state.samples_are if isinstance(self._state, State) else ""
 
     def run(
@@ -75,20 +75,20 @@ class GravityWithFallback:
         followed: Track | None = None,
     ) -> Track:
         """
-        Return gravity for samples during which the same sensors are unusable.
+        Return the gravity of samples; the same sensors must be unusable in all of them.
 
         Parameters
         ----------
         unusable : int
-            Unusable sensors, bits as in the health checks.
+            Unusable sensors, as bits of `core.sensor_fault`.
         time : tuple of ndarray of int64, shape (n,) each
-            Stamps, and the times at which the samples were measured (`core.stream_clock`), ns.
+            Stamps, ns, and times at which the samples were measured (`core.stream_clock`), ns.
         gyro, accel : ndarray, shape (n, 3)
             Rates, rad/s, and forces, m/s^2, in tool axes.
         clipped : ndarray of uint8, shape (n,)
             Bits of `core.clip_flags`.
         followed : Track, optional
-            Gravity found in another way (by a smoother), returned if both sensors are usable.
+            Gravity from another method (a smoother), which is returned if both sensors are usable.
         """
         stamps, times = time
         unusable, before = unusable & (GYRO | ACCEL), self._unusable
@@ -119,12 +119,12 @@ class GravityWithFallback:
         return self._method.run(self._params, self._state, times, gyro, accel)
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Accept magnetic samples, T, in tool axes, and keep them until the IMU samples of their time arrive."""
+        """Keep magnetic samples (stamps, ns; field in tool axes, T) until the IMU samples of their time arrive."""
         mag = self.mag
         self.mag = mag._replace(stamp_ns=np.concatenate([mag.stamp_ns, stamps]), b_t=np.concatenate([mag.b_t, b_t]))
 
     def shift_mag(self, late_ns: int, lag_ns: int) -> None:
-        """Correct the stamps, late by late_ns, of the magnetic samples not used yet; lag_ns: see `MagneticSamples`."""
+        """Subtract late_ns from the stamps of waiting magnetic samples, and set their lag, ns (`MagneticSamples`)."""
         self.mag = self.mag._replace(stamp_ns=self.mag.stamp_ns - late_ns, lag_ns=lag_ns)
 
     def _drop_mag(self, count: int) -> None:
@@ -134,10 +134,10 @@ class GravityWithFallback:
 
 def without_faulty(unusable: int, gyro: Array, full: float) -> Array:
     """
-    Return the rates for the steps after gravity, NaN if the gyros are unusable or clip across the tool.
+    Return the rates for the steps after gravity; all are NaN if the gyros are unusable, y and z if one of them clips.
 
-    full is the end of the range, rad/s. A string may rotate about its axis faster than its gyro reads. No tool rotates
-    so fast across its axis, so a clipped sample is a blow and as unknown as a missing one.
+    full: end of the range, rad/s. A string may rotate about its axis faster than the gyro reads. No tool rotates so
+    fast across its axis, so a clipped cross-axis rate comes from a blow and is not a measurement.
     """
     if unusable & GYRO:
         return np.full_like(gyro, np.nan)

@@ -3,9 +3,9 @@
 S3: gravity while drilling by a rotation-vector recursion, a PI correction and a fuzzy proportional gain.
 
 The recursion (S3 eq 5, with the sign in the exponent as eq 1 requires) propagates the last filtered gravity by the raw
-gyro. Its difference from the accelerometer drives a proportional-integral correction of the rates (S3 figure 4,
-Mahony's filter with one vector). The proportional gain follows non-gravity acceleration and rotary speed by the fuzzy
-table 1. Derivation, limits and observability: ``docs/methods/fuzzy_mahony.md``.
+gyro. The difference of the propagated gravity from the accelerometer drives a proportional-integral correction of the
+rates (S3 figure 4, Mahony's filter with one vector). The proportional gain depends on non-gravity acceleration and
+rotary speed (fuzzy table 1 of S3). Derivation, limits and observability: ``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
-# S3 table 1 and eq (12): rows are rotary speed S, M, L, columns are non-gravity acceleration S, M, L; output steps.
+# Change of k_p, 1/s, by S3 table 1 and eq (12). Rows: rotary speed small, medium, large; columns: non-gravity
+# acceleration small, medium, large.
 RULES: Array = np.array([[0.06, 0.03, -0.03], [0.0, 0.0, -0.03], [0.0, -0.03, -0.06]])
-WINDOW_MOST = 512
-RPM = 60.0 / (2.0 * math.pi)
-# Correlation time of the disturbance assumed during a start, s.
+WINDOW_MOST = 512  # largest value of `Params.window`
+RPM = 60.0 / (2.0 * math.pi)  # r/min in one rad/s
+# Correlation time of the disturbance that is assumed during a start, s.
 _ALIKE = 0.03
-# Least bandwidth of the low-pass for the remaining error, 1/s; bandwidth of its mean square as a share of the first.
+# Smallest bandwidth of the low-pass of the remaining error, 1/s; and bandwidth of the low-pass of its square, as a
+# share of the bandwidth of the first low-pass.
 _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
 _INITIALISING = int(Status.INITIALISING)
@@ -46,8 +48,8 @@ class Params(NamedTuple):
     #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 does not estimate the gyro bias.
     k_p: float = 0.15
     k_i: float = 0.003
-    k_p_least: float = 0.01  #: least proportional gain that the fuzzy table can set, 1/s
-    fuzzy: bool = True  #: let the fuzzy table move k_p
+    k_p_least: float = 0.01  #: smallest proportional gain that the fuzzy table can set, 1/s
+    fuzzy: bool = True  #: whether the fuzzy table changes the proportional gain
     window: int = 20  #: number of samples whose largest non-gravity acceleration enters the table, at most WINDOW_MOST
     coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 if the sensor integrates (strapdown)
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
@@ -67,17 +69,17 @@ class Record:
     down: Annotated[Array, 3]  #: unit vector down, tool axes
     integral: Annotated[Array, 3]  #: integral correction of the rates, rad/s
     last_angle: Annotated[Array, 3]  #: rotation angle of the previous sample, rad
-    #: `mean`, `mean_power`: shape (3,), and float; integrals during a start of force over gravity in gyro axes, s, and
-    #: of the square of its disturbance.
+    #: `mean`, `mean_power`: integrals during a start, s: of minus the force divided by gravity, rotated by the gyro,
+    #: and of the squared difference of this vector from `down`.
     mean: Annotated[Array, 3]
     mean_power: float
-    #: `slow_error`, `slow_power`: shape (3,), and float; error signal at the filter's own bandwidth, and its mean
-    #: square.
+    #: `slow_error`, `slow_power`: error signal (cross product of measured and propagated direction, rad), low-passed at
+    #: the bandwidth of the filter, and its mean square per axis, rad^2.
     slow_error: Annotated[Array, 3]
     slow_power: float
     start_power: float  #: remaining mean square error of the start, rad^2
-    #: `age`, `non_gravity`, `sigma`: time since the start, s; acceleration that is not gravity, m/s^2; sigma of the
-    #: direction, rad.
+    #: `age`, `non_gravity`, `sigma`: time since the start, s; magnitude of the non-gravity acceleration, m/s^2; 1 sigma
+    #: of the direction, rad.
     age: float
     non_gravity: float
     sigma: float
@@ -107,13 +109,14 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     state : State
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
+        Stamps, ns.
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
 
     Raises
     ------
     ValueError
-        Shapes do not match.
+        If the shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
@@ -123,7 +126,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
 @compiled
 def membership(value: float, low: float, middle: float, high: float) -> tuple[float, float, float]:
-    """Return triangular memberships small, medium, large (S3 figure 3 a, b), equal to 1 beyond the ends."""
+    """Return triangular memberships small, medium, large (S3 figure 3 a, b); 1, 0, 0 below low, 0, 0, 1 above high."""
     if value <= low:
         return 1.0, 0.0, 0.0
     if value >= high:
@@ -195,7 +198,7 @@ def _begin(p: Params, s: Any) -> None:
 
 @compiled
 def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, float]) -> None:
-    """Average the force in axes carried by the gyro, so that vibration averages out and rotation has no effect."""
+    """Average the force, rotated by the gyro, so that vibration averages out and rotation has no effect."""
     mx, my, mz = in_turned_axes(s.mean[0], s.mean[1], s.mean[2], turn[0], turn[1], turn[2])
     step = max(dt, 1e-3)
     mx += u[0] * step
@@ -215,7 +218,7 @@ def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, 
 
 @compiled
 def _proportional_gain(p: Params, s: Any) -> float:
-    """Return the present gain k_p, 1/s; the ring must already hold the sample's non-gravity acceleration."""
+    """Return the present gain k_p, 1/s; the ring must already contain the non-gravity acceleration of the sample."""
     if not p.fuzzy:
         return p.k_p
     most = 0.0
@@ -226,7 +229,11 @@ def _proportional_gain(p: Params, s: Any) -> float:
 
 @compiled
 def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]) -> None:
-    """Propagate and correct by S3 figure 4: last gravity carried by the raw gyro, error against the accelerometer."""
+    """
+    Propagate gravity by the raw gyro, and correct it by its error against the accelerometer (S3 figure 4).
+
+    dt: s; w: rate, rad/s; u: minus the force over gravity; turn: rotation vector of the sample, rad.
+    """
     px, py, pz = turn
     hx, hy, hz = in_turned_axes(s.down[0], s.down[1], s.down[2], px, py, pz)
     ex, ey, ez = u[1] * hz - u[2] * hy, u[2] * hx - u[0] * hz, u[0] * hy - u[1] * hx
@@ -235,7 +242,7 @@ def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[flo
     s.ring[s.ring_at] = s.non_gravity
     s.ring_at = (s.ring_at + 1) % p.window
     k_p = _proportional_gain(p, s)
-    # A young estimate weighs all samples equally, like a mean.
+    # Soon after a start, use the gain 1 / age, with which all samples have the same weight, like in a mean.
     gain = max(k_p, 1.0 / s.age) if k_p > 0.0 else 0.0
     s.integral[0] += p.k_i * ex * dt
     s.integral[1] += p.k_i * ey * dt
@@ -247,7 +254,7 @@ def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[flo
     gx, gy, gz = in_turned_axes(s.down[0], s.down[1], s.down[2], ox, oy, oz)
     norm = math.sqrt(gx * gx + gy * gy + gz * gz)
     s.down[0], s.down[1], s.down[2] = gx / norm, gy / norm, gz / norm
-    # The error signal, low-passed at the correction's bandwidth, is the error that has not been removed yet.
+    # The error signal, low-passed at the bandwidth of the correction, is the error that remains.
     e = s.slow_error
     qx, qy, qz = in_turned_axes(e[0], e[1], e[2], px, py, pz)
     share = min(1.0, max(gain, _SLOWEST) * dt)

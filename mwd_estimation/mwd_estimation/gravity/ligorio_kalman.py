@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Linear Kalman extraction of gravity, with which S3 compares itself (Ligorio and Sabatini's inclinometer).
+Linear Kalman extraction of gravity (Ligorio and Sabatini's inclinometer), the method to which S3 compares its own.
 
-The gyro propagates gravity in tool axes and the tool's acceleration, a first-order Gauss-Markov process. The
-accelerometer measures their difference plus noise. With equal noise on the three axes the six-state covariance is three
-numbers times the identity matrix, which rotation does not change, so the filter is exact and cheap. An integral next to
-the filter removes the gyro bias. Derivation and limits: ``docs/methods/fuzzy_mahony.md``.
+The states are gravity and acceleration of the tool, in tool axes. The gyro rotates both, and the acceleration is a
+first-order Gauss-Markov process. The accelerometer measures acceleration minus gravity plus noise. With equal noise on
+the three axes the six-state covariance is three numbers times the identity matrix, which rotation does not change, so
+the filter is exact and fast. A separate integral correction removes the gyro bias. Derivation and limits:
+``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
 _INITIALISING = int(Status.INITIALISING)
-# Averaging time of the squared innovations, s, and bounds of the factor that they give to the covariance.
+# Averaging time of the squared innovations, s; and smallest and largest factor on the covariance that follows from
+# them.
 _SQUARE_TIME, _SCALE_LEAST, _SCALE_MOST = 5.0, 0.1, 100.0
 
 State = NDArray[np.void]
@@ -37,11 +39,12 @@ class Params(NamedTuple):
     """Settings of the linear Kalman extraction."""
 
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-    #: `gyro_noise`, `rate_noise`: gyro white noise, rad/s/sqrt(Hz), and its increase per rate.
+    #: `gyro_noise`, `rate_noise`: gyro white noise, rad/s/sqrt(Hz), and the part of it that is proportional to the
+    #: rate, 1/sqrt(Hz).
     gyro_noise: float = 0.01
     rate_noise: float = 0.005
     accel_noise: float = 0.5  #: accelerometer noise of a sample, m/s^2
-    #: `motion`, `memory`: acceleration of the tool, 1 sigma, m/s^2, and its correlation time, s.
+    #: `motion`, `memory`: 1 sigma of the acceleration of the tool, m/s^2, and its correlation time, s.
     motion: float = 10.0
     memory: float = 0.05
     bias_gain: float = 0.005  #: integral gain of the gyro bias, which is not a state of the filter, 1/s^2
@@ -105,7 +108,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
             bits |= track.follow_motion(s.motion, dt, w, non_gravity)
         if s.age < p.start_s or not math.isfinite(s.gravity[0]):
             bits |= _INITIALISING
-        # Scale the covariance by how much larger or smaller the innovations are than expected.
+        # Scale the covariance by the ratio of the measured to the expected mean square of the innovations.
         scaled = s.p_gg / p.gravity**2 * min(max(s.square, _SCALE_LEAST), _SCALE_MOST)
         sigma = min(math.pi, math.sqrt(scaled + p.sigma_floor**2))
         for c in range(3):
@@ -115,7 +118,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 @compiled
 def _begin(p: Params, s: Any, f: Vector) -> None:
-    """Start from the first force, whose error is the tool's acceleration."""
+    """Set gravity to minus the first force, scaled to the length of gravity; the unknown acceleration is its error."""
     scale = p.gravity / math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     for c in range(3):
         s.gravity[c] = -f[c] * scale
@@ -141,7 +144,7 @@ def _step(p: Params, s: Any, dt: float, w: Vector, f: Vector) -> float:
     s.p_aa = keep * keep * s.p_aa + (1.0 - keep * keep) * p.motion**2
     ax, ay, az = in_turned_axes(s.acceleration[0], s.acceleration[1], s.acceleration[2], px, py, pz)
     ax, ay, az = keep * ax, keep * ay, keep * az
-    # Integrate the force against the propagated gravity, as in Mahony's filter: minus the gyro bias.
+    # Integrate the cross product of force and propagated gravity, as in Mahony's filter; the result is minus the bias.
     step = p.bias_gain * dt / p.gravity**2
     s.bias[0] -= step * (f[1] * gz - f[2] * gy)
     s.bias[1] -= step * (f[2] * gx - f[0] * gz)

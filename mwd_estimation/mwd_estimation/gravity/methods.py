@@ -27,8 +27,8 @@ DEFAULT = "bounded"
 class Method:
     """One gravity method; the module docstring explains the members."""
 
-    name: str
-    doc: str
+    name: str  #: name in the settings
+    doc: str  #: sentence that describes the method
     Params: Callable[..., Any]
     initial: Callable[[Any], Any]
     run: Callable[..., Track]
@@ -85,7 +85,7 @@ def method(name: str) -> Method:
     Raises
     ------
     ValueError
-        The method does not exist; the message lists the methods that do.
+        If there is no method of this name; the message lists the names.
     """
     if name not in METHODS:
         raise ValueError(f"method: no gravity method {name!r}; known: {', '.join(METHODS)}")

@@ -2,8 +2,8 @@
 """
 Smooth the gravity of the bounded filter with later samples, for logs and reports. Works offline only.
 
-The forward pass is `bounded.filter` itself. The backward pass carries the information of later measurements back to
-earlier errors, within each start of the filter. Tilt between updates is interpolated.
+The forward pass is `bounded.filter` itself. The backward pass applies the information of later measurements to earlier
+errors; it does not cross a restart of the filter. Tilt between updates is interpolated.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from mwd_estimation.gravity.bounded.state import STEADY, TILT, UPDATE
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-AHEAD = 30_000  # least number of later samples with which a sample is smoothed
+AHEAD = 30_000  # smallest number of later samples with which a sample is smoothed
 BLOCK = 3 * AHEAD  # number of samples in one backward pass
 _NO_UPDATES = np.zeros(0, UPDATE)
 
 
 def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
-    Return the gravity of a whole recording, each sample from all earlier samples and a long run of later ones.
+    Return the gravity of a whole recording, smoothed with at least AHEAD later samples, if there are that many.
 
-    Parameters and errors as for `bounded.filter.run`. Samples before the filter's first start are not smoothed.
+    Parameters and errors as for `bounded.filter.run`. Samples before the first attitude of the filter are not smoothed.
     """
     smoother = Smoother(params)
     return joined([smoother.push(stamp_ns, gyro_t, accel_t), smoother.finish()])
@@ -43,16 +43,16 @@ def joined(parts: list[Track]) -> Track:
 
 
 class _Forward(NamedTuple):
-    """Samples after the forward pass: track, updates within them, and first level axis at each sample."""
+    """A block of samples after the forward pass."""
 
-    part: Track
-    updates: Any
-    north_t: Array
+    part: Track  #: gravity of the forward pass
+    updates: Any  #: updates within the block, dtype UPDATE
+    north_t: Array  #: shape (n, 3); first level axis in tool axes at each sample
 
 
 class Smoother:
     """
-    Smooths a stream of samples in constant memory; a sample is returned when enough later samples are known.
+    Smoother of a stream of samples, in constant memory; a sample is returned when enough later samples are known.
 
     The result does not depend on how the samples are cut into blocks. Settings and errors as for `smooth`.
     """
@@ -69,7 +69,7 @@ class Smoother:
         return self._state.samples_are
 
     def continued(self) -> Smoother:
-        """Return a smoother for the samples after a silence: it knows what a sample means."""
+        """Return a smoother for the samples after a silence, with the meaning of a sample that was found so far."""
         smoother = Smoother(self.params)
         smoother._state.keep_meaning(self._state)
         return smoother
@@ -77,14 +77,14 @@ class Smoother:
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:
-        """Accept a block and return the gravity of finished samples, which follow those returned before."""
+        """Accept a block; return the gravity of the samples that are now finished, in order of time."""
         part, log = bounded.run_logged(self.params, self._state, stamp_ns, gyro_t, accel_t, clipped)
         updates = log.updates[: log.entries[0]].copy()
         updates["sample"] += self._count
         self._waiting.append(_Forward(part, updates, log.north_t))
         self._count += len(part.g_t)
         parts = [Track.empty(0)]
-        # Passes overlap: the end of each is smoothed again by the next pass, which knows more later samples.
+        # Passes overlap: the next pass smooths the end of this one again with more later samples.
         while self._count > BLOCK:
             parts.append(self._smoothed(BLOCK, BLOCK - AHEAD))
         return joined(parts)
@@ -112,10 +112,10 @@ class Smoother:
 
 def _back(part: Track, updates: Any, north_t: Array) -> None:
     """
-    Replace directions and sigmas of `part` by smoothed ones, equation (12) of the filter's page.
+    Replace directions and sigmas of `part` by smoothed ones (equation (12) of the bounded filter).
 
-    updates is a structured array of `Update`, shape (m,); `sample` counts from the first sample of the part and may be
-    negative or beyond its end. north_t is the first level axis in tool axes, shape (at least n, 3).
+    updates: structured array of `Update`, shape (m,); its `sample` is an index in the part, and may be negative or
+    after its end. north_t: first level axis in tool axes at each sample, shape (at least n, 3).
     """
     if len(updates) < 2:
         return
@@ -128,13 +128,12 @@ def _back(part: Track, updates: Any, north_t: Array) -> None:
 @compiled
 def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array) -> None:
     """
-    Carry the information of later measurements about the errors back through the updates of a block.
+    Fill the smoothed tilt after and before each update, rad, shape (m, 2) each, and its covariance, rad^2, (m, 2, 2).
 
-    Each row of A holds, for one error, the row of the information matrix that later measurements add, and in its last
-    column their information vector. With the filter's covariance P after update k, the smoothed errors are P A[:, -1]
-    and their covariance is P - P A[:, :-1] P. No inverse is needed: Bierman, Fixed interval smoothing with discrete
-    measurements, Int. J. Control 18 (1973). Fills the tilt after and before each update, rad, shape (m, 2) each, and
-    its covariance, rad^2, shape (m, 2, 2).
+    The updates are processed backwards. A is the information matrix that later measurements add, with their information
+    vector in its last column. With the filter's covariance P after update k, the smoothed errors are P A[:, -1] and
+    their covariance is P - P A[:, :-1] P. No inverse is needed: Bierman, Fixed interval smoothing with discrete
+    measurements, Int. J. Control 18 (1973).
     """
     A, B = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1))
     row = np.zeros((2, STEADY + 1))
@@ -165,7 +164,11 @@ def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array)
 
 
 def _apply(part: Track, updates: Any, north_t: Array, smoothed: tuple[Array, Array, Array]) -> None:
-    """Turn each sample by the tilt interpolated between the update before it and just before the next update."""
+    """
+    Correct each sample by the smoothed tilt, and replace its sigmas.
+
+    The tilt is interpolated between the values after the last update and before the next update.
+    """
     tilts, before, covariances = smoothed
     sample, epoch = updates["sample"], updates["epoch"]
     rows = np.arange(max(sample[0], 0), min(sample[-1], len(part.g_t)))
@@ -175,14 +178,14 @@ def _apply(part: Track, updates: Any, north_t: Array, smoothed: tuple[Array, Arr
     share = ((rows - sample[k]) / (sample[k + 1] - sample[k]))[:, None]
     tilt = tilts[k] + share * (before[k + 1] - tilts[k])
     north, down = north_t[rows], part.g_t[rows]
-    # East axis: down x north. Level axes turned by (a, b, 0) see down at (-b, a, 1).
+    # East axis: down x north. In level axes rotated by (a, b, 0), down has the components (-b, a, 1).
     east = np.cross(down, north)
     turned = down - tilt[:, 1:] * north + tilt[:, :1] * east
     part.g_t[rows] = turned / np.linalg.norm(turned, axis=1)[:, None]
     P = covariances[k] + share[:, :, None] * (covariances[k + 1] - covariances[k])
     factors, floors = updates["factors"][k], updates["floors"][k]
-    # Level part of the tool axis: tilt about the horizontal axis across it changes inclination, tilt about itself
-    # toolface.
+    # Horizontal projection of the tool axis: a tilt about the horizontal axis across it changes the inclination, a tilt
+    # about the projection itself changes the toolface.
     level = np.stack([north[:, 0], east[:, 0]], axis=1)
     sine2 = np.maximum(np.sum(level**2, axis=1), 1e-6)
     along = level / np.sqrt(sine2)[:, None]

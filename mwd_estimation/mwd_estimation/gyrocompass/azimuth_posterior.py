@@ -18,7 +18,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# Width of a peak, rad, that the coarse grid resolves. A peak this factor wider than the last one needs no new grid.
+# Smallest width of a peak, rad, that the coarse grid resolves. And largest ratio of the width of a peak to that of the
+# last one at which both use the same grid.
 _NARROW, _ALIKE = 0.1, 1.4
 
 
@@ -35,24 +36,25 @@ class Part:
     cross: Array
     own: float
     shift: float  #: mean of the added angle, rad
-    misfit: float = 0.0  #: squared distance of the vertical Earth rate from the latitude's, in sigmas
+    misfit: float = 0.0  #: squared distance, in sigmas, of the vertical Earth rate from its value at the latitude
 
 
 @dataclasses.dataclass(frozen=True)
 class OnCircle:
-    """Azimuth of the level frame (plus the added angle): mean and sigma, rad."""
+    """Azimuth of the level frame (plus the added angle) from the posterior on the circle."""
 
+    #: `mean`, `sigma`: mean and 1 sigma, rad.
     mean: float
     sigma: float
-    misfit: float  #: squared distance of the Earth rate of the most likely part from the latitude's, in sigmas
-    several: tuple[float, ...]  #: the angles that fit equally well, if there are several
+    misfit: float  #: squared distance, in sigmas, of the most likely part's Earth rate from its value at the latitude
+    several: tuple[float, ...]  #: angles that fit equally well, rad; empty if there is only one
 
 
 def part(
     log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0, misfit: float = 0.0
 ) -> Part:
     """
-    Return the part that follows from a Gaussian of states.
+    Return the part for a Gaussian of filter states.
 
     Parameters
     ----------
@@ -61,7 +63,9 @@ def part(
     earth : ndarray, shape (2,)
         Mean of the horizontal Earth rate, rad/s.
     P : ndarray, shape (n, n)
-        Covariance of the states; `at` selects the Earth rate.
+        Covariance of the states.
+    at : slice
+        Indices of the horizontal Earth rate in the states.
     right : ndarray, shape (n,)
         Row that computes the added angle from the states.
     """
@@ -103,10 +107,9 @@ class _Cost:
 
     def grid(self, modes: Sequence[float], lone: bool) -> tuple[Array, Array]:
         """
-        Return angles that resolve every mode, and the width that each represents, rad.
+        Return angles that resolve every mode, rad, and the width of the circle that each angle represents, rad.
 
-        lone means that only the half circle around the single mode counts, because an expected azimuth excludes the
-        rest.
+        lone: whether to use only the half circle around the single mode, because an expected azimuth excludes the rest.
         """
         spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
         for mode in modes:
@@ -164,7 +167,7 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional
-        An azimuth, rad, that selects one of several that fit; it does not move the result.
+        An azimuth, rad, that selects one of several azimuths that fit; it does not change this azimuth.
     """
     cost = _Cost(parts, horizontal)
     modes = _modes(cost.total)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gyro errors learnt during a run: a mixture over how good the unit is, updated station after station.
+Gyro errors estimated during a run: a mixture over the quality of the unit, updated at each station.
 
 The stated bias, drift and g-sensitivity are figures for all units of a type; the run shows how good this unit is. At
 every station the vertical rate and the length of the horizontal Earth rate are known from the latitude, and other
@@ -25,10 +25,10 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
 
-# Scale factors of the stated bias and of the stated drift, in logarithmic steps. The least bias is below the noise. The
-# largest drift moves a bias by degrees per hour within a minute, which the change within each position shows. The
-# shares of units that are better than stated, as stated, and worse are a guess. Few are assumed to be better, because
-# some units that are as stated look better by chance, and their sigma would be too small.
+# Scale factors of the stated bias and of the stated drift, in logarithmic steps. The smallest bias is below the noise.
+# The largest drift changes a bias by degrees per hour within a minute, which is visible within each position. The
+# shares of units that are better than stated, as stated, and worse than stated are a guess. The share of better units
+# is small, because some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
 _DRIFT_SCALES: Array = np.array([4.0**k for k in (-2, -1, 0, 1, 4)])
 # Scale factors of the stated g-sensitivity, relative to the largest one. One seek does not show the g-sensitivity, so
@@ -37,17 +37,18 @@ _DRIFT_SCALES: Array = np.array([4.0**k for k in (-2, -1, 0, 1, 4)])
 _OF_G = np.array(G_SCALES) / G_SCALES[-1]
 _G_SHARE = 1.0 / len(G_SCALES)
 _BETTER, _AS_STATED, _WORSE = 0.05, 0.8, 0.15
-# Correlation time of a ramp of the bias, s: a collar takes up the temperature around it.
+# Correlation time of a ramp of the bias, s: the time in which a collar takes the temperature around it.
 _RAMP_S = 3600.0
 _BIAS, _RAMP, _G, _SIZE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 # Indices in the Gaussian of a seek.
 _EARTH, _INSTRUMENT, _HEADING = slice(0, 2), slice(2, 12), 12
 # Kinds of unit whose biases stepped earlier in the run, and those that step before this station.
 _EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
-# Centres of overlapping arcs of azimuth, rad, short enough that the Earth rate along one is nearly straight, and least
-# probability of an arc that gets its own Gaussian.
+# Centres of overlapping arcs of azimuth, rad, which are so short that the Earth rate along an arc is nearly a straight
+# line; and smallest probability of an arc with its own Gaussian.
 _ARCS, _WORTH_AN_ARC = np.arange(12) * math.tau / 12.0, 1e-4
-# Least odds of a kind, because the unit may change; and a probability treated as zero.
+# Smallest odds of a kind relative to the most probable one, because the unit may change; and a probability that counts
+# as zero.
 _LEAST_ODDS, _NONE = 1e-6, 1e-300
 # Probability that the biases step between two stations (a shock): a guess of one shock in a run of fifty stations.
 _STEP = 0.02
@@ -81,7 +82,7 @@ class GyroErrors:
 @dataclasses.dataclass(frozen=True)
 class Sought:
     """
-    Result of a seek.
+    Result of a seek: a Gaussian of Earth rate, gyro errors and heading.
 
     The order is horizontal Earth rate (2) and biases (3), rad/s, ramps (3), rad/s^2, g-sensitivity beyond the
     calibrated one (4), rad/s per m/s^2, heading, rad, and vertical Earth rate, rad/s.
@@ -103,7 +104,7 @@ class Joined(NamedTuple):
     misfit: Array
 
     def at(self, down: float) -> Joined:
-        """Return the Gaussians given the vertical Earth rate, rad/s."""
+        """Return the Gaussians given the vertical Earth rate `down`, rad/s."""
         mean, S = self.mean, self.covariance
         variance = S[:, -1, -1]
         gain, off = S[:, :-1, -1] / variance[:, None], down - mean[:, -1]
@@ -122,7 +123,7 @@ def stated(params: SeekParams) -> GyroErrors:
     kind = np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES), len(_OF_G))).reshape(3, -1).T
     bias, drift, _ = kind.T
     of_drift = _beforehand(_DRIFT_SCALES)[drift]
-    # A unit whose bias is worse than stated has a greater drift with a probability of one half.
+    # If the bias of a unit is worse than stated, its drift is assumed to be worse with the same probability as not.
     of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
     return _as_stated(params, _beforehand(_BIAS_SCALES)[bias] * of_drift * _G_SHARE, kind, _BIAS_SCALES[bias])
 
@@ -140,14 +141,14 @@ def _as_stated(params: SeekParams, weight: Array, kind: Indices, scale: Array) -
 
 def _beforehand(scales: Array) -> Array:
     better = _BETTER / np.count_nonzero(scales < 1.0)
-    # Among units that are worse than stated, a unit is rarer the worse it is.
+    # The prior of a worse scale is inversely proportional to the scale.
     rarer = np.where(scales > 1.0, 1.0 / scales, 0.0)
     return np.where(scales < 1.0, better, np.where(scales > 1.0, _WORSE * rarer / rarer.sum(), _AS_STATED))
 
 
 def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
     """
-    Return the gyro errors after some seconds: biases have moved by their ramps and random walks.
+    Return the gyro errors propagated over `seconds`: biases change by their ramps and random walks.
 
     A ramp is a first-order Gauss-Markov process, because its thermal cause changes within about an hour. Source: Brown
     and Hwang, Introduction to Random Signals, the integrated process.
@@ -230,10 +231,10 @@ def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:
     """
     Return the gyro errors after a station, given the length of the horizontal Earth rate, rad/s; found as in `parts`.
 
-    For a known azimuth the biases are nearly known. For each kind of unit, the Gaussians of all azimuths of an arc are
-    therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian for the
-    whole circle would cover the disc inside it, and the next station's circle would cut it as if the azimuth had been
-    learnt.
+    If the azimuth were known, the biases would nearly be known. For each kind of unit, the Gaussians of all azimuths of
+    an arc are therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian
+    for the whole circle would also cover the disc inside the circle; combined with the circle of the next station it
+    would wrongly determine the azimuth.
     """
     angle, share, log_weight = along(parts(errors, found), horizontal)
     circle = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=1)

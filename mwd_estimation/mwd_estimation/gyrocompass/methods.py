@@ -2,8 +2,8 @@
 """
 Methods of seeking north at a station: the seek with all its states, and the filter of S1.
 
-The filter of S1 assumes that the tool does not move and that calibration has made the gyro bias small; a rotation ends
-it.
+The filter of S1 assumes that the tool does not move and that calibration has made the gyro bias small; a rotation of
+the tool ends the seek.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class NorthSeek:
 
     @property
     def moved(self) -> bool:
-        """Return whether the hole axis moved during the seek."""
+        """Whether the hole axis moved during the seek."""
         return bool(self.state.moved > 0)
 
     def run(self, samples: UnitSamples) -> None:
@@ -73,7 +73,7 @@ class StaticSeek:
 
     @property
     def moved(self) -> bool:
-        """Return whether the tool has moved, by the filter's own test."""
+        """Whether the tool has moved: the mean innovation ratio of the filter is too large."""
         return bool(self._state.ratio > static_ekf.MOVED_RATIO)
 
     def run(self, samples: UnitSamples) -> None:

@@ -2,12 +2,12 @@
 """
 North from the Earth's rotation, with a tool that is still, is turned to other positions, or rotates all the time.
 
-One filter serves all three. The attitude is integrated in a level frame of unknown heading, and the Earth rate in that
-frame is a *linear* unknown, so that any first azimuth will do. The measurements are what the tool cannot do: it gains
-no velocity (S1), and the hole axis that it lies in does not turn. Cross-axis bias, x leakage, g-sensitivity, x scale,
-gyro lag and once-per-turn wobble are states: those that the motion shows are estimated, the others stay in the sigma.
-The azimuth is taken from the posterior on the circle of the latitude, whose points have its horizontal and its vertical
-Earth rate; an estimate far from that circle contradicts the latitude. Derivation, observability and limits:
+One filter serves all three cases. The attitude is integrated in a level frame of unknown heading, and the Earth rate in
+that frame is a *linear* unknown, so that the filter needs no first azimuth. The measurements are constraints on the
+tool: it gains no velocity (S1), and the axis of the hole does not turn. Cross-axis bias, x leakage, g-sensitivity, x
+scale, gyro lag and once-per-turn wobble are states: the motion makes some of them observable, the others contribute to
+the sigma. The azimuth is taken from the posterior on the circle of Earth rates that are possible at the latitude; an
+estimate far from the circle contradicts the latitude. Derivation, observability and limits:
 ``docs/methods/gyrocompass.md``.
 """
 
@@ -35,7 +35,8 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 _RAMPS, _G_SENSITIVITY = range(Error.BIAS_RAMP, Error.SIZE), range(Error.G_SENSITIVITY, Error.LAG)
 # A bias this many sigmas from zero counts as found; for an x gyro in steady rotation it may really be a scale error.
 _FOUND = 3.0
-# A seek gives new information if toolface or inclination changed by more than this, rad: half an arc of `gyro_errors`.
+# Smallest change of toolface or inclination after which a still seek gives new information, rad: half an arc of
+# `gyro_errors`.
 _ANOTHER_ATTITUDE = math.radians(15.0)
 
 
@@ -57,16 +58,16 @@ def dual_unit(
     """
     Return rates of the precision unit, with the conventional unit's x rate where the precision x axis clips.
 
-    stamp_ns, shape (n,) int64, and precision_t, rad/s, shape (n, 3), are of the precision unit, whose stamps are used.
-    ahrs_stamp_ns, shape (m,), and ahrs_t, shape (m, 3), are of the conventional unit. x_range is the rate at which the
-    precision x axis clips, rad/s; clipped are its `clip_flags`, shape (n,). The precision x rate is kept in every
-    sample that is well below the range and not flagged. Returns shape (n, 3). The x figures of `SeekParams` must be
-    those of the unit that gives most samples.
+    stamp_ns, shape (n,), ns, and precision_t, shape (n, 3), rad/s: precision unit; the result has these stamps.
+    ahrs_stamp_ns, shape (m,), ns, and ahrs_t, shape (m, 3), rad/s: conventional unit. x_range: rate at which the
+    precision x axis clips, rad/s; clipped, shape (n,): its `clip_flags`. Samples well below the range and without flag
+    keep the precision x rate. Returns shape (n, 3), rad/s. The x figures of `SeekParams` must belong to the unit that
+    gives most x rates.
 
     Raises
     ------
     ValueError
-        There is no sample of the conventional unit.
+        If there is no sample of the conventional unit.
     """
     stamps, ahrs_stamps = np.asarray(stamp_ns, dtype=np.int64), np.asarray(ahrs_stamp_ns, dtype=np.int64)
     rates, ahrs = np.array(precision_t, dtype=float), np.asarray(ahrs_t, dtype=float)
@@ -107,7 +108,7 @@ def run(
     Raises
     ------
     ValueError
-        Shapes do not match.
+        If the shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     flags = clip_flags.given(clipped, len(stamps))
@@ -116,10 +117,10 @@ def run(
 
 def solution(params: SeekParams, state: State, errors: GyroErrors | None = None) -> Solution:
     """
-    Return the azimuth so far, or the reason why there is none; call it whenever progress is to be shown.
+    Return the azimuth so far, or the reason why there is none; it may be called at any time.
 
-    The reasons are those of `seek_refusal`. errors are the gyro errors known at the start of the seek; None uses those
-    that the parameters state.
+    The reasons are those of `seek_refusal`. errors: gyro errors known at the start of the seek; None: those that the
+    parameters state.
     """
     pole = polar(params.latitude_deg)
     if pole is not None:
@@ -169,9 +170,10 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
 
 def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
     """
-    Return inclination and heading of the hole axis in the level frame, rad, and the heading's slope by the errors.
+    Return inclination and heading of the hole axis in the level frame, rad, and the derivative of the heading.
 
-    The slope has shape (37,). For a rotating tool this is its mean axis, for a resting tool its present axis.
+    The derivative is with respect to the error state, shape (37,). The hole axis is the mean axis of a rotating tool,
+    or the present axis of a resting tool.
     """
     right = np.zeros(Error.SIZE)
     if method in ("still", "two_position"):
@@ -187,16 +189,16 @@ def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
 
 
 def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
-    """Return the sigma of an ideal estimator, rad (`Solution.limit`); seen: measured share of the Earth rate."""
+    """Return 1 sigma of an ideal estimator, rad (`Solution.limit`); seen: share of the Earth rate that is measured."""
     rate = p.horizontal * max(seen, 1e-3)
     return min(p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3))), math.pi)
 
 
 def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -> GyroErrors:
     """
-    Return the gyro errors known at the end of a seek that `teaches`, from those known at its start.
+    Return the gyro errors known at the end of a seek for which `teaches` is true.
 
-    errors None uses those that the parameters state.
+    errors: gyro errors known at the start of the seek; None: those that the parameters state.
     """
     now, p = errors_now(params, state, errors), kernel_params(params)
     joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, _method(state))[2]))
@@ -205,11 +207,11 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
 
 def teaches(params: SeekParams, state: State, before: State | None) -> bool:
     """
-    Return whether a seek gives new information about the gyro biases; before is the last such seek, or None.
+    Return whether a seek gives new information about the gyro biases; before: last seek that did, or None.
 
-    A seek that did not get past levelling, or that is refused for its motion or near a pole, gives none. At the same
-    inclination and toolface the same biases fit the same azimuths. The Gaussians of arcs only approximate the result of
-    a seek, and repeating a station at the same attitude would add up the approximation errors.
+    A seek that is still levelling, or is refused for its motion or near a pole, gives no information. A second still
+    seek at the same inclination and toolface gives none either, because the same biases fit the same azimuths; the
+    approximation by Gaussians of arcs would only add its errors again.
     """
     method = _method(state)
     if state.phase != Phase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):

@@ -3,8 +3,9 @@
 Compiled filter of `north_seek`: 37 error states of a tool that lies in its hole, still or rotating.
 
 The attitude is integrated in a level frame of unknown heading. For each sample only attitude, velocity and the
-integrals of the Jacobian are computed. Each block ends with a Kalman step (`seek_measurement`): no velocity gained,
-hole axis and, at rest, roll unchanged. States and limits: ``docs/methods/gyrocompass.md``.
+integrals of the Jacobian are computed. Each block of 0.1 s ends with a Kalman step (`seek_measurement`): the tool has
+gained no velocity, and the hole axis and, at rest, the roll are unchanged. States and limits:
+``docs/methods/gyrocompass.md``.
 """
 
 from __future__ import annotations
@@ -29,36 +30,38 @@ GAP_NS = 1_000_000_000
 LEVEL_S, _BLOCK_S = 2.0, 0.1
 # Random walk of the direction of the hole axis, rad/sqrt(s).
 _AXIS_WALK = 0.0005 * DEG_PER_ROOT_HOUR
-# A block also ends after a tenth of a turn: mean and two harmonics of the wobble need more than five blocks per turn.
+# Rotation after which a block ends, rad, a tenth of a turn: mean and two harmonics of the wobble need more than five
+# blocks per turn.
 _BLOCK_TURN = 0.64
-# If the horizontal part of the mean tool axis is below this, the tool is vertical and any heading is used.
+# If the horizontal component of the unit vector along the mean tool axis is below this, the tool counts as vertical,
+# and any heading is used.
 _VERTICAL = 1e-3
 # Start sigmas: tilt, rad; velocity, m/s; hole axis and roll relative to their references, rad; wobble once and twice
-# per turn, rad. The heading is free by the choice of the level frame; the last number is its variance.
+# per turn, rad. The last number is the start variance of the heading, rad^2; the level frame defines the heading.
 _TILT, _VELOCITY, _DIRECTION, _WOBBLE_1, _WOBBLE_2, _HEADING_VARIANCE = 0.03, 0.1, 0.05, 0.02, 0.01, 1e-18
-# Start sigma of the Earth rate in units of its horizontal part. It is wide and equal in all horizontal directions, so
-# that it favours no azimuth, and wide in the vertical, so that the data can contradict the latitude.
+# Start sigma of the Earth rate, as a multiple of the horizontal Earth rate. It is large and equal in all horizontal
+# directions, so that no azimuth is preferred, and large in the vertical, so that the data can contradict the latitude.
 _EARTH_RATES = 3.0
 
 
 @compiled
 def sample(s: State, half: Array, dt: float, w: Array, f: Array) -> None:
     """
-    Propagate attitude and velocity by one sample, and add the integrals that the block's error model needs, in place.
+    Propagate attitude and velocity by one sample, and add the sample to the integrals of the block, in place.
 
-    half, shape (3, 3), is filled with the attitude in the middle of the sample. w and f, shape (3,), are the measured
-    rate, rad/s, and force, m/s^2.
+    half, shape (3, 3): filled with the attitude in the middle of the sample; dt: s; w, f, shape (3,): measured rate,
+    rad/s, and force, m/s^2.
     """
     b, g, mat, sums = s.gyro_bias, s.g_sensitivity, s.mat, s.sums
     wx = (w[0] - b[0]) / (1.0 + s.scale_x)
     wy = w[1] - b[1] - s.leak[0] * wx - (g[0] + g[2]) * f[1] - (g[3] + g[1]) * f[2]
     wz = w[2] - b[2] - s.leak[1] * wx - (g[3] - g[1]) * f[1] - (g[0] - g[2]) * f[2]
-    # A delayed gyro measured the rate at an earlier roll: turn its rates by the roll since then.
+    # The delayed y and z gyros measured at an earlier roll: rotate their rates by the roll since then.
     late = wx * s.lag
     c_late, s_late = math.cos(late), math.sin(late)
     wy, wz = c_late * wy + s_late * wz, c_late * wz - s_late * wy
     fx, gy, gz = f[0] - s.force_bias[0], f[1] - s.force_bias[1], f[2] - s.force_bias[2]
-    # The force was measured at a later roll than the x gyro shows.
+    # The accelerometer measured at a later roll than the x gyro: rotate the force back by this roll.
     ahead = wx * s.lead
     c, q = math.cos(ahead), math.sin(ahead)
     fy, fz = c * gy - q * gz, c * gz + q * gy
@@ -69,7 +72,7 @@ def sample(s: State, half: Array, dt: float, w: Array, f: Array) -> None:
         for j in range(3):
             half[i, j] = mat[i, j]
     rotate_right(mat, 0.5 * dt * wx, 0.5 * dt * wy, 0.5 * dt * wz)
-    # Earth rate across the tool in tool axes, which a lag turns.
+    # Earth rate across the tool in tool axes; an error of the lag rotates it.
     ey = half[0, 1] * en + half[1, 1] * ee + half[2, 1] * ed
     ez = half[0, 2] * en + half[1, 2] * ee + half[2, 2] * ed
     sums.time += dt
@@ -100,10 +103,10 @@ def sample(s: State, half: Array, dt: float, w: Array, f: Array) -> None:
 @compiled
 def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) -> None:
     """
-    Count a sample in which a sensor was beyond its range, and add the variance that this may hide.
+    Count a sample in which a gyro clipped, and add variance for the part that clipping gyros or accelerometers lose.
 
-    A gyro hides a rate as large as its range, an accelerometer a velocity as large as the one shown, like in
-    `mwd_estimation.gravity.bounded`.
+    A clipping gyro may lose a rate as large as its range, a clipping accelerometer a velocity as large as the measured
+    one, as in `mwd_estimation.gravity.bounded`.
     """
     if flags & _GYRO_FLAGS or abs(w[1]) > p.gyro_range or abs(w[2]) > p.gyro_range:
         s.clipped += 1
@@ -115,7 +118,7 @@ def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) 
 
 @compiled
 def transition(s: State, phi: Array) -> None:
-    """Fill phi, shape (5, 37): attitude and velocity errors after the block from the error state before it."""
+    """Fill phi, shape (5, 37): derivative of attitude and velocity errors after the block by the errors before it."""
     sums = s.sums
     t = sums.time
     en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, s.earth_rate[2] * t
@@ -152,7 +155,7 @@ def transition(s: State, phi: Array) -> None:
 def _predict(p: KernelParams, s: State, work: Work) -> None:
     P, t, mat = s.P, s.sums.time, s.sums.mat
     propagate_covariance(P, work.phi, work.rows)
-    # White noise, equal for y and z; that of x differs and depends only on the direction of the axis.
+    # White noise: isotropic with the density of y and z, plus the excess of the x gyro along the tool axis.
     n2, extra = p.gyro_noise**2 * t + s.sums.lost_turn, (p.gyro_x_noise**2 - p.gyro_noise**2) / t
     for i in range(3):
         P[i, i] += n2
@@ -167,7 +170,7 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
 
 @compiled
 def _drift(s: State, i: int, t: float) -> None:
-    """Move the bias of a gyro by its ramp, with its covariance; the effect within a block is negligible."""
+    """Change the bias of a gyro by its ramp at the end of a block, with its covariance."""
     P, bias, ramp = s.P, Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
     s.gyro_bias[i] += s.bias_ramp[i] * t
     for j in range(Error.SIZE):
@@ -187,7 +190,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
         u, v, w = mat[0, j], mat[1, j], mat[2, j]
         for i in range(3):
             mat[i, j] = level[i, 0] * u + level[i, 1] * v + level[i, 2] * w
-    # The frame's x axis along the hole is only a point of linearisation, with an uncertainty of three Earth rates.
+    # The heading of the frame is arbitrary, so start with a horizontal Earth rate of zero and a large sigma.
     s.earth_rate[0] = s.earth_rate[1] = 0.0
     s.earth_rate[2] = p.down
     s.roll = 0.0
@@ -250,7 +253,7 @@ def clear(sums: Sums) -> None:
 
 @compiled
 def reset(s: State) -> None:
-    """Restart the seek, except for the clock, because the motion in a data gap is not known."""
+    """Restart the seek after a data gap, because the motion in the gap is unknown; keep the clock."""
     clear(s.sums)
     for i in range(3):
         s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = s.earth_rate[i] = 0.0

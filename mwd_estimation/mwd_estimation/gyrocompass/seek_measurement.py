@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Measurements of a north-seeking block: what a tool that lies in its hole cannot do.
+Measurements at the end of a block of a north seek: constraints on a tool that lies in its hole.
 
-The tool gains no velocity; its hole axis does not move; if it does not rotate, its roll does not change. The scatter of
-axis and roll from block to block is estimated and used as the noise of the last two measurements.
+The tool gains no velocity; the hole axis does not move; if the tool does not rotate, its roll does not change. The
+scatter of axis and roll from block to block is estimated and used as the noise of the last two measurements.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left
 
 # Number of blocks from which the first scatter of the axis is computed.
 _SETTLE_BLOCKS = 10
-# Chi-square above which a direction is ignored; after this number of blocks in a row the axis has moved.
+# Largest chi-square of a direction that is used; and number of ignored directions in a row after which the axis has
+# moved.
 _GATE, _MOVED_BLOCKS = 25.0, 5
-# Sigma of a direction relative to its reference if nothing is known, rad, and least noise of a direction, rad.
+# Start sigma of a direction relative to its reference, rad, and smallest noise of a direction, rad.
 _DIRECTION, _LEAST_DIRECTION = 0.05, 1e-6
-# Sigma of the velocity of a tool that lies in its hole, m/s, and rate about its axis below which it rests, rad/s.
+# 1 sigma of the velocity of a tool that lies in its hole, m/s; and rate about the axis below which it is at rest,
+# rad/s.
 LYING_VELOCITY, _STILL_RATE = 0.005, 0.05
-# Weight of a block in the scatter: one over the sum of the first number and the number of blocks, the latter at most
-# the second number, which is longer than a sway of the string.
+# The weight of a block in the scatter is 1 / (_SCATTER_BLOCKS + n), with n the number of blocks so far, but at most
+# _SCATTER_MOST, which is longer than a sway of the string.
 _SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
-# A string sways for many blocks to one side, so that its scatter does not average out like white noise. A sway with
-# variance v and period p over a time T of n blocks leaves as much drift of the axis as white noise with the variance
-# v 12 p^2 n / (2 pi T)^2, which is 20 v for 20 s in a minute. Noise alone scatters by less than 0.001 deg: below the
-# second number, rad, nothing is taken as a sway.
+# Factor on the variance of a sway, and largest scatter without a sway, rad. A string sways to one side for many blocks,
+# so its scatter does not average out like white noise. A sway with variance v and period p over a time T of n blocks
+# causes as much drift of the axis as white noise with the variance v 12 p^2 n / (2 pi T)^2, which is 20 v for 20 s in a
+# minute. Noise alone scatters by less than 0.001 deg.
 _SWAYS, _NO_SWAY = 20.0, math.radians(0.003)
 # Number of blocks at rest in a row after which the roll becomes a reference.
 _REST_BLOCKS = 2
@@ -37,7 +39,7 @@ _REST_BLOCKS = 2
 
 @compiled
 def measure(s: State, work: Work) -> None:
-    """Perform the Kalman step at the end of a block: no velocity gained, hole axis and roll unchanged."""
+    """Perform the Kalman step of a block with velocity zero and unchanged hole axis and roll."""
     for j in range(Error.SIZE):
         work.error[j] = 0.0
     for i in range(2):
@@ -83,7 +85,11 @@ def _clear(h: Array) -> None:
 
 @compiled
 def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
-    """Return the innovation of y = h . error after the corrections so far, and its variance by the states; fill ph."""
+    """
+    Return the innovation of y = h . error after the corrections so far, and its variance from P.
+
+    h is `work.h`; `work.ph` is filled with P h.
+    """
     for j in range(Error.SIZE):
         c = work.h[j]
         if c != 0.0:
@@ -93,11 +99,16 @@ def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
 
 @compiled
 def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
-    """Update with an angle that should not change; its noise follows from the scatter. Return False beyond the gate."""
+    """
+    Update with the change y, rad, of an angle that should not change; return False if it is beyond the gate.
+
+    which: index of the angle in `State.scatter`, from which the noise follows; share: weight of this block in the
+    scatter.
+    """
     innovation, spread = _look(s.P, work, y)
     r2 = max(_LEAST_DIRECTION**2, s.scatter[which], _SWAYS * (s.scatter[which] - _NO_SWAY**2))
     ok = innovation * innovation < _GATE * (spread + r2)
-    # Excess over the prediction, at least zero, because a wide start would otherwise give a negative noise.
+    # The scatter is the excess of the squared innovation over its predicted variance; it must not be negative.
     seen = max(min(innovation * innovation, _GATE * (spread + r2)) - spread, 0.0)
     s.scatter[which] += share * (seen - s.scatter[which])
     if ok:
@@ -107,7 +118,7 @@ def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
 
 @compiled
 def _settle(s: State) -> None:
-    """Measure how much the axis scatters from block to block, and then begin to seek."""
+    """Add a block to the first scatter of the axis; begin to seek after enough blocks."""
     ax, ay, az = s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
     s.settled += 1
     if s.settled == 1:
@@ -151,7 +162,7 @@ def _hold_axis(s: State, work: Work, share: float) -> None:
         ok = _hold(s, work, i, y, share) and ok
     s.refused_blocks = 0 if ok else s.refused_blocks + 1
     if s.refused_blocks >= _MOVED_BLOCKS:
-        # The axis has moved: forget its earlier direction.
+        # The axis has moved: let its direction be estimated again.
         s.refused_blocks = 0
         s.moved += 1
         for j in range(2):

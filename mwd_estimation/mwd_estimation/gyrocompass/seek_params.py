@@ -18,21 +18,22 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RA
 
 # Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
 SEEK, S1 = "seek", "s1"
-# White noise assumed if neither the parameters nor the tool give it (a tactical MEMS gyro), and the least credible one,
+# White noise if neither the parameters nor the tool give it (a tactical MEMS gyro), and smallest credible white noise,
 # deg/sqrt(h).
 TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
-# Number of samples averaged for the noise, and ratio of single to averaged noise above which the single one is ignored.
+# Number of samples in an average for the noise; and largest ratio of the noise from single samples to the noise from
+# averages at which single samples are used.
 _AVERAGED, _SHAKEN = 10, 1.5
-# Noise measured at rest over the stated one above which the measured one holds: three of its sigmas.
+# Ratio of measured to stated noise above which the measured noise is used: three sigmas of the measured noise.
 _NOISIER = 1.25
-# Share of its range above which a gyro counts as clipped.
+# Share of the range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
-# Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. Time over
-# which the drift of a zeroed bias is counted, h.
+# Smallest 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. And time
+# over which the drift is added to a bias of zero, h.
 LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
-# Start sigma of the biases in a seek as a multiple of the stated one: four times the largest credible one, because the
-# knowledge of the run replaces it (`gyro_errors`). A wider one lets bias and scale of the x gyro, which are not
-# separable in steady rotation, drift away.
+# Start sigma of the biases in a seek, as a multiple of the stated sigma: four times the largest credible sigma, because
+# `gyro_errors` replaces this prior by the one of the run. A larger sigma would let bias and scale of the x gyro, which
+# are not separable in steady rotation, grow without limit.
 _UNKNOWN = 16.0
 # Sigma of the g-sensitivity of a unit over the stated one, from a unit as stated to the worst; a seek starts with that
 # of the worst, because the knowledge of the run replaces it. Least 1 sigma, deg/h/g.
@@ -54,7 +55,7 @@ class SeekParams:
     gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
     gyro_x_noise_deg_rth: float = 0.42  #: white noise of x, deg/sqrt(h)
     accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
-    #: Stated bias of y and z, and of x, 1 sigma, deg/h. The run estimates how good this unit is compared with it.
+    #: Stated bias of y and z, and of x, 1 sigma, deg/h. The run estimates the ratio of this unit's bias to it.
     gyro_bias_deg_h: float = 1.0
     gyro_x_bias_deg_h: float = 36.0
     accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias, ug
@@ -67,9 +68,9 @@ class SeekParams:
     #: Calibrated g-sensitivity: along, across, stretch, shear, deg/h/g.
     g_calibration_deg_h_g: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     lag_ms: float = 0.0  #: delay of the y and z gyros relative to the x gyro, ms
-    lag_sigma_ms: float = 0.05  #: sigma of that delay, ms
+    lag_sigma_ms: float = 0.05  #: sigma of `lag_ms`, ms
     lead_ms: float = 0.0  #: time by which the accelerometer precedes the x gyro, ms
-    lead_sigma_ms: float = 3.0  #: sigma of that time, ms; it is observed when the rotation starts
+    lead_sigma_ms: float = 3.0  #: sigma of `lead_ms`, ms; this error becomes observable when the rotation starts
     longest_turn_s: float = 30.0  #: longest rotation between two rests; a longer one ends the seek of a station, s
     gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
 
@@ -107,8 +108,8 @@ def at_place(
     Parameters
     ----------
     unit : SeekParams
-        Figures of the unit and requirements on the azimuth. White noise of 0 means: as measured at rest; noise that is
-        measured clearly larger than stated holds too.
+        Figures of the unit. If its white noise is 0, or clearly smaller than the measured noise, the measured noise is
+        used.
     latitude_deg : float
     gravity : float or None
         Local gravity, m/s^2; None uses standard gravity.
@@ -117,7 +118,7 @@ def at_place(
     """
     measured = noise_deg_rth or 0.0
     stated = unit.gyro_noise_deg_rth or measured or TACTICAL_NOISE_DEG_RTH
-    # The statement is for all units of a type; samples that clearly contradict it are of this one.
+    # The stated noise is for all units of a type; use the noise of this unit if it is clearly larger.
     noise = measured if measured > _NOISIER * stated else stated
     return dataclasses.replace(
         unit,
@@ -165,9 +166,10 @@ def white_noise(stamp_ns: Stamps, gyro_t: Array, *, turning: bool = False) -> fl
     """
     Return the white noise of the y and z gyros, deg/sqrt(h), or None for too few samples.
 
-    stamp_ns, shape (n,); gyro_t, rad/s, shape (n, 3). It is computed from differences of neighbours, which contain
-    neither bias nor Earth rate; from second differences if the tool is turning, which contain no rotation either.
-    Pumps shake single samples but not averages over tenths of a second; if the two disagree, the averages are used.
+    stamp_ns, shape (n,), ns; gyro_t, shape (n, 3), rad/s. The noise is computed from differences of neighbouring
+    samples, which contain neither bias nor Earth rate; in a turning tool from second differences, which contain no
+    steady rotation either. Pumps shake single samples, but not averages over tenths of a second; if the noise from
+    single samples is clearly larger, the averages are used.
     """
     usable = np.isfinite(gyro_t).all(axis=1)
     stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]

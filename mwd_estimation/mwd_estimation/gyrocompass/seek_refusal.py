@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decide whether a north seek gives a usable azimuth, and if not, why."""
+"""Decide whether the azimuth of a north seek may be used, and give the reason if not."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from mwd_estimation.gyrocompass.seek_state import State
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
-# An azimuth with a larger sigma is refused, rad.
+# Largest 1 sigma of an azimuth that is not refused, rad.
 WORST_SIGMA = math.radians(20.0)
-# Geodetic latitude above which the horizontal part of the Earth's rotation is too small, deg.
+# Largest geodetic latitude, deg; beyond it the horizontal component of the Earth's rotation is too small.
 _MAX_LATITUDE_DEG = 85.0
-# Limits on the share of clipped samples, of rotation in a still seek, and of rotation in a rotating seek.
+# Largest share of clipped samples, largest share of time with rotation in a still seek, and smallest share of time with
+# rotation in a rotating seek.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Largest rms sway of the hole axis at rest, rad: sway turns the Earth rate that the gyros measure. A hole nearer to the
-# vertical than the second angle, rad, has no azimuth.
+# Largest rms sway of the hole axis at rest, rad, because sway turns the Earth rate that the gyros measure. And smallest
+# angle of the hole from the vertical with an azimuth, rad.
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
-# Rotation about an axis near horizontal east-west shows no north: least share of the Earth rate that is measured.
+# Smallest share of the horizontal Earth rate that must be measured; it is small if the tool rotates about an axis near
+# horizontal east-west.
 _LEAST_SENSITIVITY = 0.17
 # Share of latitudes that are given with the wrong sign (a guess), and probability of that above which north is refused:
 # twice as much. No azimuth of 84 sound seeks is refused by it (seeds 2000 to 2099), and each wrong one of the benchmark
@@ -35,7 +37,7 @@ _MISFIT, _EXCESSIVE = 3.0, 5.0
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """Estimate of north by the filter."""
+    """Estimate of north by the filter of a seek."""
 
     method: str  #: motion of the tool: still, two_position or rotating
     #: `azimuth`, `sigma`, `inclination`: values for the hole axis, rad.
@@ -50,7 +52,7 @@ class Fit:
 
 
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
-    """Return the reason to refuse an azimuth, or None: motion, then attitude of the hole, instrument, uncertainty."""
+    """Return the first reason to refuse an azimuth: motion, attitude, latitude, instrument or sigma; None if none."""
     return (
         motion(params, state, fit.method)
         or _attitude(fit)
@@ -73,7 +75,7 @@ def too_short(elapsed: float, shortest: float) -> Reason:
 
 
 def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | None:
-    """Return the refusal if gyros were beyond their range in too many samples."""
+    """Return the refusal if gyros clipped in too many samples; clipped, samples: numbers of samples."""
     if clipped <= _CLIPPED_SHARE * samples:
         return None
     given = (float(samples), math.radians(params.gyro_range_dps))
@@ -88,7 +90,7 @@ def vertical_hole(inclination: float) -> Reason | None:
 
 
 def motion(params: SeekParams, state: State, method: str) -> Reason | None:
-    """Return the refusal if gyros clipped, the seek was too short, the tool moved in another way, or the axis moved."""
+    """Return the refusal for clipped gyros, a short seek, a motion other than the mode, or a moving hole axis."""
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
     clipped = gyro_clipped(params, state.clipped, state.samples)
     if clipped is not None:
@@ -115,7 +117,7 @@ def _attitude(fit: Fit) -> Reason | None:
         return vertical
     seen = fit.sensitivity
     if fit.azimuths:
-        # Judge each fitting azimuth by itself, because the mean of two fitting azimuths does not fit.
+        # Check each azimuth that fits, because the mean of two of them does not fit.
         seen = max(math.sqrt(max(1.0 - (math.sin(fit.inclination) * math.sin(a)) ** 2, 0.0)) for a in fit.azimuths)
     uncertain = fit.sigma > WORST_SIGMA / 4.0
     if seen < _LEAST_SENSITIVITY and fit.method in ("rotating", "two_position") and uncertain:

@@ -19,11 +19,11 @@ from mwd_sensors.core.records import dtype_of
 
 class ErrorOrder(NamedTuple):
     """
-    Order of the error state, truth minus estimate: the first index of each quantity of `State`, and their number.
+    Index of the first entry of each quantity in the error state (true minus estimate), and SIZE, the number of entries.
 
     ATTITUDE is about the axes of the level frame, rad. Each other quantity has as many entries as in `State`, in the
-    same units: VELOCITY along the two horizontal axes of that frame, EARTH_RATE along all three, LEAK for the y and z
-    gyros.
+    same units: VELOCITY along the two horizontal axes of the level frame, EARTH_RATE along all three, LEAK for the y
+    and z gyros.
     """
 
     ATTITUDE: int = 0
@@ -55,7 +55,7 @@ class Phase(enum.IntEnum):
 
 
 class KernelParams(NamedTuple):
-    """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless marked as a value."""
+    """Parameters of `seek_params.SeekParams` in SI; all errors are 1 sigma, except those marked as a value."""
 
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s
@@ -72,16 +72,17 @@ class KernelParams(NamedTuple):
     scale_x: float  #: scale error of the x gyro, as a share
     leak: float  #: share of the x rate that y and z read
     g_sensitivity: float  #: g-sensitivity that calibration leaves: along, across, stretch and shear, rad/s per m/s^2
-    g_calibration: tuple[float, float, float, float]  #: calibrated g-sensitivity in that order and unit, a value
+    #: Calibrated g-sensitivity, in the order and unit of `g_sensitivity`, a value.
+    g_calibration: tuple[float, float, float, float]
     lag: float  #: delay of the y and z gyros relative to the x gyro, s, a value
-    lag_sigma: float  #: sigma of that delay, s
+    lag_sigma: float  #: 1 sigma of `lag`, s
     lead: float  #: time by which the accelerometer precedes the x gyro, s, a value
-    lead_sigma: float  #: sigma of that time, s
+    lead_sigma: float  #: 1 sigma of `lead`, s
     gyro_range: float  #: rate above which a sample counts as clipped, rad/s
 
 
 class Sums:
-    """Integrals over one block that the transition needs."""
+    """Integrals over one block, from which `seek_filter.transition` is computed."""
 
     #: `time`, `turn`: duration, s, and rotation about the tool axis, rad.
     time: float
@@ -89,8 +90,8 @@ class Sums:
     #: `lost_turn`, `lost_velocity`: variance that clipped samples add to attitude, rad^2, and velocity, (m/s)^2.
     lost_turn: float
     lost_velocity: float
-    mat: Annotated[Array, 3, 3]  #: integral of the tool-to-level matrix
-    force: Annotated[Array, 3]  #: integral of the specific force in the level frame
+    mat: Annotated[Array, 3, 3]  #: integral of the rotation matrix from tool to level axes, s
+    force: Annotated[Array, 3]  #: integral of the specific force in the level frame, m/s
     #: `bias`, `leak`, `g_sensitivity`, `scale`, `lag`, `lead`: integrals of the columns by which each of these errors
     #: changes the attitude (lead: the velocity).
     bias: Annotated[Array, 3, 2]
@@ -102,10 +103,10 @@ class Sums:
 
 
 class State:
-    """State of the filter: one record."""
+    """State of the filter."""
 
     clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
-    mat: Annotated[Array, 3, 3]  #: tool to level frame
+    mat: Annotated[Array, 3, 3]  #: rotation matrix from tool to level axes
     #: `velocity`, `earth_rate`: shapes (2,) and (3,); horizontal velocity, m/s, and Earth rate, rad/s, in the level
     #: frame, whose third axis points down.
     velocity: Annotated[Array, 2]
@@ -127,7 +128,8 @@ class State:
     bias_ramp: Annotated[Array, 3]
     P: Annotated[Array, 37, 37]  #: covariance of the error, in the order of `Error`
     sums: Sums  #: sums of the current block
-    #: `phase`, `settled`, `seen`: `Phase`; number of blocks while settling, and while seeking.
+    #: `phase`, `settled`, `seen`: value of `Phase`; number of blocks while settling, and number of blocks while
+    #: seeking.
     phase: int
     settled: int
     seen: int
@@ -138,7 +140,7 @@ class State:
     still_time: float
     turn_time: float
     #: `axis_reference`, `roll_reference`: shape (3,); reference directions of hole axis and tool z in the level frame,
-    #: relative to which `axis` and `roll` count.
+    #: for `axis` and `roll`.
     axis_reference: Annotated[Array, 3]
     roll_reference: Annotated[Array, 3]
     #: `last_axis`, `axis_difference2`: shapes (3,) and (2,); axis of the previous block, and sum of its squared steps
@@ -147,13 +149,13 @@ class State:
     axis_difference2: Annotated[Array, 2]
     #: shape (3,); variance of high side and right side of the axis, and of roll, from block to block, rad^2.
     scatter: Annotated[Array, 3]
-    #: `still_run`, `positions`, `refused_blocks`, `moved`: blocks at rest in a row; rests that gave a roll; blocks in a
-    #: row with a refused axis; detected moves of the axis.
+    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; of rests with a roll; of
+    #: blocks in a row whose axis was ignored; and of detected moves of the axis.
     still_run: int
     positions: int
     refused_blocks: int
     moved: int
-    #: `samples`, `clipped`: number of samples, and of those in which a gyro clipped.
+    #: `samples`, `clipped`: number of samples, and number of samples in which a gyro clipped.
     samples: int
     clipped: int
 
@@ -167,7 +169,7 @@ class State:
 class Work:
     """Scratch space of a block."""
 
-    half: Annotated[Array, 3, 3]  #: tool to level frame in the middle of a sample
+    half: Annotated[Array, 3, 3]  #: rotation matrix from tool to level axes in the middle of a sample
     #: `down`, `forward`, `level`: vectors and matrix used for levelling.
     down: Annotated[Array, 3]
     forward: Annotated[Array, 3]
@@ -185,7 +187,7 @@ STATE, WORK = dtype_of(State), dtype_of(Work)
 
 
 def estimate(s: State) -> Array:
-    """Return the estimate in the order of `Error`, shape (37,); attitude, which is a matrix, counts as zero."""
+    """Return the estimate in the order of `Error`, shape (37,); the entries of the attitude, a matrix, are zero."""
     instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
     return np.hstack(
         [np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead, s.bias_ramp]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-North seek on request: for a set time, with progress, whatever the tool does meanwhile.
+North seek on request: it runs for a set time and reports progress; the tool may rest or rotate.
 
 Bins of time are processed as they close. If the string rotates faster than the range of the precision unit's x gyro,
-the conventional unit's x gyro replaces it, with its own figures.
+the x gyro of the conventional unit is used instead, with the figures of the conventional unit.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_n
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
-# Number of bins from which the unit's white noise is measured, and rate below which a tool rests, rad/s.
+# Number of bins from which the white noise of the unit is measured, and rate below which a tool is at rest, rad/s.
 _NOISE_BINS = 8
 _AT_REST = 0.05
-# Time for settling after levelling, and for the first and last bin of a seek, s.
+# Time added to a requested duration for settling after levelling, and for the first and last bin of a seek, s.
 _SETTLING_S = 2.0
 MODES = ("still", "two_position", "rotating")
 
@@ -37,8 +37,8 @@ class SessionParams:
     duration_s: float = 120.0  #: duration of a seek if the request gives none, s
     #: White noise of the conventional unit's x gyro, used on a string that rotates fast, deg/sqrt(h).
     x_noise_deg_rth: float = 0.42
-    x_bias_deg_h: float = 400.0  #: sigma of that gyro's bias, deg/h
-    x_scale_ppm: float = 5000.0  #: sigma of that gyro's scale, ppm
+    x_bias_deg_h: float = 400.0  #: bias of the conventional unit's x gyro, deg/h
+    x_scale_ppm: float = 5000.0  #: scale error of the conventional unit's x gyro, ppm
 
 
 class NorthSession:
@@ -54,14 +54,14 @@ class NorthSession:
     gravity : float or None
         Local gravity, m/s^2.
     duration_s : float
-        Duration, s; 0 uses the configured one.
+        Duration, s; 0: the duration of `params`.
     mode : str
         One of `MODES`, or empty to accept any motion.
 
     Raises
     ------
     ValueError
-        The mode is another, or the duration is negative, not finite or too short for a result.
+        If the mode is unknown, or the duration is negative, not finite or too short for a result.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class NorthSession:
 
     @property
     def done(self) -> bool:
-        """Return whether the time is over."""
+        """Whether the duration is over."""
         return self.elapsed >= self.duration
 
     def add(self, seconds: float, precision: UnitSamples, ahrs: tuple[Stamps, Array]) -> None:
@@ -127,7 +127,7 @@ class NorthSession:
             self._first = None
 
     def _params_now(self, first: list[tuple[UnitSamples, tuple[Stamps, Array]]]) -> SeekParams:
-        """Return parameters with the measured noise, and with the x gyro whose range is large enough."""
+        """Return parameters with the noise measured in the first bins, and with the x gyro that the rates need."""
         stamps = np.concatenate([precision.stamps for precision, _ in first])
         rates = np.concatenate([precision.values[:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])

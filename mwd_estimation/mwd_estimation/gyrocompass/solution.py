@@ -13,29 +13,29 @@ from mwd_estimation.core.reasons import Reason
 class Solution:
     """Result of a north seek so far."""
 
-    reason: Reason | None  #: reason why it is refused; None on success
+    reason: Reason | None  #: reason why the azimuth is refused; None on success
     #: Motion of the tool: still, two_position or rotating; s1 for `static_ekf`; the requested mode while the motion is
-    #: not known.
+    #: unknown.
     method: str
-    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad; also given when refused, NaN
-    #: before the filter runs.
+    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad, even of a refused one; NaN before
+    #: the filter runs.
     azimuth: float = math.nan
     sigma: float = math.nan
     inclination: float = math.nan  #: inclination of the hole axis from the vertical, rad
     #: Azimuth of the scribe line seen from above, from true north, rad; it replaces the azimuth near vertical.
     toolface: float = math.nan
     elapsed: float = 0.0  #: duration of the used data, s
-    limit: float = math.nan  #: sigma of an ideal estimator for this gyro noise, time, latitude and geometry, rad
-    #: Azimuths and sigmas, rad, of which only one can be right, if the result is refused for that reason.
+    limit: float = math.nan  #: 1 sigma of an ideal estimator for this gyro noise, time, latitude and geometry, rad
+    #: Azimuths and sigmas, rad, one of which is right, if the result is refused because several azimuths fit.
     choices: tuple[tuple[float, float], ...] = ()
     began_ns: int | None = None  #: stamp at which the seek of a station began, ns; surveys of one seek share it
 
     @property
     def success(self) -> bool:
-        """Return whether the azimuth may be used."""
+        """Whether the azimuth may be used."""
         return self.reason is None
 
     @property
     def answers(self) -> bool:
-        """Return whether there is a usable azimuth, or several of which one is right."""
+        """Whether there is a usable azimuth, or several azimuths of which one is right."""
         return self.success or bool(self.choices)

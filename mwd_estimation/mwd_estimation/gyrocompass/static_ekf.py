@@ -33,7 +33,7 @@ from mwd_sensors.core.kalman import (
 )
 from mwd_sensors.core.records import dtype_of
 
-# Sigma of the tool's position about its resting place, m, and of its velocity, m/s.
+# 1 sigma of the position of the tool about its resting point, m, and of its velocity, m/s.
 _SIGMA_POSITION, _SIGMA_VELOCITY = 0.001, 0.001
 # A data gap longer than this restarts the filter, ns.
 _GAP_NS = 500_000_000
@@ -43,7 +43,7 @@ MOVED_RATIO = 5.0
 
 class ErrorOrder(NamedTuple):
     """
-    Order of the error state (S1), truth minus estimate: the first of three axes of each quantity, and their number.
+    Index of the first axis of each quantity in the error state (S1; true minus estimate); SIZE: number of entries.
 
     POSITION, VELOCITY and ATTITUDE are in NED, m, m/s and rad; biases are in tool axes, rad/s and m/s^2.
     """
@@ -60,7 +60,7 @@ Error = ErrorOrder()
 
 
 class State:
-    """State of the filter: one record."""
+    """State of the filter."""
 
     clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
     aligned: bool  #: whether the coarse alignment is done
@@ -74,9 +74,9 @@ class State:
     #: tool axes.
     position: Annotated[Array, 3]
     velocity: Annotated[Array, 3]
-    #: `mat`, `mat_coarse`: shape (3, 3); tool to NED now, and at the coarse alignment. Every transition uses the
-    #: latter, because the tool does not move. With the latest one, the unobservable combination of azimuth and east
-    #: gyro bias would turn with each correction, and sigma would become too small.
+    #: `mat`, `mat_coarse`: shape (3, 3); rotation from tool axes to NED now, and at the coarse alignment. Every
+    #: transition uses `mat_coarse`, because the tool does not move. With `mat`, the unobservable combination of azimuth
+    #: and east gyro bias would change with each correction, and sigma would become too small.
     mat: Annotated[Array, 3, 3]
     mat_coarse: Annotated[Array, 3, 3]
     gyro_bias: Annotated[Array, 3]
@@ -91,7 +91,7 @@ class State:
 
 
 class Work:
-    """Scratch space of the Kalman step: rows of the transition and of its product with P; error and gain."""
+    """Scratch space of the Kalman step: rows of the transition, their product with P, error, and product P h'."""
 
     phi: Annotated[Array, 9, 15]
     rows: Annotated[Array, 9, 15]
@@ -135,7 +135,7 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
     Raises
     ------
     ValueError
-        Shapes do not match.
+        If the shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     _advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
@@ -181,7 +181,7 @@ def transition(p: KernelParams, mat: Array, dt: float, ax: float, ay: float, az:
     """
     Fill phi, shape (9, 15), with the rows of Phi = I + F T of the error state (S1) that are not identity.
 
-    mat is tool to NED; ax, ay, az is the force without bias, m/s^2.
+    mat: rotation from tool axes to NED; dt: s; ax, ay, az: force without bias, m/s^2.
     """
     north, down = p.horizontal, p.down
     fn = mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az
@@ -251,15 +251,15 @@ def _align(p: KernelParams, s: State) -> None:
     """
     Align coarsely: down from the mean force, north from the horizontal part of the mean rate.
 
-    The start covariance is the linear map of both biases and both noises, so that the azimuth error is correlated from
-    the start with the bias that causes it, and the data of the alignment are counted once.
+    The start covariance is the linear map of both biases and both noises. Thus the azimuth error is correlated from the
+    start with the gyro bias that causes it, and the data of the alignment are not used twice.
     """
     t, P, mat = s.mean_time, s.P, s.mat
     for i in range(3):
         s.force[i] = -s.force[i]
         s.rate[i] /= t
         s.position[i] = s.velocity[i] = s.gyro_bias[i] = s.accel_bias[i] = 0.0
-    # Without any horizontal rate the gyro is dead: any north will do, and the innovations show the fault.
+    # Without any horizontal rate the gyro is dead: use any north; the innovations then show the fault.
     level_matrix(s.force, s.rate, 1e-12, mat)
     for i in range(3):
         for j in range(3):
@@ -304,8 +304,8 @@ def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) 
         if s.mean_time >= p.coarse_seconds - 1e-9:
             _align(p, s)
         return
-    # Use gravity instead of the measured force: its noise in the transition would look like a motion that shows
-    # azimuth.
+    # Use gravity instead of the measured force in the transition: the noise of the force would act like a motion that
+    # makes the azimuth observable.
     g, down = -p.gravity, s.mat_coarse[2]
     transition(p, s.mat_coarse, dt, g * down[0], g * down[1], g * down[2], work.phi)
     propagate(p, s, dt, w, f)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gyro azimuth of a station: seek north while the tool is still, and while it is turned to a second position there.
+Gyro azimuth of a station: seek north while the tool is still, and while it is turned to a second position.
 
-The seek uses the precision unit's own samples, bin by bin, from the moment when the string has settled. A quiet
-rotation about the axis is part of it, because the second position shows the gyro bias. Vibration, a rotation that takes
-too long or a moved axis ends it. The errors that it found in the instrument are used in the seek of the next station.
-Its solution states whether the azimuth may be used.
+The seek uses the samples of the precision unit, bin by bin, from the time at which the string has settled. A quiet
+rotation about the axis is part of the seek, because the second position shows the gyro bias. Vibration, a rotation that
+takes too long, or a moved axis ends the seek. The gyro errors found in a seek are used in the seek of the next station.
+The solution of a seek states whether the azimuth may be used.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
-_ACCEL_X = 3
-# An automatic survey does not wait for a sigma better than this, rad.
+_ACCEL_X = 3  # channel of the axial force in a bin of the conventional unit
+# 1 sigma of the azimuth, rad, below which an automatic survey does not wait longer.
 _ENOUGH_SIGMA = math.radians(0.7)
-# Standard deviation of the axial force, m/s^2, above which a rotation ends the seek, and change of the axial force at
-# rest above which the hole axis has moved.
+# Largest standard deviation and largest change of the axial force during a rotation that does not end the seek, m/s^2;
+# and largest change of the axial force at rest without a move of the hole axis, m/s^2.
 _MAX_SHAKE, _MAX_AXIS_STEP = 0.25, 0.03
-# Waiting is useful while the noise alone causes this share of sigma: noise also limits how well a bias can be found.
+# Smallest share of noise in the sigma at which waiting is useful; noise also limits the accuracy of a bias.
 _BY_NOISE = 0.1
 # Interval at which `pending` computes a solution, s: one solution costs as much as thousands of samples.
 _PENDING_EVERY_S = 2.5
@@ -44,12 +44,12 @@ _REST_BINS = 8
 
 @dataclasses.dataclass(frozen=True)
 class _Found:
-    """A seek as it was in the last still bin."""
+    """State of a seek in the last still bin."""
 
-    state: State
-    errors: GyroErrors | None  #: gyro errors known at its start
-    taught: State | None  #: last seek from which gyro errors were learnt
-    last_ns: int
+    state: State  #: state of the filter
+    errors: GyroErrors | None  #: gyro errors known at the start of the seek
+    taught: State | None  #: final state of the last seek from which gyro errors were estimated
+    last_ns: int  #: stamp of the last sample, ns
 
 
 class GyroStation:
@@ -80,14 +80,14 @@ class GyroStation:
         self._taught: State | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
-        # Duration of the seek, s, when `pending` last computed a solution, and its result.
+        # Duration of the seek at which `pending` last computed a solution, s, and the result of `pending`.
         self._waited: tuple[float, Reason | None] = (-math.inf, None)
 
     def refuse(self, reason: Reason | None, forget: bool) -> None:
         """
-        Refuse azimuths from now on for a reason, or allow them again with None.
+        Refuse azimuths from now on for a reason; None allows them again.
 
-        forget means that the samples so far were already wrong; they are discarded.
+        forget: whether the samples so far were already wrong and must be discarded.
         """
         self._refusal = reason
         if forget:
@@ -121,7 +121,7 @@ class GyroStation:
         if self._seek is not None and not self._continues(self._seek, imu, bin_s, still):
             self._seek = None
         if self._seek is None:
-            # Samples while the string settles are used to measure the unit's noise.
+            # Measure the noise of the unit from samples while the string settles.
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
                 self._began_ns = int(stamps[0]) if len(stamps) else self._last_ns or 0
@@ -168,7 +168,7 @@ class GyroStation:
         if not self._has_samples:
             return None
         if self._refusal is not None:
-            # Surveys before and after a refusal may belong to one seek.
+            # Keep the beginning of the seek, because surveys before and after a refusal may belong to the same seek.
             return Solution(self._refusal, self.unit.method, began_ns=None if self._seek is None else self._began_ns)
         if self.params is None:
             return Solution(Reason(ReasonCode.LATITUDE_UNKNOWN), self.unit.method)
@@ -178,9 +178,9 @@ class GyroStation:
 
     def pending(self) -> Reason | None:
         """
-        Return the reason to wait longer while the tool is still, or None if waiting does not help.
+        Return the reason why an automatic survey should wait longer while the tool is still; None if it should not.
 
-        An automatic survey taken earlier has no gyro azimuth, or one that would become better by waiting.
+        The reason is that the gyro azimuth is not known yet, or that its sigma would become smaller.
         """
         if not self._has_samples or self.params is None or self._seek is None or self._refusal is not None:
             return None

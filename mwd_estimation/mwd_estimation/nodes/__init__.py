@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes of this package: the only modules that import ROS, apart from `mwd_sensors.ros`."""
+"""The ROS nodes of this package. Only this room and `mwd_sensors.ros` import ROS."""
 
 from mwd_sensors.core.linear_algebra import use_one_thread
 

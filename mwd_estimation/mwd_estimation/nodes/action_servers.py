@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator's actions: a north seek, and a survey taken while the string rotates; feedback until the result."""
+"""The actions of the estimator, with their feedback: a north seek, and a survey while the string rotates."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.ros.deferred import DeferredGoal
 
-FEEDBACK_PERIOD = 0.5  # s
+FEEDBACK_PERIOD = 0.5  # s, interval between feedback messages
 
 
 class EstimatorActions:
     """
     Goals of the estimator's actions, at most one of each; the pipeline does the work.
 
-    pipeline, samples_arrive: return the pipeline in force, and whether samples of the IMU arrive. tell: called with
+    pipeline: returns the current pipeline. samples_arrive: returns whether samples of the IMU arrive. tell: called with
     the kind of each request and further fields of mwd_msgs/msg/OperatorEvent.
     """
 
@@ -35,7 +35,7 @@ class EstimatorActions:
         self._rotary: DeferredGoal | None = None
 
     def start_north_seek(self, goal: DeferredGoal) -> None:
-        """Start to seek north, or finish the goal with the reason why that is not possible."""
+        """Start a north seek, or finish the goal with the reason why a seek is not possible."""
         reason = self._refused(lambda: self._pipeline().request_north(goal.request.duration, goal.request.mode))
         asked = {"duration": goal.request.duration, "mode": goal.request.mode}
         self._tell(OperatorEvent.NORTH_SEEK, success=not reason, message=reason, **asked)
@@ -45,7 +45,7 @@ class EstimatorActions:
             self._north = goal
 
     def cancel_north_seek(self, goal: DeferredGoal) -> None:
-        """Stop to seek north."""
+        """Cancel the north seek, and finish its goal."""
         self._cancel_north("cancelled")
         self._north = None
         goal.finish(_no_north("cancelled"))
@@ -56,7 +56,7 @@ class EstimatorActions:
         self._pipeline().requests.cancel_north()
 
     def start_rotary_survey(self, goal: DeferredGoal) -> None:
-        """Start to average, or finish the goal with the reason why that is not possible."""
+        """Start a rotary survey, or finish the goal with the reason why a survey is not possible."""
         reason = self._refused(lambda: self._pipeline().requests.start_rotary(goal.request.duration))
         self._tell(OperatorEvent.ROTARY_SURVEY, success=not reason, message=reason, duration=goal.request.duration)
         if reason:
@@ -65,7 +65,7 @@ class EstimatorActions:
             self._rotary = goal
 
     def cancel_rotary_survey(self, goal: DeferredGoal) -> None:
-        """Stop to average."""
+        """Cancel the rotary survey, and finish its goal."""
         self._cancel_rotary("cancelled")
         self._rotary = None
         goal.finish(_no_survey("cancelled"))
@@ -85,7 +85,7 @@ class EstimatorActions:
         return ""
 
     def publish_feedback(self) -> None:
-        """Publish the progress of the goals; finish those that can no longer succeed."""
+        """Publish the progress of the goals; abort them if no more samples arrive."""
         if (self._north is not None or self._rotary is not None) and not self._samples_arrive():
             self.abort("the samples stopped")
             return
@@ -126,7 +126,7 @@ class EstimatorActions:
             goal.finish(_north(solution) if solution.reason is None else _no_north(text(solution.reason)))
 
     def finish_rotary_survey(self, survey: SurveyMessage | None, words: str) -> None:
-        """Finish the rotary survey; survey None: there is none, and `words` say why."""
+        """Finish the rotary survey; survey: None if none was taken; words: verdict, or the reason for no survey."""
         goal, self._rotary = self._rotary, None
         if goal is None:
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnostics of the estimator: samples, reference field, sensors, the survey under way and the attitude."""
+"""Diagnostics of the estimator: samples, reference field, sensors, current survey and attitude."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 
-# What a check can be found to be.
+# Texts for the states of a check.
 CONDITIONS = {UNKNOWN: "not yet known", fault_debounce.OK: "ok", fault_debounce.FAULT: "fault"}
 
 
 def unused_samples(pipeline: Pipeline, unreadable: int) -> int:
-    """Count the samples that were not used; unreadable: messages that could not be decoded."""
+    """Return the number of samples that were not used; unreadable: number of messages that could not be decoded."""
     counters = pipeline.counters
     return counters.rejected + counters.late_mag + counters.spikes + pipeline.of_no_time + unreadable
 
 
 def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) -> Diagnostic:
     """
-    Count the samples that were not used, by cause.
+    Return the diagnostic of the samples that were not used, with their number for each cause.
 
-    unreadable: messages that could not be decoded; lately: whether some of them came in the last seconds.
+    unreadable: number of messages that could not be decoded; lately: whether there were unused samples in the last
+    seconds.
     """
     counters, unused = pipeline.counters, unused_samples(pipeline, unreadable)
     values = (
@@ -58,7 +59,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
 
 
 def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
-    """Say whose covariance widens the sigmas, and whose stamps are corrected."""
+    """Return diagnostics of noise from covariances, meaning of samples, temperature and magnetometer delay."""
     found = [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
     if meaning := sample_meaning.in_words(pipeline.samples_are):
         message, _, remedy = meaning.partition("; ")
@@ -74,7 +75,7 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
 
 
 def reference_diagnostic(reference: Reference | None) -> Diagnostic:
-    """Report the reference field in force, with its values in T, rad and m/s^2 in full precision."""
+    """Return the diagnostic of the current reference, with its values in T, rad and m/s^2 in full precision."""
     if reference is None:
         message, remedy = "none: azimuth is magnetic and uncorrected", "set place.field, or call set_reference_field"
         return Diagnostic("reference field", WARN, message, remedy)
@@ -120,7 +121,7 @@ def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnos
 
 
 def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:
-    """Progress of the survey under way; requested_s: duration of the one that was requested, s; None: none was."""
+    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, s, None if none is."""
     survey, still = settings.survey, pipeline.still
     share = still.progress
     if not (survey.automatic or requested_s is not None) or share == 0.0:
@@ -139,5 +140,5 @@ def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested
 
 
 def attitude_diagnostic(status: int) -> Diagnostic:
-    """Status bits of the last attitude in words."""
+    """Return the diagnostic of the attitude, with the names of its status bits."""
     return Diagnostic("attitude", OK, words(status & ~int(Status.NO_REFERENCE)) or "no sample so far")

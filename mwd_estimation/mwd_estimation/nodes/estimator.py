@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator as a node: decodes messages, calls the pipeline, publishes its results."""
+"""The estimator as a ROS node: it decodes messages, calls the pipeline and publishes the results."""
 
 from __future__ import annotations
 
@@ -61,17 +61,18 @@ from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
 
+# Topics of the other streams, whose samples are processed together with those of the conventional unit.
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
-_BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they are estimated together
-_INNOVATIONS_PERIOD = 1.0  # s
-_SILENCE_PERIOD = 1.0  # s
+_BLOCK_PERIOD = 0.002  # s; longest time for which samples wait before they are processed together
+_INNOVATIONS_PERIOD = 1.0  # s; interval between messages of innovations and of used samples
+_SILENCE_PERIOD = 1.0  # s; interval between checks whether the samples have stopped
 _FIELD = ("total", "dip", "declination", "convergence", "gravity", "source")
-_TF_PERIOD_NS = 50_000_000
-_LATELY_S = 10.0  # without unused samples, after which the warning about them ends
+_TF_PERIOD_NS = 50_000_000  # ns; shortest interval between transforms on /tf
+_LATELY_S = 10.0  # s; time without unused samples after which the warning about unused samples ends
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):
-    """Subscribes to the sonde's topics, never to the truth; publishes what the pipeline computes from them."""
+    """Node that subscribes to the topics of the sonde, never to simulated truth, and publishes attitude and surveys."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)
@@ -88,7 +89,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._inputs = InputTopics(self)
         self._mount_key = self._inputs.mount_key
         self._pipeline = Pipeline(self.settings, None, self._inputs.mount(self.settings.tool.mount))
-        # Samples not used by the last diagnostics, and when there were new ones.
+        # Number of unused samples at the last diagnostics, and monotonic time, s, at which this number last changed.
         self._unused = 0, 0.0
         self._last_tf_ns = 0
         self._last_published_ns = -MIN_SPACING_NS
@@ -126,11 +127,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.add_action_server(RotarySurvey, "rotary_survey", actions.start_rotary_survey, actions.cancel_rotary_survey)
 
     def check_settings(self, settings: EstimatorSettings) -> None:
-        """Refuse what no estimate can be made with: a day outside the field model, a file that cannot be read."""
+        """Raise ValueError for settings that allow no estimate: a date outside the field model, an unreadable file."""
         Pipeline(settings)
 
     def on_settings_changed(self, settings: EstimatorSettings) -> None:
-        """Start the estimate anew; survey numbers go on, and a field given by service while the place is the same."""
+        """Restart the estimate; keep survey numbers, and a reference set by service if the place stays the same."""
         self._actions.abort("the settings were changed")
         self._respond(False, "no survey taken: the settings were changed", 0)
         before = self._pipeline
@@ -141,7 +142,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._samples_are = ""
 
     def deactivate(self) -> None:
-        """Publish a survey that waits for the gyro as it is; finish pending requests without success."""
+        """Publish a survey that waits for the gyro without waiting longer; finish open requests without success."""
         self._publish_pending_survey()
         self._logs.finish()
         if self._revisions is not None:
@@ -150,7 +151,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._actions.abort("the estimator stops")
 
     def cleanup(self) -> None:
-        """Judge no survey again."""
+        """End the revision of published surveys."""
         if self._revisions is not None:
             self._revisions.close()
 
@@ -161,15 +162,15 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._pipeline.continue_numbering(max((record.survey.sequence for record in table.records), default=0))
 
     def _estimate_block(self) -> None:
-        """Estimate from all samples that wait: the same bits as one by one, with one call of each kernel."""
-        # IMU samples are taken first and pushed last: the other samples of their time were sent before them.
+        """Process all waiting samples with one call of each kernel; the results do not depend on the block length."""
+        # Take IMU samples first and push them last: the other samples of the same time were sent before them.
         inputs, pipeline = self._inputs, self._pipeline
         taken = {"imu/data_raw": inputs.take("imu/data_raw")}
         taken |= {topic: inputs.take(topic) for topic in _BESIDE}
         taken = self._gate.passed(taken)
         imu, others = taken["imu/data_raw"], [taken[topic] for topic in _BESIDE]
         if inputs.mount_key != self._mount_key:
-            # Frames and static transforms are known with the first messages.
+            # The mount changes when frames and static transforms arrive with the first messages.
             self._mount_key = inputs.mount_key
             pipeline.set_mount(inputs.mount(pipeline.settings.tool.mount))
         pushes = (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature)
@@ -186,7 +187,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     @property
     def _frame(self) -> str:
-        """Frame of the tool's axes: the sonde's frame if the mount turns the samples, else the frame of the samples."""
+        """Frame id of tool axes: that of the sonde if the mount rotates the samples, else that of the samples."""
         frame = self._inputs.frames.get("imu/data_raw", "")
         return self.frame(wire.SONDE_FRAME) if self._pipeline.mount.turns else frame
 
@@ -253,7 +254,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._used_samples.publish(message)
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
-        """Publish a request that changes surveys, for recordings: with the last sample before it took effect."""
+        """Publish a request that affects surveys, with the stamp of the last sample before it; for recordings."""
         event = unknown(OperatorEvent, kind=kind, success=success, **fields)
         event.header.stamp = stamp(self._used.newest_ns)
         self._operator_events.publish(event)
@@ -273,14 +274,14 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.get_logger().info(printable(f"{words}; {joined(survey.station.reasons)}"))
 
     def _end_silent_survey(self) -> None:
-        """Answer a waiting request and publish the survey that waits for the gyro, if the samples have stopped."""
+        """If the samples have stopped, answer an open request and publish a survey that waits for the gyro."""
         if self._inputs.silent("imu/data_raw"):
             self._respond(False, "no survey taken: the samples stopped", 0)
             if self._pipeline.still.waits_for is not None:
                 self._publish_pending_survey()
 
     def _publish_pending_survey(self) -> None:
-        """No more samples come in the still interval: publish the survey that waits for the gyro as it is."""
+        """Publish the survey that waits for the gyro without waiting longer."""
         surveys = self._pipeline.finish().surveys
         if surveys:
             self._tell(OperatorEvent.COMPLETE_SURVEY, message="the samples stopped")
@@ -304,7 +305,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         return answer
 
     def _started_survey(self, request: Any, response: Any) -> Any:
-        """Start the survey that is asked for and answer when it is complete; or answer why it cannot be taken."""
+        """Start the requested survey and return a deferred response; or return a response with the reason for none."""
         if self._survey_response is not None:
             response.success, response.message = False, "a survey is already being taken"
             return response
@@ -321,7 +322,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         return self._survey_response
 
     def _respond(self, success: bool, message: str, sequence: int) -> None:
-        """Respond to the request for a survey, if there is one."""
+        """Respond to the open request for a survey, if there is one."""
         pending, self._survey_response = self._survey_response, None
         if pending is not None:
             pending.send(TakeSurvey.Response(success=success, message=message, sequence=sequence))
@@ -364,7 +365,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     # Diagnostics.
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Input topics, unused samples, reference field, sensors, the survey under way and the attitude."""
+        """Return the diagnostics of input topics, unused samples, reference field, sensors, survey and attitude."""
         inputs, pipeline = self._inputs, self._pipeline
         counters = pipeline.counters
         found = [inputs.diagnostic("imu/data_raw", counters.imu, ERROR)]
@@ -394,23 +395,23 @@ def main(args: Sequence[str] | None = None) -> int:
     return run_node(EstimatorNode, args)
 
 
-# The estimate begins with samples that the recorder has too, so that a recording gives the same results again.
+# Samples are used only from the first recorded one on, so that processing the recording gives the same results.
 
 
 # Longest wait for the recorder, s, which publishes its status once a second, and at once when a topic begins.
 _LONGEST_S = 5.0
-# Samples of a topic that wait at most, of a unit of 1 kHz for a minute.
+# Largest number of waiting samples of a topic: a minute of a unit of 1 kHz.
 _MOST = 60_000
 
 
 class SampleCounts:
-    """Samples that were used, by topic."""
+    """First stamp, last stamp and number of the used samples of each topic."""
 
     def __init__(self) -> None:
         self._counts: dict[str, tuple[int, int, int]] = {}
 
     def take(self, topic: str, samples: Samples) -> None:
-        """Count samples, which are not none."""
+        """Count one or more samples of a topic."""
         stamps = samples["stamp_ns"]
         low, high = int(stamps.min()), int(stamps.max())
         first, last, count = self._counts.get(topic, (low, high, 0))
@@ -431,9 +432,9 @@ class SampleCounts:
 
 class RecordingGate:
     """
-    Holds the first samples back until they are in the recording, where one is being made.
+    Holds the first samples back until the recorder receives samples too, if a recorder runs.
 
-    node: the estimator, whose subscription to `recorder` is opened.
+    node: node in which the subscription to `recorder` is created.
     """
 
     def __init__(self, node: GraphNode[Any]) -> None:
@@ -451,7 +452,11 @@ class RecordingGate:
         self._first_ns = dict(zip(names, stamps, strict=False))
 
     def passed(self, taken: Mapping[str, Samples]) -> dict[str, Samples]:
-        """Return the samples to be used now, by topic, out of those that were received since the last call."""
+        """
+        Return the samples of each topic to use now.
+
+        taken: samples of each topic received since the last call. The result is empty while samples are held back.
+        """
         if self._open:
             return dict(taken)
         for topic, samples in taken.items():
@@ -473,10 +478,10 @@ class RecordingGate:
         return {topic: samples[samples["stamp_ns"] >= begin_ns.get(topic, 0)] for topic, samples in waiting.items()}
 
     def _recorded_from(self) -> tuple[dict[str, int], list[str]]:
-        """Return the first recorded stamp of each topic that arrives, ns, and the topics that the recording lacks."""
+        """Return the first recorded stamp, ns, of each topic with samples, and the topics that the recorder lacks."""
         if self._first_ns is None:
             recorder = self._node.resolve_topic_name("recorder")
-            # Nobody records, or the first message of the recorder is still to come.
+            # Either no recorder runs, or its first status has not arrived yet.
             return {}, [recorder] if self._node.count_publishers(recorder) else []
         begin_ns, lacking = {}, []
         for topic, samples in self._waiting.items():
@@ -487,15 +492,15 @@ class RecordingGate:
         return begin_ns, lacking
 
 
-# Results of the estimator as messages of the graph.
+# Results of the estimator as ROS messages.
 
 
-# Shortest time between two published estimates, ns: 0.8 ms. A unit faster than 1 kHz is estimated at its own rate.
+# Shortest time between two published estimates, ns (0.8 ms). Samples of a unit faster than 1 kHz are all processed.
 MIN_SPACING_NS = 800_000
 
 
 def innovation_message(found: Sequence[Innovation], stamp_ns: int, frame_id: str) -> InnovationList:
-    """Innovations as mwd_msgs/msg/InnovationList."""
+    """Return innovations as mwd_msgs/msg/InnovationList."""
     message = InnovationList()
     message.header.stamp, message.header.frame_id = stamp(stamp_ns), frame_id
     message.sources = [InnovationMessage(test_ratio=one.test_ratio, **one._asdict()) for one in found]
@@ -504,10 +509,10 @@ def innovation_message(found: Sequence[Innovation], stamp_ns: int, frame_id: str
 
 def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> TransformStamped:
     """
-    Transform of the tool frame from local east-north-up.
+    Return the transform from the local east-north-up frame to the tool frame.
 
-    oriented: record of `wire.IMU` with its orientation; local_frame: of the well, east-north-up; tool_frame: that of
-    the tool's messages.
+    oriented: record of `wire.IMU` with its orientation; local_frame: frame id of the well's east-north-up axes;
+    tool_frame: frame id of the tool's messages.
     """
     transform = TransformStamped()
     transform.header.stamp = stamp(int(oriented["stamp_ns"]))
@@ -521,9 +526,10 @@ def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> Transfor
 
 def published_rows(stamps: Stamps, last_ns: int) -> Indices:
     """
-    Select the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
+    Return the indices of the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
 
-    stamps, shape (n,), and last_ns, stamp of the one published last: ns. Time that goes back starts anew.
+    stamps: stamps of the samples, ns, shape (n,); last_ns: stamp of the last published estimate, ns. If time goes back
+    by at least this spacing, the next estimate is published.
     """
     far = np.abs(np.diff(stamps)) >= MIN_SPACING_NS
     if len(stamps) and abs(int(stamps[0]) - last_ns) >= MIN_SPACING_NS and far.all():
@@ -538,10 +544,10 @@ def published_rows(stamps: Stamps, last_ns: int) -> Indices:
 
 def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
     """
-    Fill in the orientation of IMU samples, tool to east-north-up (REP-103, REP-145).
+    Return IMU samples with their orientation, from tool to east-north-up axes (REP-103, REP-145).
 
-    Without attitude the first covariance element is -1 (not reported); without azimuth the heading is zero with the
-    variance of a full circle.
+    Without attitude the first covariance element is -1 (not reported). Without azimuth the azimuth counts as zero, with
+    a sigma of pi.
     """
     oriented = samples.copy()
     attitude_known = np.isfinite(attitude["sigma_inclination"])
@@ -558,13 +564,14 @@ def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
     return oriented
 
 
-# Surveys judged again while the run goes on, on the topic survey/revised: by later surveys, and by faults of sensors.
+# Published surveys are decided again after later surveys and sensor faults; changed ones go to the topic
+# survey/revised.
 
 
-# Stations that are judged again after each survey: steel and a gyro that steps show within a few stations. Faults that
-# were there from the start reach back to all of the surveys that are kept.
+# Number of stations that are decided again after each survey: steel, and a gyro whose bias steps, show within a few
+# stations. And number of surveys that are kept: a sensor fault that existed from the start affects all of them.
 _NEWEST, _KEPT = 30, 1000
-# Longest wait for a judgement at the end, s: the node stops within three seconds.
+# Longest wait for a decision at the end, s: the node must stop within three seconds.
 _AT_THE_END_S = 1.5
 
 
@@ -580,17 +587,17 @@ class LiveRevisions:
         self._executor = concurrent.futures.ThreadPoolExecutor(1, "revisions")
         self._job: concurrent.futures.Future[dict[int, DecidedSurvey]] | None = None
         self._waiting: Callable[[], dict[int, DecidedSurvey]] | None = None
-        # As it was published first, and as it was revised last.
+        # For each survey number: the survey as first published, and its last revision.
         self._surveys: dict[int, tuple[DecidedSurvey, DecidedSurvey]] = {}
         self._frame = ""
 
     def close(self) -> None:
-        """Start no further judgement; one under way is completed."""
+        """Start no further decision; a running one is completed, and its result is not published."""
         self._waiting = None
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def take(self, survey: DecidedSurvey, pipeline: Pipeline, frame: str) -> None:
-        """Take a survey that was published; the ones before it are judged again."""
+        """Add a survey that was published; decide earlier surveys again if the new one was taken at rest."""
         self._surveys[survey.sequence], self._frame = (survey, survey), frame
         while len(self._surveys) > _KEPT:
             del self._surveys[next(iter(self._surveys))]
@@ -598,12 +605,12 @@ class LiveRevisions:
             self.judge_again(pipeline)
 
     def judge_again(self, pipeline: Pipeline) -> None:
-        """Judge all surveys again with the pipeline's present data; call this after a survey or a change of a fault."""
+        """Decide surveys again with the pipeline's present data; call this after a survey or a change of a fault."""
         if self._surveys:
             self._waiting = pipeline.judging_again(_NEWEST)
 
     def finish(self) -> None:
-        """Publish what is still to be revised, before the estimator stops."""
+        """Publish the remaining revisions before the estimator stops, within a limited time."""
         self.update()
         while self._job is not None:
             concurrent.futures.wait([self._job], _AT_THE_END_S)
@@ -612,11 +619,11 @@ class LiveRevisions:
             self.update()
 
     def update(self) -> None:
-        """Publish what a finished judgement revised, and begin the one that waits."""
+        """Publish the revisions of a finished decision, and start the waiting decision."""
         if self._job is not None and self._job.done():
             job, self._job = self._job, None
             now = job.result()
-            # A fault of the sensors that has gone withdraws no survey any more.
+            # Restore surveys that were withdrawn because of a sensor fault that is now cleared.
             back = {k: first for k, (first, last) in self._surveys.items() if last.withdrawn and k not in now}
             for number, survey in {**back, **now}.items():
                 self._revise(number, survey)

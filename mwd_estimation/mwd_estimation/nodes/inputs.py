@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Input topics of the estimator: single samples and bursts decoded together, and a record of which topics arrive."""
+"""Input topics of the estimator: decode single samples and bursts together, and keep the state of each topic."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 
-_SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
-# Number of samples for the rate, number of samples for the lost share, and lost share that is reported.
+_SLOWEST_HZ = 20.0  # smallest sample rate: at 120 r/min the string turns a tenth of a turn from sample to sample
+# Number of samples from which the sample rate is computed, number of samples from which the share of lost samples is
+# computed, and largest share of lost samples without a warning.
 _RATED, _COUNTED, _LOST = 16, 500, 0.03
-# Difference of the stamps of topics that arrive together, s; number of blocks in a row with a larger difference after
-# which the stamps are not used.
+# Largest difference of the stamps of topics that arrive together, s; and number of blocks in a row with a larger
+# difference after which the samples of a topic are not used.
 _SKEW_S, _SKEWED = 1.0, 5
-_UNEVEN = 0.1  # mean distance of the steps of stamps from whole periods, of random ones 0.25
+# Largest mean distance of the steps between stamps from whole periods, in periods, at which lost samples are counted;
+# random steps have 0.25.
+_UNEVEN = 0.1
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 _FULL_S = 10.0  # for which a full queue is reported
@@ -43,9 +46,9 @@ _TYPES = {
     "imu/data_raw": Imu,
     "imu/burst": ImuBurst,
 }
-# Topics of the units that a mount turns.
+# Topic of each unit that has a mount.
 _UNITS = {"imu": "imu/data_raw", "mag": "imu/mag", "precision": "gyro/data_raw"}
-# Topics whose stated noise counts; the precision unit measures its own at rest.
+# Topics whose stated noise is used; the noise of the precision unit is measured at rest.
 _NOISY = ("imu/data_raw", "imu/mag")
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
@@ -57,11 +60,11 @@ class InputTopics:
     Attributes
     ----------
     frames : dict
-        Frame id in force of each topic: messages of another one are not used.
+        Frame id of each topic; messages in another frame are not used.
     unreadable : int
-        Messages that could not be decoded.
+        Number of messages that could not be decoded.
     at_rest : bool
-        Whether the tool rests, as its user knows.
+        Whether the tool is at rest; the caller sets it from the last attitude.
     """
 
     def __init__(self, node: GraphNode[Any]) -> None:
@@ -70,16 +73,18 @@ class InputTopics:
         self.at_rest = False
         self._node = node
         self._received_at: dict[str, float] = {}
-        # When the frame in force of a topic came last; and of the last message in another one: its frame, and when.
+        # Monotonic time, s, of the last message of each topic in the frame of the topic; and frame and time of the last
+        # message in another frame.
         self._frame_at: dict[str, float] = {}
         self._foreign: dict[str, tuple[str, float]] = {}
-        # Copies of samples, as from a second publisher, and when the last of them came.
+        # Filter of copies of samples, as from a second publisher; and monotonic time, s, of the last copy.
         self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _UNITS.values()}
         self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
-        # Newest stamp of each topic minus that of the IMU when it came, ns; how often in a row it was too much, and the
-        # IMU's stamp by then: while the IMU does not come nothing is learnt.
+        # Newest stamp of each topic minus the newest stamp of the IMU at that time, ns; and number of times in a row
+        # that this difference was too large, with the stamp of the IMU at the last comparison, ns. While no IMU samples
+        # arrive, nothing is compared.
         self._imu_ns: int | None = None
         self._skew_ns: dict[str, int] = {}
         self._skewed: dict[str, tuple[int, int]] = {}
@@ -95,7 +100,7 @@ class InputTopics:
         }
 
     def take(self, topic: str) -> Samples:
-        """Take the samples that wait on a topic, followed by those of the burst topic that replaces it."""
+        """Return the waiting samples of a topic, followed by those of its burst topic, in axes of the unit."""
         layout = wire.SONDE_TOPICS[topic]
         waiting = self._buffers[topic].take()
         if len(waiting) >= qos.LONG_QUEUE:
@@ -135,10 +140,11 @@ class InputTopics:
 
     def _in_frame(self, topic: str, messages: list[bytes]) -> list[bytes]:
         """
-        Return the messages of a topic that are in its frame, with those whose header cannot be read.
+        Return the messages of a topic that are in its frame, and messages whose header cannot be read.
 
-        The first frame is in force until none of its messages has come for `TIMEOUT_S`: a restarted or exchanged unit
-        may have another one. A second unit on the topic is left out as long as the first one sends.
+        The frame of a topic is that of the first message. It changes only if no message in this frame has come for
+        `TIMEOUT_S`, because a restarted or exchanged unit may have another frame. A second unit on the topic is not
+        used as long as the first unit sends.
         """
         kept, now = [], time.monotonic()
         for message in messages:
@@ -157,7 +163,7 @@ class InputTopics:
         return kept
 
     def _fresh(self, topic: str, samples: Samples) -> Samples:
-        """Leave out samples that came before, as from a second publisher, by the rule of `mwd process`."""
+        """Return the samples without copies, as from a second publisher, by the same rule as `mwd process`."""
         repeated = self._repeated.get(topic)
         if repeated is None:
             return samples
@@ -168,32 +174,32 @@ class InputTopics:
         return fresh
 
     def _follow_skew(self, topic: str, newest_ns: int, imu_ns: int) -> None:
-        """Compare the stamps of a topic with those of the IMU."""
+        """Compare the newest stamp of a topic with the newest stamp of the IMU, ns."""
         self._skew_ns[topic] = newest_ns - imu_ns
         count, before_ns = self._skewed.get(topic, (0, 0))
         if imu_ns != before_ns:
             self._skewed[topic] = (count + 1 if abs(newest_ns - imu_ns) > _SKEW_S * 1e9 else 0), imu_ns
 
     def _is_skewed(self, topic: str) -> bool:
-        """Whether the stamps of a sensor are so far from those of the IMU that they are of another clock."""
+        """Return whether the stamps of a topic are so far from those of the IMU that they come from another clock."""
         return topic in _TIMED and self._skewed.get(topic, (0, 0))[0] >= _SKEWED
 
     def received(self, topic: str) -> bool:
-        """Whether any message of the topic has arrived."""
+        """Return whether any message of the topic has arrived."""
         return topic in self._received_at
 
     def silent(self, topic: str) -> bool:
-        """Whether no message of the topic has arrived for `TIMEOUT_S`."""
+        """Return whether no message of the topic has arrived for `TIMEOUT_S`."""
         return time.monotonic() - self._received_at.get(topic, -TIMEOUT_S) >= TIMEOUT_S
 
     @property
     def mount_key(self) -> tuple[Any, ...]:
-        """Inputs of `mount` in addition to the settings; while they stay the same, so does the mount."""
+        """Inputs of `mount` apart from the settings; the mount does not change while they stay the same."""
         return self._transforms_seen, *(self.frames.get(topic) for topic in _UNITS.values())
 
     @property
     def noise(self) -> dict[str, input_covariance.Noise]:
-        """Noise that the covariances of conventional unit and magnetometer state, by vector, once it is known."""
+        """Noise of each vector, as stated by covariances of conventional unit and magnetometer, once it is known."""
         return self._noise.noise
 
     def mount(self, given: MountSettings) -> Mount:
@@ -238,11 +244,11 @@ class InputTopics:
         return Diagnostic(topic, level, message, "check its QoS", values)
 
     def mount_diagnostics(self, mount: Mount) -> tuple[Diagnostic, ...]:
-        """Report units whose mount is not known: not used, or taken to be that of the conventional unit."""
+        """Return diagnostics of units with unknown mount, which are not used, or used with the mount of the IMU."""
         found = []
         for words, units in (("not used", mount.unusable), ("taken in the axes of the IMU", mount.assumed)):
             for unit, sentence in units.items():
-                # A unit that never came is reported as such.
+                # Do not report the mount of a unit that sends nothing, except for the IMU.
                 if unit == "imu" or self.received(_UNITS[unit]):
                     level = ERROR if units is mount.unusable else WARN
                     what, _, remedy = sentence.partition(": ")
@@ -250,7 +256,7 @@ class InputTopics:
         return tuple(found)
 
     def covariance_diagnostics(self) -> list[Diagnostic]:
-        """Name vectors that the messages declare absent, and covariances that are none."""
+        """Return diagnostics of vectors that the messages declare absent, and of covariances that are not valid."""
         found = []
         for topic, layout in wire.SONDE_TOPICS.items():
             vectors = dict(input_covariance.VECTORS.get(layout.type_name, ())) if topic in _NOISY else {}
@@ -262,7 +268,7 @@ class InputTopics:
         return found
 
     def frame_diagnostics(self) -> list[Diagnostic]:
-        """Name topics on which messages in a second frame come."""
+        """Return diagnostics of topics on which messages in a second frame arrive."""
         now = time.monotonic()
         return [
             Diagnostic(
@@ -277,7 +283,7 @@ class InputTopics:
         ]
 
     def repeat_diagnostics(self) -> list[Diagnostic]:
-        """Name topics whose samples come twice."""
+        """Return diagnostics of topics whose samples arrive twice."""
         return [
             Diagnostic(
                 f"publishers of {topic}",
@@ -290,7 +296,7 @@ class InputTopics:
         ]
 
     def skew_diagnostics(self) -> list[Diagnostic]:
-        """Name a topic whose stamps are far from those of the IMU, both arriving."""
+        """Return diagnostics of topics whose stamps are far from those of the IMU while both arrive."""
         if self.silent("imu/data_raw"):
             return []
         found = []
@@ -304,13 +310,13 @@ class InputTopics:
 
 
 class _Rate:
-    """Rate of a stream, and the share of its samples that is lost, from the stamps of the last ones."""
+    """Sample rate of a stream and share of lost samples, from the stamps of the last samples."""
 
     def __init__(self) -> None:
         self._stamps: collections.deque[int] = collections.deque(maxlen=_COUNTED)
 
     def add(self, stamp_ns: NDArray[np.int64]) -> None:
-        """Take the stamps of samples that arrived."""
+        """Add the stamps of samples that arrived, ns."""
         self._stamps.extend(stamp_ns[-_COUNTED:].tolist())
 
     @property
@@ -321,11 +327,11 @@ class _Rate:
 
     @property
     def lost(self) -> float:
-        """Share of the last samples that is missing between the others; 0 where it is not known."""
+        """Share of samples that are missing between the last ones, 0 to 1; 0 if unknown."""
         steps = _steps(self._stamps)
         if len(steps) < _COUNTED // 2:
             return 0.0
-        # Most short steps are one period, as long as fewer than nine in ten samples are lost.
+        # The shortest tenth of the steps are single periods if fewer than nine in ten samples are lost.
         short = float(np.quantile(steps, 0.1))
         period = float(np.median(steps[steps < 1.5 * short]))
         periods = steps / period

@@ -22,7 +22,7 @@ Running = list[tuple[int, dict[str, LogSample]]]
 
 
 class LogPublisher:
-    """Feeds the sampler of the log channels with the inputs and results of the estimator."""
+    """Passes inputs and results of the estimator to the sampler of the log channels, and publishes its samples."""
 
     def __init__(self, node: GraphNode[Any], channels: Mapping[str, LogChannel]) -> None:
         self._sampler = LogSampler(channels)
@@ -36,7 +36,7 @@ class LogPublisher:
         self._sampler.push("temperature", samples)
 
     def take(self, output: Output, frame: str) -> Running:
-        """Publish the samples that a block of results completes; return the running means for words of the link."""
+        """Publish the log samples that a block of results completes; return the running means for telemetry words."""
         self._frame = frame
         for stream, layout, buffer in (
             ("counts", wire.COUNTS, self._counts),

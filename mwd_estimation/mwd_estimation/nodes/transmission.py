@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tool's transmission in the graph: flow in, `tool/transmission` out, at the pace of the estimates."""
+"""The transmission of the tool as a ROS topic: flow in, `tool/transmission` out, with each block of estimates."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from mwd_sensors.telemetry import log_channels, tool_configuration
 from mwd_sensors.telemetry.log_channels import LogChannel
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 
-# Flow so far behind the estimates has stopped, s.
+# Largest delay of the flow behind the estimates, s; with a larger delay the flow counts as stopped.
 _LATE_S = 5.0
 
 
 class TransmissionPublisher:
     """
-    Run the tool's transmitters together with the estimator, one for each of its links; none without a tool file.
+    The transmitters of the tool, one for each telemetry link; without a tool file there is none.
 
     Raises
     ------
     ValueError, OSError
-        A tool configuration cannot be read, or two name the same link.
+        If a tool configuration cannot be read, or two of them name the same link.
     """
 
     def __init__(self, node: GraphNode[Any], settings: Transmit) -> None:
@@ -62,9 +62,10 @@ class TransmissionPublisher:
 
     def take(self, imu: Samples, output: Output, pipeline: Pipeline, running: Running, frame: str) -> None:
         """
-        Accept a block of samples and its results, and publish what the tool transmitted.
+        Accept a block of samples and its results, and publish the words that the tool transmitted.
 
-        imu: in axes of the unit. running: running means of the log channels.
+        imu: samples of the conventional unit in axes of the unit; running: running means of the log channels; frame:
+        frame id of the messages.
         """
         if not self._transmitters:
             return

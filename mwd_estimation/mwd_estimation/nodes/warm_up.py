@@ -18,18 +18,20 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt
 from mwd_sensors.core.settings import changed
 
-_RATE = 100.0  # Hz
-_CONSTANT_S, _TURNING_S, _STILL_S = 5.0, 2.0, 6.0  # constant: a fault to name; still: for the shortest survey
-_NOISE = {"linear_acceleration": 5e-3, "angular_velocity": 1e-3, "magnetic_field": 5e-8}  # m/s^2, rad/s, T
+_RATE = 100.0  # sample rate, Hz
+# Durations of the parts, s: constant samples, so that a fault is found; a turning tool; a tool at rest, long enough for
+# the shortest survey.
+_CONSTANT_S, _TURNING_S, _STILL_S = 5.0, 2.0, 6.0
+_NOISE = {"linear_acceleration": 5e-3, "angular_velocity": 1e-3, "magnetic_field": 5e-8}  # 1 sigma, m/s^2, rad/s, T
 
 
 def warm_up(settings: EstimatorSettings) -> None:
-    """Estimate an artificial survey: it reaches every kernel, so that the first sample is not delayed."""
+    """Process an artificial survey that calls every kernel, so that compilation does not delay the first sample."""
     quick = changed(settings, {"survey.automatic": True, "survey.settle_s": 0.0, "survey.duration_s": SHORTEST_S})
     imu, mag, heat = _samples()
     RepeatedSamples().take(imu["stamp_ns"], imu)
     pipeline = Pipeline(quick, Reference(total=5e-5, dip=1.0, source="warm-up"))
-    # In two blocks: between them the magnetometer is silent, so that an open bin is closed.
+    # Push two blocks without magnetic samples in between, so that the kernel that closes an open bin is called.
     cut_ns = imu["stamp_ns"][0] + round((_CONSTANT_S + _TURNING_S) * 1e9)
     for later in (False, True):
         ahrs, field, celsius = (one[(one["stamp_ns"] >= cut_ns) == later] for one in (imu, mag, heat))
@@ -44,7 +46,7 @@ def warm_up(settings: EstimatorSettings) -> None:
 
 
 def _samples() -> tuple[Samples, Samples, Samples]:
-    """Samples of IMU, magnetometer and thermometer: constant as of a fault, of a tool that turns, of one at rest."""
+    """Return samples of IMU, magnetometer and thermometer: constant ones, then of a turning tool, then at rest."""
     rng = np.random.default_rng(0)
     time_s = np.arange(0.0, _CONSTANT_S + _TURNING_S + _STILL_S, 1.0 / _RATE)
     imu, mag, heat = (kind.empty(len(time_s)) for kind in (wire.IMU, wire.MAG, wire.TEMPERATURE))

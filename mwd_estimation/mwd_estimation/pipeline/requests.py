@@ -37,8 +37,8 @@ class Requests:
         """
         Start a north seek.
 
-        duration_s: duration, s, 0 for the default of the mode; mode: see `NorthSession`; gravity: local gravity, m/s^2,
-        None if unknown.
+        duration_s: duration, s, 0 for the default; mode: see `NorthSession`; gravity: local gravity, m/s^2, None if
+        unknown.
 
         Raises
         ------

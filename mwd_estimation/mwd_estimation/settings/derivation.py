@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of every filter, derived from the settings, in which each fact is set once: one function per filter.
+Parameters of every filter, derived from the settings: one function per filter.
 
-Facts of the tool and the place enter here and nowhere else; other parameters keep the default of the filter.
+The settings state each fact of the tool and the place once, and only this module passes these facts to the filters.
+Other parameters keep the default of the filter.
 """
 
 from __future__ import annotations
@@ -38,33 +39,35 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.settings import SettingsError
 
-# Least ratio of a gyro's noise or bias to the default tool's: the bounded filter must not treat a gyro as perfect.
+# Smallest ratio of a gyro's noise or bias to that of the default tool: no filter must treat a gyro as perfect.
 _LEAST_GYRO = 0.02
-# Least errors of accelerometers that nobody has described, 1 sigma: those of a MEMS unit as it leaves its factory.
+# 1 sigma of accelerometer errors that the settings do not describe: errors of a MEMS unit without own calibration.
 _FACTORY = {"bias_ug": 3000.0, "scale_ppm": 1500.0, "misalignment_mrad": 1.0}
-_FACTORY_GYRO = (720.0, 1.0)  # bias, deg/h, and misalignment, mrad, of the gyros of such a unit
-# Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
+_FACTORY_GYRO = (720.0, 1.0)  # 1 sigma of bias, deg/h, and misalignment, mrad, of the gyros of such a MEMS unit
+# Random walk of the bias of a gyro with the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
 _WALK_DEG_H_RTH = 10.0
-# Ramp of a precision gyro's bias while the tool warms up or cools, 1 sigma, as a share of the bias per hour: that of a
-# tactical MEMS unit warmed by 10 degC in an hour.
+# 1 sigma of the ramp of a precision gyro's bias while the tool warms up or cools, as a share of the bias per hour: that
+# of a tactical MEMS unit whose temperature rises by 10 degC in an hour.
 _RAMP_PER_H = 0.6
-# Least limit for the rate that a gyro may show at rest, rad/s: any bias changes this much with temperature and age.
+# Smallest limit for the rate that a gyro may read at rest, rad/s: any bias may change this much with temperature and
+# age.
 _REST_RATE = 0.01
-# Magnetic field of the string at the magnetometer, 1 sigma, along the axis and in each direction across it, nT: AMIL of
-# the tool code; poles of 1000 uWb some 7 m away; steel pipe.
+# 1 sigma of the magnetic field of the string at the magnetometer, along the axis and in each direction across it, nT.
+# non_magnetic: AMIL of the tool code; short: poles of 1000 uWb some 7 m away; steel: steel pipe around the
+# magnetometer.
 _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3000.0, 1000.0)}
-# Probability that steel pipe has another field at one station than at the others, so that it rotates the field and
-# keeps total and dip: in the field case of S1 it did so at each station of table 2, by 18 to 23 deg, and at none of
-# table 1.
+# Probability that steel pipe has another field at a station than at the other stations of the run, so that the measured
+# field is rotated with unchanged total and dip: in the field case of S1 this happened at each station of table 2, by 18
+# to 23 deg, and at no station of table 1.
 _OF_STEEL = 0.3
-# Noise, scale error and soft iron of a magnetometer across the axis, nT: 0.1 to 0.2 per cent of the Earth's field.
+# 1 sigma of noise, scale error and soft iron of a magnetometer across the axis, nT: 0.1 to 0.2 % of the Earth's field.
 _MAG_SCATTER_NT = 100.0
-# Deviation of local gravity from the normal gravity of a place, by anomalies and the depth of the tool, m/s^2.
+# 1 sigma of the difference of local gravity from the normal gravity of a place, from anomalies and tool depth, m/s^2.
 _LOCAL_GRAVITY = 0.002
 
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
-    """Return the parameters of the selected gravity method; `gravity` is local, m/s^2, None if not known."""
+    """Return the parameters of the selected gravity method; gravity: local gravity, m/s^2, None if unknown."""
     found = _of_tool(settings.tool, gravity, method(settings.gravity.method).Params())
     expert = dataclasses.asdict(settings.gravity.expert)
     return found._replace(**{name: expert[name] for name in found._fields if name in expert})
@@ -77,10 +80,10 @@ def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> 
 
 
 def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
-    """Return the default parameters of a gravity method, changed to the facts of tool and place."""
+    """Return the parameters of a gravity method: its defaults, changed by the facts of tool and place."""
     usual, calibration, gyro = Gyro(), accelerometer_tilt(tool), tool.gyro
     if tool.accelerometer.assumed:
-        # A figure that has its default is not stated.
+        # Use the errors of a unit without calibration for figures that have the default, which are not stated.
         gyro = dataclasses.replace(
             gyro,
             bias_deg_h=_FACTORY_GYRO[0] if gyro.bias_deg_h == usual.bias_deg_h else gyro.bias_deg_h,
@@ -106,14 +109,14 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
         "accel_scale_sigma": 1e-6 * scale_ppm,
         "accel_misalignment_sigma": 1e-3 * misalignment_mrad,
         "mag_error": 1e-9 * math.hypot(tool.magnetometer.bias_nt, _string_nt(tool)[1], _MAG_SCATTER_NT),
-        # Simpler methods know their sigma less well and have a sigma floor of their own.
+        # Simpler methods estimate their sigma less accurately and have a sigma floor of their own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
     }
     return default._replace(**{name: derived[name] for name in default._fields if name in derived})
 
 
 def _in_proportion(default: Any, name: str, figure: float, usual: float) -> float:
-    """Return a default of a gravity method, 0 if it has none, scaled by a figure of the tool over the usual figure."""
+    """Return the default of a parameter (0 if the method lacks it) times the ratio of `figure` to `usual`."""
     return float(getattr(default, name, 0.0)) * max(figure / usual, _LEAST_GYRO)
 
 
@@ -121,8 +124,8 @@ def accelerometer_tilt(tool: Tool) -> float:
     """
     Return the tilt of the gravity direction caused by the errors of the accelerometers, 1 sigma, rad.
 
-    A scale error rotates the vector by the difference of the errors of two axes, times sine and cosine of the angle to
-    them; the root mean square over all attitudes is half of the error.
+    Scale errors rotate the vector by the difference of the errors of two axes, times sine and cosine of the angle from
+    one of these axes; the root mean square over all attitudes is half of the scale error.
     """
     bias, scale, misalignment = accelerometer_figures(tool)
     return math.hypot(bias / 1e6, 0.5 * scale / 1e6, misalignment / 1e3)
@@ -132,7 +135,7 @@ def accelerometer_figures(tool: Tool) -> tuple[float, float, float]:
     """
     Return bias, ug, scale error, ppm, and misalignment, mrad, of the accelerometers, 1 sigma.
 
-    Accelerometers that nobody has described get at least the errors of a unit as it leaves its factory.
+    Accelerometers that the settings do not describe get at least the errors of a MEMS unit without own calibration.
     """
     sensor = tool.accelerometer
     bias, scale, misalignment = sensor.bias_ug, sensor.scale_ppm, sensor.misalignment_mrad or 0.0
@@ -144,11 +147,11 @@ def accelerometer_figures(tool: Tool) -> tuple[float, float, float]:
 
 def input_ranges(settings: EstimatorSettings) -> Ranges:
     """
-    Return the ranges by which the gate judges samples.
+    Return the sensor ranges for the gate.
 
     The widest range of the three axes is used, because the gate works in axes of the units while a range may be stated
-    in tool axes. A precision unit often keeps its default, which is the range of its cross axes, although its x axis
-    follows the string; its gate is therefore at least that of the conventional unit.
+    in tool axes. The range of a precision unit is often left at the default, which suits its cross axes, although its x
+    axis rotates with the string; its gate is therefore at least that of the conventional unit.
     """
     tool = settings.tool
     fastest = max(tool.gyro.range_deg_s)
@@ -167,7 +170,7 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
         gyro_range=math.radians(min(tool.gyro.range_deg_s)),
         accel_range=min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         mag_range=tool.magnetometer.range_ut * 1e-6 or math.inf,
-        # Keep the checks' own waiting time for the magnetometer if it covers the delay.
+        # The checks wait for magnetic samples for their default time, or for the set delay if it is longer.
         mag_lag_ns=max(usual.mag_lag_ns, round(tool.magnetometer.delay_s * 1e9)),
         rest_rate=max(_REST_RATE, usual.rest_rate * (tool.gyro.bias_deg_h / Gyro().bias_deg_h)),
         mag_expected=tool.magnetometer.present,
@@ -191,15 +194,15 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.P
 
 
 def interference_params(settings: EstimatorSettings) -> interference_state.Params:
-    """Return the parameters of the filter of the drill string's field."""
+    """Return the parameters of the filter that estimates the field of the drill string."""
     tool, usual = settings.tool, interference_state.Params()
-    # The largest possible field scales with the expected one, and is at least the magnetometer's bias.
+    # The prior of the axial interference scales with the expected field, and is at least the bias of the magnetometer.
     axial = usual.axial * (_string_nt(tool)[0] / _string_nt(Tool())[0])
     return interference_state.Params(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
 
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.Params:
-    """Return the parameters of the azimuth propagated by the gyros of both units; unstated figures keep the default."""
+    """Return the parameters of the azimuth propagated by the gyros of both units; others keep the filter's default."""
     tool, usual = settings.tool, gyro_azimuth_state.Params()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h
@@ -248,15 +251,15 @@ def north_params(settings: EstimatorSettings) -> SessionParams:
 
 def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Return the reference field of the place, with the sigmas of the tool code if one is named; None: there is no field.
+    Return the reference of the place, with the sigmas of the tool code if one is set; None if no field is set.
 
-    first_ns : stamp that gives the date if no date is set.
+    first_ns : stamp of the first sample, ns, from which the date follows if no date is set.
 
     Raises
     ------
     ValueError
-        See `reference_of` and `tool_code.reference_sigmas`; also if a tool code assumes an in-field reference but the
-        field is that of a global model.
+        See `reference_of` and `tool_code.reference_sigmas`; also if the tool code assumes an in-field reference but the
+        field comes from a global model.
     """
     found = reference_of(settings.place, first_ns)
     return None if found is None else with_code(settings, found)
@@ -264,11 +267,10 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
 
 def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Return the reference as `reference` does, but an empty one for a clock outside the years of the model.
+    Return the reference as `reference`, but an empty one if the stamp is outside the years of the model.
 
-    The source of the empty reference gives the reason.
-
-    A node whose clock is wrong still estimates gravity; errors of the settings themselves are raised as in `reference`.
+    The source of the empty reference states the reason. Thus a node with a wrong clock still estimates gravity. If a
+    date is set, errors are raised as in `reference`.
     """
     try:
         return reference(settings, first_ns)
@@ -280,7 +282,7 @@ def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference |
 
 def check(settings: EstimatorSettings) -> None:
     """
-    Refuse a place without a reference field, on the date that is set or else on any date of the model.
+    Check that the settings allow a reference, on the set date or, if none is set, on a date within the model.
 
     Raises
     ------
@@ -297,7 +299,7 @@ def check(settings: EstimatorSettings) -> None:
 
 
 def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
-    """Return the reference with the sigmas of the tool code, if one is named. ValueError as in `reference`."""
+    """Return the reference with the sigmas of the tool code, if one is set; raise ValueError as in `reference`."""
     place, code = settings.place, settings.survey.tool_code
     if not code:
         return found
@@ -307,21 +309,21 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
             "give the field of the IFR certificate (place.field fixed), or choose a code with SRGM, HRGM (HDGM) or "
             "LRGM (WMM, IGRF)"
         )
-    # A certificate for this place replaces the assumptions that the code makes for all places.
+    # Keep the sigmas of a certificate for this place; those of the tool code apply to all places.
     return found if place.source else tool_code.reference_for(code, found)
 
 
 def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     """
-    Return the errors of a station's readings: from the tool code if one is named, else from the figures of the tool.
+    Return the errors of a station's readings: from the tool code if one is set, else from the settings of the tool.
 
-    No tool code describes how the accelerometers are rotated in their mount: the direction error that the tool states
-    is added to the error that a calibration of both triads leaves.
+    No tool code describes the rotation of the accelerometers in their mount. For this rotation the direction error in
+    the settings of the tool is added in squares to the error that remains after a calibration of both triads.
 
     Raises
     ------
     ValueError
-        There is no tool code of that name, or it does not belong to a magnetic survey.
+        If there is no tool code of the name that is set, or it does not belong to a magnetic survey.
     """
     tool, described = settings.tool, assembly(settings.tool)
     mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * (tool.accelerometer.misalignment_mrad or 0.0)))
@@ -345,13 +347,13 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
 
 
 def _string_nt(tool: Tool) -> tuple[float, float]:
-    """Return the field of the string, 1 sigma, along and across the axis, nT: as stated, else from its kind."""
+    """Return 1 sigma of the string's field along and across the axis, nT: as set, else from the kind of string."""
     along, across = _STRINGS_NT[tool.string]
     return along if tool.axial_interference_nt is None else tool.axial_interference_nt, across
 
 
 def _sag_deg(tool: Tool, described: Assembly | None) -> float:
-    """Return the remaining sag, 1 sigma, deg: of the assembly, of another correction, or without correction."""
+    """Return 1 sigma of the sag, deg: from the assembly file, else for a set correction, else for no correction."""
     if described is not None:
         return described.sigma_sag_deg
     return SIGMA_CORRECTED_DEG if tool.sag_correction_deg != 0.0 else SensorErrors().sag_deg
@@ -359,12 +361,12 @@ def _sag_deg(tool: Tool, described: Assembly | None) -> float:
 
 def assembly(tool: Tool) -> Assembly | None:
     """
-    Read the bottom-hole assembly of the tool; None if no file is named.
+    Return the bottom-hole assembly from the file in the settings; None if no file is set.
 
     Raises
     ------
     SettingsError
-        The file cannot be read, is not an assembly, or a sag correction is set in addition to it.
+        If the file cannot be read, is not an assembly, or a sag correction is set in addition to the file.
     """
     if not tool.assembly_file:
         return None
@@ -381,9 +383,9 @@ def assembly(tool: Tool) -> Assembly | None:
 
 def sag_correction(tool: Tool) -> SagCorrection:
     """
-    Return the correction of the inclination for sag, from the assembly or as set.
+    Return the correction of the inclination for sag, from the assembly file or as set.
 
-    ValueError as in `assembly` and `sag.sag`.
+    Raise ValueError as in `assembly` and `sag.sag`.
     """
     described = assembly(tool)
     if described is None:
@@ -392,7 +394,7 @@ def sag_correction(tool: Tool) -> SagCorrection:
 
 
 def calibrated_range(tool: Tool) -> CalibratedRange:
-    """Return the temperatures at which the tool was calibrated, and the growth of its errors beyond them."""
+    """Return the temperature range of the calibration of the tool, and the growth of its errors outside this range."""
     return CalibratedRange(
         *tool.calibrated_c,
         accelerometer_mps2_per_c=tool.accelerometer.bias_ug_per_c / 1e6 * STANDARD_GRAVITY,
@@ -430,5 +432,5 @@ def dwell_params(settings: EstimatorSettings) -> toolface_dwell.Params:
 
 
 def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.Params:
-    """Return the parameters of the summary of drilling dynamics; `gravity` is local, m/s^2, None if not known."""
+    """Return the parameters of the summary of drilling dynamics; gravity: local gravity, m/s^2, None if unknown."""
     return drilling_dynamics.Params(settings.dynamics.shock_threshold, gravity or STANDARD_GRAVITY)

@@ -52,11 +52,11 @@ class Gravity:
     expert: Any = setting(None, "Parameters of the selected method.", expert=True)
 
     def __post_init__(self) -> None:
-        """Set names and defaults of the selected method's parameters."""
+        """Convert `expert` to the parameters of the selected method, with their defaults."""
         kind, given = EXPERT.get(self.method, NoExpert), self.expert
         if given is not None and not isinstance(given, (kind, Mapping)):
             given = to_mapping(given)
-        # Defaults of another method do not apply to this one.
+        # Discard the defaults of another method, which are left when the method has been changed.
         others = [to_mapping(other()) for other in EXPERT.values() if other is not kind]
         if given is None or (isinstance(given, Mapping) and dict(given) in others):
             given = kind()

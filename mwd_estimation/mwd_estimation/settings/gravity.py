@@ -34,7 +34,7 @@ class Mahony:
 
 @dataclass(frozen=True)
 class FuzzyMahony(Mahony):
-    """Parameters of the filter of S3, whose proportional gain follows a fuzzy table."""
+    """Parameters of the filter of S3, whose proportional gain comes from a fuzzy table."""
 
     k_p_least: float = setting(
         0.01,
@@ -95,7 +95,7 @@ class LigorioKalman:
 
 @dataclass(frozen=True)
 class AccelerometerOnly:
-    """Parameters of the direction of the accelerometer alone."""
+    """Parameters of the method that uses only the direction of the accelerometer."""
 
     memory: float = setting(
         2.0,

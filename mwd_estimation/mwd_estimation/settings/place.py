@@ -15,15 +15,15 @@ from mwd_sensors.core import earth
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import SettingsError, setting
 
-# A source whose name contains this includes the field of the moment.
+# A field source whose name contains this text includes the external field at the time of the survey.
 _IFR2 = "IFR2"
 # Geomagnetic model for each word of `place.field`.
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
-# Limits of the Earth's field, nT; the same as in `Reference`.
+# Lower and upper limit of the strength of the Earth's field, nT; the same limits as in `Reference`.
 _WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
-# _ANOMALY: largest difference of a fixed field from the model, T; the ores of Kursk and Kiruna exceed it within
-# kilometres, the crust elsewhere reaches a tenth of it. _FAR_FROM_EQUATOR_DEG: latitude beyond which the sign of the
-# dip is certain. _SAME_DEG: difference of dips that agree once the slip is undone.
+# _ANOMALY: largest difference of a fixed field from the model, T; only ores as those of Kursk and Kiruna exceed it
+# nearby, and the crust elsewhere reaches a tenth of it. _FAR_FROM_EQUATOR_DEG: smallest latitude at which the sign of
+# the dip is certain, deg. _SAME_DEG: largest difference from the model of a dip whose mistake has been corrected, deg.
 _ANOMALY, _FAR_FROM_EQUATOR_DEG, _SAME_DEG = 8e-6, 25.0, 10.0
 
 
@@ -127,7 +127,7 @@ class Place:
 
     @property
     def model(self) -> str:
-        """Geomagnetic model of the field, of `earth.MODELS`; "" if the field does not come from a model."""
+        """Name of the geomagnetic model in `earth.MODELS`; "" if the field does not come from a model."""
         return _MODELS.get(self.field, "")
 
 
@@ -135,13 +135,14 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     """
     Return the reference field and gravity of a place; None if `place.field` is none.
 
-    first_ns : stamp that gives the date if no date is set.
+    first_ns : stamp of the first sample, ns, from which the date follows if no date is set.
 
     Raises
     ------
     ValueError
-        The date is not a date, or is outside the years of the model. A fixed field has no strength, differs from any
-        field possible at the position, or has a source without all its sigmas, or sigmas without a source.
+        If the set date is not a date or is outside the years of the model, or a model lacks the position. If a fixed
+        field lacks strength or dip, is impossible at the position, or has a source without all sigmas, or sigmas
+        without a source.
     """
     if place.field == "none":
         return None
@@ -154,14 +155,14 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
 
 def _check_with_place(place: Place, first_ns: int) -> None:
     """
-    Refuse a fixed field whose error the position reveals: a wrong sign, another angle or unit.
+    Refuse a fixed field that is impossible at the position, such as one with a wrong sign, another angle or unit.
 
-    A wrong declination makes surveys wrong by the same angle, and no measurement in the hole shows it.
+    A wrong declination makes surveys wrong by the same angle, and no measurement in the hole shows the error.
 
     Raises
     ------
     SettingsError
-        Names the figure, the value at the position, and the value that was probably meant.
+        If dip or declination are impossible; the message names the value at the position.
     """
     lat, dip = place.lat_deg, place.dip_deg
     if lat is None or dip is None:
@@ -177,7 +178,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     try:
         model = _of_model(dataclasses.replace(place, field="igrf", grid="none", date=""), first_ns)
     except ValueError:
-        # The clock is wrong by decades.
+        # The stamp is outside the years of the model: the clock is wrong, so there is nothing to compare with.
         return
     if model.total is None or model.dip is None or model.declination is None:
         return
@@ -201,12 +202,12 @@ def _check_with_place(place: Place, first_ns: int) -> None:
 
 def day_of(place: Place) -> datetime.date | None:
     """
-    Return the date that is set; None if there is none.
+    Return the date that is set; None if none is set.
 
     Raises
     ------
     SettingsError
-        The text is not a date.
+        If the text is not a date.
     """
     try:
         return datetime.date.fromisoformat(place.date) if place.date else None
@@ -225,7 +226,7 @@ def _of_model(place: Place, first_ns: int) -> Reference:
         total=field.total,
         dip=field.dip,
         declination=field.declination,
-        # A place defines true north; the settings give the grid of the well's maps.
+        # Grid convergence needs the map grid of the well's plan, which the settings state.
         convergence=_convergence(place, lat, lon),
         gravity=field.gravity,
         source=field.source,
@@ -233,7 +234,7 @@ def _of_model(place: Place, first_ns: int) -> Reference:
 
 
 def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
-    """Return the fields that may have been meant by the figures of a field: total, T, and dip, deg."""
+    """Return the fields that a user may have meant with these figures: total, T, and dip, deg."""
     meant = {
         f"a dip of {-dip_deg:g} deg instead of {dip_deg:g} deg": -dip_deg,
         f"a dip of {90.0 - dip_deg:g} deg: {dip_deg:g} deg is its angle from the vertical": 90.0 - dip_deg,
@@ -242,7 +243,7 @@ def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
 
 
 def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
-    """Return the fields that may have been meant by a position and a date."""
+    """Return the fields at positions and dates that a user may have meant instead of the given ones."""
     lat, lon = place.lat_deg or 0.0, place.lon_deg or 0.0
     places: dict[str, dict[str, Any]] = {
         f"latitude {-lat:g} instead of {lat:g}": {"lat_deg": -lat},
@@ -281,7 +282,7 @@ def _convergence(place: Place, lat: float, lon: float) -> float | None:
 
 
 def _fixed(place: Place) -> Reference:
-    """Return the reference of a field given in figures."""
+    """Return the reference of a fixed field, whose figures the settings state; raise SettingsError if one is wrong."""
     if not place.total_nt > 0.0 or place.dip_deg is None:
         raise SettingsError("place.total_nt, place.dip_deg: a fixed field needs its strength and dip")
     if not _WEAKEST_NT < place.total_nt < _STRONGEST_NT:
@@ -316,7 +317,7 @@ def _fixed(place: Place) -> Reference:
             f"place.source_sigmas: {dip_deg:g} and {declination_deg:g} deg are not sigmas of dip and declination; the "
             "order is total (nT), dip (deg), declination (deg)"
         )
-    # A certificate covers core and crust; the field from the Sun only if an observatory is part of it (IFR2).
+    # A certificate covers the fields of core and crust; only IFR2, with an observatory, covers the external field.
     outside = 0.0 if _IFR2 in place.source.upper() else 1.0
     return dataclasses.replace(
         reference,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the tool with the noise that the covariances of its samples state."""
+"""Combine the settings of the tool with the noise that the covariances of its samples state."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.input_covariance import Noise
 
-# A gyro's stated noise counts as larger from this ratio on: a data sheet states the density, a driver the noise of a
-# sample after its own filter (first order, 255 Hz, read at 100 Hz: twice as much).
+# Smallest ratio of the stated noise of a gyro to the noise in the settings at which the stated noise is used. A data
+# sheet states the noise density, but a driver the noise of a sample after its own filter, which gives about twice the
+# density (first order, 255 Hz, read at 100 Hz).
 _LARGER = 3.0
-# Accelerometer noise that the bounded filter assumes anyway, m/s^2/sqrt(Hz).
+# Accelerometer noise density that the bounded filter assumes, m/s^2/sqrt(Hz); a smaller stated noise changes nothing.
 _ACCEL_NOISE = Params().accel_noise
 
 
 def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tuple[EstimatorSettings, list[str]]:
     """
-    Return settings with the noise stated by the covariances of the samples, where it is larger than the tool's.
+    Return settings with the noise that covariances state, where it is larger than the noise in the settings.
 
     Parameters
     ----------
     settings : EstimatorSettings
     stated : mapping
-        Noise by vector of the messages, from `input_covariance.NoiseWatch`.
+        Noise of each vector of the messages, by field name, from `input_covariance.NoiseWatch`.
 
     Returns
     -------
     settings : EstimatorSettings
+        The given settings, with larger gyro noise and larger biases of accelerometer and magnetometer where needed.
     notes : list of str
         One sentence for each vector whose stated noise is used; empty if the settings stay the same.
     """
@@ -43,7 +45,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
     gyro_noise, mag_bias = tool.gyro.noise_deg_sqrt_h, tool.magnetometer.bias_nt
     accel_bias = tool.accelerometer.bias_ug
     taken = "more than the tool's: sigma is widened by it"
-    # Averaging time of the continuous attitude, s, which is shorter than that of a station.
+    # Averaging time of the continuous attitude, s, which is shorter than the averaging time of a station.
     seconds = max(2.0 * time_alignment_state.Params().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
     if density > _LARGER * gyro_noise:

@@ -122,7 +122,7 @@ class Accelerometer:
 
     @property
     def assumed(self) -> bool:
-        """Whether nobody has described the accelerometers (`misalignment_mrad` is not stated)."""
+        """Whether the errors of the accelerometers are assumed, because `misalignment_mrad` is not stated."""
         return self.misalignment_mrad is None
 
 
@@ -184,7 +184,7 @@ class Magnetometer:
 
 @dataclass(frozen=True)
 class PrecisionGyro:
-    """Settings of the gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
+    """Settings of the gyros of the precision unit, 1 sigma; the defaults are those of a tactical MEMS unit."""
 
     range_deg_s: Vector = setting(
         (100.0, 100.0, 100.0),
@@ -248,7 +248,7 @@ class PrecisionGyro:
 
 @dataclass(frozen=True)
 class PrecisionUnit:
-    """Settings of the high-precision inertial unit (topic gyro/data_raw); a tool without one needs none of them."""
+    """Settings of the precision unit (topic gyro/data_raw); a tool without such a unit does not use them."""
 
     gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros of the high-precision unit.")
 

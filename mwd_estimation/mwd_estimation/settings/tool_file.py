@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a tool file, or a grade file of the simulator, as settings of the estimator's block `tool`."""
+"""Read a tool file, or a grade file of the simulator, as the block `tool` of the estimator's settings."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from mwd_estimation.settings.tool import PrecisionUnit, Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
-TUMBLE_MRAD = 0.1  # direction error of the axes after a tumble calibration
-# Terms of a grade for simulated sensors that some blocks of settings here do not use.
+TUMBLE_MRAD = 0.1  # 1 sigma of the direction error of the axes after a tumble calibration, mrad
+# For each block of a grade file ("": top level), the names that only the simulator uses.
 _SIMULATED_ONLY = {
     "": "name source temperature_c calibrated_at_c adc_hz gyro accelerometer magnetometer",
     "gyro": "bandwidth_hz instability_deg_h instability_s walk_deg_h_sqrt_h scale_ppm delay_ms bias_deg_h_per_c "
@@ -27,33 +27,35 @@ _SIMULATED_ONLY = {
 
 def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict[str, Any]:
     """
-    Read the part of a tool or grade file that the estimator uses, as a table for `Tool` or `PrecisionUnit`.
+    Return the part of a tool or grade file that the estimator uses, as a table for `Tool` or `PrecisionUnit`.
 
     Raises
     ------
     SettingsError
-        The file is not YAML, not a table, or has a name that neither a tool nor a grade has.
+        If the file is not YAML, not a table, or has a name that neither a tool file nor a grade file may have.
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     """
     table = read_yaml(path)
     if not isinstance(table, Mapping):
         raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
     read = used(table, unit)
     if unit is Tool and isinstance(read.get("accelerometer"), dict):
-        # The figures stated in a file are those of the tool, and determine the sigma of its samples.
+        # A file describes the accelerometers, so the sigma of the samples must not be that of an undescribed tool.
         read["accelerometer"].setdefault("misalignment_mrad", TUMBLE_MRAD)
     return read
 
 
 def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str, Any]:
     """
-    Return the part of a table that a class of settings declares; terms of simulated sensors only are left out.
+    Return the part of a table that a class of settings declares; names that only the simulator uses are left out.
+
+    unit: class of settings; where: name of the block, "" for the top level.
 
     Raises
     ------
     SettingsError
-        The table has a name that neither a tool nor a grade has; the message lists similar names.
+        If the table has a name that neither a tool file nor a grade file may have; the message lists similar names.
     """
     hints, kept = typing.get_type_hints(unit), {}
     known = {field.name for field in dataclasses.fields(unit)}

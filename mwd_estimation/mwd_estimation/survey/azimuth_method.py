@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Methods by which a station's azimuth is found; a value is the method's name in messages, tables and settings."""
+"""Methods that determine the azimuth of a station; a value is the name in messages, tables and settings."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ class AzimuthMethod(StrEnum):
     """
     Method that determined an azimuth.
 
-    RAW and SINGLE_STATION read one magnetic station (single-station, or short-collar, correction of the axial
-    interference); MULTI_STATION corrects it by the stations of its run; GYRO is a north seek at the station,
-    GYRO_PROPAGATED the last station's azimuth turned on by the gyros. FUSED is the posterior of all that was measured,
-    even of one magnetometer alone: what took part says the weight of each azimuth. NONE means that there is none.
+    RAW and SINGLE_STATION use one magnetic station; RAW is uncorrected, SINGLE_STATION corrected for axial interference
+    (short-collar method). MULTI_STATION corrects a station by the stations of its run. GYRO is a north seek at the
+    station, GYRO_PROPAGATED the azimuth of the last station propagated by the gyros. FUSED is the posterior of all
+    measurements, even of a single magnetometer; the weights of the azimuths show which methods contributed. NONE: there
+    is no azimuth.
     """
 
     RAW = "raw"

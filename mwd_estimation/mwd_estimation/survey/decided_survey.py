@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A survey inside the estimator: its mean readings, its station, and its conversion to the record that is sent."""
+"""A survey inside the estimator: mean readings, station, and conversion to the record that is published."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 
 @dataclasses.dataclass(frozen=True)
 class DecidedSurvey:
-    """A survey as the estimator decided it. It is complete and does not change afterwards."""
+    """Result of the estimator for one survey. It is complete and does not change afterwards."""
 
     average: StillAverage  #: mean readings
-    sequence: int  #: from 1
+    sequence: int  #: number of the survey, from 1
     station: Station  #: angles, totals, verdict with typed reasons; its azimuth is the fused one
-    #: Share of each of the station's methods in its azimuth.
+    #: Share of each method in the azimuth of the station, 0 to 1.
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
     kind: int = STATIC  #: STATIC, or ROTARY: taken while the string turned
     status: int = 0  #: bits of `core.status.Status` at the end of the averaging interval
-    revision: int = 0  #: 0: as first published; else how often the run's later stations have changed it
-    withdrawn: bool = False  #: a sensor that it rests on turned out to have been faulty already when it was taken
+    revision: int = 0  #: number of revisions by later stations and sensor faults; 0: as first published
+    withdrawn: bool = False  #: True if a fault found later shows that one of its sensors was already faulty
 
     @property
     def stamp_ns(self) -> int:
@@ -54,7 +54,7 @@ class DecidedSurvey:
         return str(uuid.uuid5(_SURVEYS, f"{self.stamp_ns} {[float(v) for v in self.average.imu.mean]}"))
 
     def record(self, frame_id: str = "sonde_link") -> Survey:
-        """Return the record that the estimator sends; frame_id: frame of the tool axes."""
+        """Return the record that the estimator publishes; frame_id: frame of the tool axes."""
         average = self.average
         rates = average.precision if average.precision is not None else average.imu
         mag = np.full((3, 3), math.nan) if average.mag is None else average.mag.covariance

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The one place that decides a survey: measurement, posterior of the run, faults and continuity, in this order.
+Decision of a survey: measurement, posterior of the run, sensor faults and continuity, in this order.
 
-A survey is begun in the half-second bin that ends its averaging, because what it shows of the magnetic field changes
-how the samples after it are read. It is completed when the attitude up to it is known, which its continuity needs. Only
-a completed survey leaves the estimator.
+A survey begins in the half-second bin that ends its averaging, because the field that it measured changes the field
+model of the samples after it. It is completed when the attitude up to it is known, which the check of continuity needs.
+Only a completed survey is published.
 """
 
 from __future__ import annotations
@@ -39,18 +39,19 @@ from mwd_estimation.survey.verdict import judged, without_toolface
 from mwd_sensors.core.arrays import Array
 
 _NS_PER_HOUR = 3.6e12
-# A gyro with a smaller share in the azimuth does not correct that of the samples.
+# Smallest share of the gyro in a station's azimuth at which the gyro azimuth corrects the azimuth of the samples.
 _COUNTS = 0.01
-# Stations that a run may still revise. A recording has fewer; a tool that stays in the hole for months drops the first.
+# Number of stations that a run may still revise; a recording has fewer. If a tool stays in the hole for months, the
+# oldest stations are dropped.
 _REVISABLE = 1000
 
 
 class _Published(NamedTuple):
     """
-    Published survey, and its azimuth as known from the station above.
+    Published survey, and the azimuth propagated to it from the station above.
 
-    known : azimuth, 1 sigma, rad, and variance in common, rad^2, as of `Finding.continued`; None: it had no say.
-    above : number of the survey that this came from; 0: none.
+    known : arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the
+    propagated azimuth did not change the survey. above : number of the survey from which it was propagated; 0: none.
     """
 
     survey: DecidedSurvey
@@ -60,13 +61,13 @@ class _Published(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Provisional:
-    """A survey before its continuity is known, and what the estimate learns from it."""
+    """A survey before its continuity is checked, and its results for the continuous estimate."""
 
     survey: DecidedSurvey
     measured: Measured
     finding: Finding | None = None  #: finding of the run about its azimuth; None if there is no finding
-    #: (ndarray (22,), ndarray (22, 22)) or None; what the run shows of the errors that its stations share, as
-    #: `RunModel.shared`.
+    #: Mean, shape (22,), and covariance, shape (22, 22), of the errors that the stations of the run share, as from
+    #: `RunModel.shared`; None if unknown.
     shared: tuple[Array, Array] | None = None
     #: Evidence against its sensors when the survey was completed. Later samples are ignored: how many of them are known
     #: by then depends on how the samples are cut into blocks.
@@ -74,12 +75,12 @@ class Provisional:
 
     @property
     def sound(self) -> bool:
-        """Whether no sensor was at fault while it was taken: only then anything is learnt from it."""
+        """Whether no sensor was faulty during the survey; only then its results are used in the estimate."""
         return self.against is None
 
     @property
     def gyro(self) -> tuple[float, float]:
-        """Azimuth and 1 sigma of the gyro here, rad; nan where it has no weight."""
+        """Gyro azimuth of this station and 1 sigma, rad; NaN if the gyro has no weight in the azimuth."""
         found = self.survey.station.by_method(AzimuthMethod.GYRO)
         if not self.sound or found is None or not self.survey.weights.get(AzimuthMethod.GYRO, 0.0) > _COUNTS:
             return math.nan, math.nan
@@ -96,14 +97,14 @@ class Provisional:
         station, survey = self.survey.station, self.survey
         if not self.sound or survey.kind != STATIC or station.verdicts.azimuth != ACCEPT:
             return StationAzimuth()
-        # Once gyro and magnetometer agreed in the run, what was propagated judges the gyro as it judges every station.
+        # If gyro and magnetometer have agreed in the run, the propagated azimuth may contradict the gyro too.
         found = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.5
         found = found and not (self.finding is not None and self.finding.gyro_agreed)
         return StationAzimuth(station.azimuth, _own_sigma(station), self.lasting, found)
 
     @property
     def lasting(self) -> float:
-        """1 sigma of the declination in the azimuth, rad: what its magnetic part shares with every other."""
+        """1 sigma of the declination error in the azimuth, rad, which all magnetic azimuths have in common."""
         share = self.survey.weights.get(AzimuthMethod.GYRO, 0.0)
         return min((1.0 - share) * declination_sigma(self.survey.station), _own_sigma(self.survey.station))
 
@@ -116,7 +117,7 @@ class SurveyDecision:
     ----------
     settings : StationSettings
     faults : FaultHistory
-        Of the sensors; kept by the caller.
+        Faults of the sensors; the caller updates it.
     """
 
     def __init__(self, settings: StationSettings, faults: FaultHistory) -> None:
@@ -125,7 +126,7 @@ class SurveyDecision:
         # By survey number: stations of the run, in order, with their findings; and the published surveys.
         self._taken: dict[int, tuple[Taken, Finding | None]] = {}
         self._published: dict[int, _Published] = {}
-        # The last survey whose azimuth the gyros propagate.
+        # Number of the survey whose azimuth the gyros propagate; 0 before the first.
         self._above = 0
 
     def begin(
@@ -139,7 +140,7 @@ class SurveyDecision:
         usable: bool = True,
     ) -> Provisional:
         """
-        Decide the survey of a still interval, but for its continuity.
+        Decide the survey of a still interval, except for its continuity.
 
         Parameters
         ----------
@@ -148,11 +149,11 @@ class SurveyDecision:
             The survey's number.
         reference : Reference or None
         gyro : Solution or None
-            North found with the precision unit, or why there is none; None without such a unit.
+            North from the precision unit, or the reason for none; None if there is no precision unit.
         turning : Turning or None
-            What the string has shown while it turned.
+            Estimates from the rotations of the string so far.
         usable : bool
-            Whether all sensors are in order: else the station is not counted among those of the run.
+            Whether all sensors are usable; if not, the station does not become part of the run.
         """
         average = self._faults.readable(average)
         one = _measured(average, reference, self._settings)
@@ -168,7 +169,7 @@ class SurveyDecision:
         return Provisional(judged_by_faults, one, finding, self._run.shared(), against)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
-        """Return the survey, completed with the azimuth that was propagated to it."""
+        """Return the survey, completed with the azimuth that the gyros propagated to it from the station above."""
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
         had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
@@ -181,22 +182,24 @@ class SurveyDecision:
         """
         Return the surveys whose result has changed since they were published.
 
-        A result has changed if the verdict differs, or the azimuth by more than its sigma. A fault of a sensor that
-        lasts until now and began before a survey rejects the survey.
+        A result has changed if the verdict differs, or the azimuth differs by more than its sigma. A survey is rejected
+        if a sensor fault that still lasts began before the survey.
 
         Returns
         -------
         dict of int to Survey
-            Revisions by survey number. The published survey remains; a revision is a proposal, unless it is withdrawn.
+            Revisions by survey number. The published survey stays valid, and a revision is a proposal, unless it is
+            withdrawn.
         """
         now = self.judging_again(len(self._taken))()
         return {number: survey for number, survey in now.items() if survey is not self._published[number].survey}
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
         """
-        Return what judges the newest stations of the run as it is now; it may be called in a thread.
+        Return a function that decides the newest stations again with the present run; it may be called in a thread.
 
-        It gives each survey as it was published, or revised; faults of sensors count for older ones too.
+        newest: number of stations. The function returns these surveys by number, as published or revised, and older
+        surveys that are withdrawn because of a sensor fault.
         """
         taken, published = tuple(self._taken.items()), dict(self._published)
         return functools.partial(_judged_again, taken, published, self._settings, newest, self._faults.standing)
@@ -219,9 +222,9 @@ class SurveyDecision:
     def rotary(
         self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float
     ) -> DecidedSurvey:
-        """Decide a survey averaged in axes that do not turn (`rotary_survey`); rotary_speed, rad/s, for the record."""
+        """Decide a survey averaged in axes that do not turn (`rotary_survey`); rotary_speed: rad/s, for its reasons."""
         one = _measured(average, reference, self._settings)
-        # Axes that do not turn with the string show its errors across the axis in no direction: a run of its own.
+        # Use a run of length one: in axes that do not turn, the cross-axis errors differ from those of other stations.
         finding = RunModel(self._settings).take(Taken(one))
         station = without_toolface(self._decided(one, finding, None), rotary_speed)
         survey = self._faults.judge(DecidedSurvey(average, sequence, station, _weights(finding, None), ROTARY))
@@ -248,7 +251,7 @@ def _judged_again(
     newest: int,
     faults: Sequence[SensorFault],
 ) -> dict[int, DecidedSurvey]:
-    """Return the newest surveys by number, as published or as the run judges them now, and all that are withdrawn."""
+    """Return the newest surveys by number, as published or as revised by the run, and all that are withdrawn."""
     judged_now = _by_the_run(taken, published, settings, newest)
     every = {number: judged_now.get(number, first.survey) for number, first in published.items()}
     now = {number: withdrawn(survey, faults) for number, survey in every.items()}
@@ -261,7 +264,7 @@ def _by_the_run(
     settings: StationSettings,
     newest: int,
 ) -> dict[int, DecidedSurvey]:
-    """Return the newest surveys by number: as published, or what the other stations of the run say of them now."""
+    """Return the newest surveys by number: as published, or as revised with all other stations of the run."""
     stations, before = with_last_readings([one for _, (one, _) in taken]), [found for _, (_, found) in taken]
     again = zip((number for number, _ in taken), stations, findings(stations, before, settings, newest), strict=True)
     now, revised = dict[int, DecidedSurvey](), set[int]()
@@ -287,7 +290,7 @@ def _by_the_run(
 
 
 def _by_gyro(gyro: Solution | None, station: Station, azimuths: tuple[MethodAzimuth, ...]) -> tuple[MethodAzimuth, ...]:
-    """Return the azimuths by method, with the present azimuth of the gyro."""
+    """Return the azimuths of all methods, with the gyro azimuth replaced by its present value."""
     if gyro is None:
         return azimuths
     return tuple(gyro_azimuth(gyro, station) if row.method == AzimuthMethod.GYRO else row for row in azimuths)
@@ -303,7 +306,7 @@ def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[
 
 
 def _own_sigma(station: Station) -> float:
-    """Return 1 sigma of the azimuth of the tool's axis itself, rad."""
+    """Return 1 sigma of the azimuth of the tool axis, without the misalignment of the tool in the hole, rad."""
     return math.sqrt(max(float(station.covariance[1, 1] - station.alignment[1, 1]), 1e-12))
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Faults of sensors that a survey's average reaches back into.
+Sensor faults during the averaging interval of a survey.
 
-A survey averaged over a fault is rejected by name; a failed magnetometer is no reading, and a survey whose azimuth the
-gyro gives does not rest on it.
+A survey is rejected if one of its sensors was faulty during its interval; the reason names the fault. Readings of a
+failed magnetometer are not used, and a survey whose azimuth comes from the gyro does not depend on the magnetometer.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.verdict import with_faults
 from mwd_sensors.core.arrays import Stamps
 
-# Kinds of fault that fed no wrong value to the estimate before they were named.
+# Codes of faults without wrong values in the estimate before the fault was found.
 _HARMLESS = (FaultCode.NEVER_CAME, FaultCode.SILENT, FaultCode.INVALID)
-# Kinds of faults whose evidence shows since when the values were wrong.
+# Codes of faults whose beginning is known exactly.
 _REPEATS = (FaultCode.STUCK, FaultCode.DEAD)
-# A magnetometer that repeats itself did no harm where the azimuth had had a sound one for the first time, ns, and the
-# doubt came within the second.
+# A magnetometer that repeats its values did not contaminate the azimuth if it had been used in good condition for
+# _SOUND_NS, ns, and was in doubt within _IN_TIME_NS, ns, after the fault began.
 _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
-# Bits of the sensors that an azimuth rests on.
+# Bits of the sensors from which a magnetic azimuth is computed.
 AZIMUTH = ACCEL | MAG
-# How far before a doubt the samples lie on which it rests, ns; length of the longest average that can be asked for, ns.
+# Longest time between the samples that cause a doubt and the beginning of the doubt, ns; and longest averaging interval
+# that can be requested, ns.
 _EVIDENCE_NS, _KEPT_NS = 3_000_000_000, 3_600_000_000_000
 
 
@@ -43,16 +44,16 @@ class Accusation(NamedTuple):
 
     verdict: str  #: DOUBTFUL or REJECT
     reasons: tuple[Reason, ...]
-    inclination: bool  #: whether it touches more than the azimuth
+    inclination: bool  #: whether it concerns inclination and toolface in addition to the azimuth
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
-        """Return the survey with that verdict or a graver one."""
+        """Return the survey with the worse of its verdict and the verdict of the accusation, and with the reasons."""
         station = with_faults(survey.station, self.verdict, self.reasons, inclination=self.inclination)
         return dataclasses.replace(survey, station=station)
 
 
 class FaultHistory:
-    """Faults and doubts that last or ended lately, for surveys whose average reaches back to them."""
+    """Faults and doubts of the sensors, present and past, for surveys whose averaging interval contains them."""
 
     def __init__(self) -> None:
         self._known: dict[int, SensorFault] = {}
@@ -60,11 +61,11 @@ class FaultHistory:
         self._doubts: dict[int, list[tuple[int, int]]] = {}
 
     def note(self, change: SensorFault) -> None:
-        """Take a change."""
+        """Record the beginning, change or end of a fault."""
         self._known[change.check] = change
 
     def doubt(self, stamps: Stamps, suspect: NDArray[np.uint8]) -> None:
-        """Take which sensors are in doubt at these samples."""
+        """Record doubts: stamps, ns, shape (n,), and bits of the sensors in doubt at each sample, shape (n,)."""
         for s in range(3):
             hit = stamps[suspect >> s & 1 != 0]
             if not len(hit):
@@ -79,9 +80,9 @@ class FaultHistory:
 
     def contaminates(self, changes: Iterable[SensorFault], fed_ns: int) -> bool:
         """
-        Whether a fault was named that has fed wrong values of gravity, field or rate to the azimuth up to now.
+        Return whether the changes contain a fault due to which the azimuth has used wrong gravity, field or rates.
 
-        fed_ns : stamp from which the field was used.
+        fed_ns : stamp from which the field was used, ns.
         """
         return any(
             not one.cleared_ns
@@ -92,7 +93,7 @@ class FaultHistory:
         )
 
     def _left_out_in_time(self, fault: SensorFault, fed_ns: int) -> bool:
-        """Whether a magnetometer that had been sound was in doubt, and so left out, as soon as it repeated itself."""
+        """Return whether a magnetometer, good before, was in doubt (and thus unused) as soon as it repeated values."""
         if fault.unusable != MAG or fault.code not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
             return False
         first, last = self._doubts.get(SENSORS.index("magnetometer"), [(0, 0)])[-1]
@@ -108,9 +109,9 @@ class FaultHistory:
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
         """
-        Return the survey, rejected if a sensor that it uses was faulty at its time, or doubtful if it was in doubt.
+        Return the survey, rejected if one of its sensors was faulty in its interval, or doubtful if one was in doubt.
 
-        Doubts after its end do not count, because it depends on the cut into blocks whether they are known yet.
+        Doubts after the interval are ignored, because it depends on the cut into blocks whether they are known yet.
         """
         against = self.against(survey, 0)
         return survey if against is None else against.judge(survey)
@@ -119,19 +120,19 @@ class FaultHistory:
         """
         Return the evidence so far against the sensors that a survey uses; None if there is none.
 
-        evidence_ns: time after its end in which a doubt that begins has a say.
+        evidence_ns: time after the end of the survey, ns; doubts that begin in this time are used too.
         """
         rests_on, begin, end = _rests_on(survey), survey.average.start_ns, survey.end_ns
         by_gyro = rests_on == ACCEL
         faults = [(one.unusable, _reason(one, begin)) for one in self._lately(begin) if one.unusable & rests_on]
-        # A doubt begins some seconds after what raised it.
+        # Use doubts that begin some time after the survey: a doubt begins up to some seconds after its cause.
         doubts = [
             (1 << s, Reason(Code.SENSOR_SUSPECT, names=(SENSORS[s],)))
             for s, times in sorted(self._doubts.items())
             if any(last >= begin and first <= end + evidence_ns for first, last in times)
             and not (by_gyro and 1 << s == MAG)
         ]
-        # Two units whose accelerometers have different axes: until the string turns, either may be wrong.
+        # If the accelerometers of the two units have different axes, either may be wrong until the string turns.
         doubts += [
             (ACCEL, Reason(Code.SENSOR_FAULT, fault=one))
             for one in self._lately(begin)
@@ -142,15 +143,15 @@ class FaultHistory:
 
     @property
     def standing(self) -> tuple[SensorFault, ...]:
-        """Faults that stand now."""
+        """Present faults."""
         return tuple(one for one in self._known.values() if not one.cleared_ns)
 
 
 def withdrawn(survey: DecidedSurvey, standing: Iterable[SensorFault]) -> DecidedSurvey:
     """
-    Return a survey that was judged, rejected where a fault that stands now was there already when it was taken.
+    Return a survey, rejected and marked as withdrawn if a present fault already existed in its interval.
 
-    A survey that was rejected for that fault when it was taken stays as it is.
+    A survey that was already rejected for this fault stays unchanged. standing: present faults.
     """
     rests_on, begin, end = _rests_on(survey), survey.average.start_ns, survey.end_ns
     found = [
@@ -173,7 +174,7 @@ def _accusation(verdict: str, found: Sequence[tuple[int, Reason]]) -> Accusation
 
 
 def _rests_on(survey: DecidedSurvey) -> int:
-    """Return the bits of the sensors that a survey rests on: an azimuth of the gyro alone needs no magnetometer."""
+    """Return the bits of the sensors that a survey uses; an azimuth from the gyro alone uses no magnetometer."""
     magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
     by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
     return ACCEL if by_gyro else AZIMUTH

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Changes that surveys make to the interpretation of the magnetic field of the samples.
+Changes that surveys make to the field model of the samples.
 
-The north in use, what the run shows of the string's field, and whether the last station was doubted: the samples after
-it are then flagged, or their sigma holds how far the station may be off.
+The field model contains the north in use and the field of the string from the stations. If the last station was
+doubtful, the samples after it are flagged, or their sigma includes the possible error of the station.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# From this probability of a field from outside on the samples' field is not used until a station is accepted.
+# _LIKELY: probability of an external field above which the magnetic azimuths of the samples are not used until a
+# station is accepted. _LEADS: probability of an external field above which a station's interference is not used.
 _LIKELY, _LEADS = 0.2, 0.5
 
 
 class MagneticFeedback:
     """
-    The magnetic model in force, and what it is made from.
+    The present field model, and the data from which it is made.
 
     Attributes
     ----------
     in_force : MagneticModelInForce
-        A new object where it changes.
+        Present field model; a change creates a new object.
     reference : Reference or None
     interference : tuple of float or None
-        Axial, and 1 sigma, T, as the last corrected station showed it.
+        Axial interference and 1 sigma, T, from the last corrected station.
     north : str
-        What azimuths count from.
+        North of the azimuths: magnetic, true or grid.
     """
 
     def __init__(self, settings: StationSettings, reference: Reference | None) -> None:
@@ -51,21 +52,21 @@ class MagneticFeedback:
         self.set_reference(reference)
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Read the field against this from now on; the interference is estimated anew."""
+        """Use this reference from now on, and discard the interference."""
         self.reference = reference
         self.interference: tuple[float, float] | None = None
         self.in_force = self._model()
 
     def take(self, taken: DecidedSurvey, shared: tuple[Array, Array] | None) -> None:
         """
-        Read the field from here on as this survey and those of its run show it.
+        Update the field model with a survey.
 
-        shared : errors that the stations share, as `RunModel.shared`; None where nothing is known of them.
+        shared : mean and covariance of the errors that the stations share, as from `RunModel.shared`; None if unknown.
         """
         station = taken.station
         accepted, outside = station.verdicts.azimuth == ACCEPT, _outside(station)
         magnetic = bool(station.hypotheses)
-        # A gyro may have carried the station through a disturbed field.
+        # An accepted azimuth may come from the gyro in a disturbed field; then do not use the station's field.
         azimuth_ok = accepted and not outside > _LEADS
         if magnetic and azimuth_ok:
             self.interference = (station.interference, station.sigma_interference)
@@ -130,7 +131,7 @@ def _open(station: Station) -> float:
 
 
 def _of_samples(mean: Array, covariance: Array, reference: Reference) -> tuple[Array, Array]:
-    """Convert the shared errors to states of the interference filter, T and plain: bias, scale, horizontal and down."""
+    """Return the shared errors as states of the interference filter: bias, T, scale error, and reference H and V, T."""
     to = np.zeros((8, Shared.SIZE))
     for k in range(3):
         to[k, Shared.FIELD_BIAS + k] = UT

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quantities of one station from its six averaged axes alone: angles, totals, and azimuths of single methods."""
+"""Quantities of one station from the means of its six axes: angles, totals, and azimuths of single methods."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from mwd_sensors.core.frames import (
     wrap_tau,
 )
 
-# 1 sigma of an azimuth of which nothing is known.
+# 1 sigma of an unknown azimuth, rad.
 _UNKNOWN_SIGMA = math.pi
-# With a smaller share of the field horizontal there is no azimuth at all.
+# Smallest ratio of horizontal to total field with an azimuth.
 _LEVEL = 1e-6
 # Smallest field, T, and specific force, m/s^2, that count as a reading.
 _NO_FIELD = 1e-12
 _NO_GRAVITY = 1e-3
-# Where there is no horizontal field any field serves for the slopes of inclination and toolface, T.
+# Field for the derivatives of inclination and toolface if there is no horizontal field, T; its value does not matter.
 _ANY_FIELD = (1e-5, 2e-5, 3e-5)
 # Axial interference that the single-station correction assumes, 1 sigma, T.
 _PLAUSIBLE = 3e-6
@@ -51,9 +51,11 @@ _MISFIT = chi_square.limit(0.001, 1)
 @dataclass(frozen=True)
 class Readings:
     """
-    Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and what follows from them.
+    Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and quantities computed from them.
 
-    `noise` and `covariance`, shape (6, 6), are of the latter: their own noise, and with what calibration leaves.
+    `noise` and `covariance`, shape (6, 6), belong to (f_h, b_h): noise of the means, and the same with the errors that
+    remain after calibration. `jacobian`, shape (3, 6): derivative of (inclination, azimuth, toolface). Units: m/s^2, T,
+    rad.
     """
 
     f_t: Array
@@ -72,7 +74,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class NorthTurn:
-    """Name of the north, what to add to a magnetic azimuth, rad, and the variance that this adds, rad^2."""
+    """Name of a north, angle to add to a magnetic azimuth, rad, and variance of this angle, rad^2."""
 
     name: str
     turn: float
@@ -83,10 +85,10 @@ class NorthTurn:
 class Measured:
     """A station before its azimuth is found."""
 
-    #: With the azimuths of single methods; its own is the uncorrected one, and its verdict is not given.
+    #: Station with the azimuths of single methods, the uncorrected azimuth and no verdict.
     station: Station
-    readings: Readings | None  #: none without a usable accelerometer
-    reasons: tuple[Reason, ...] = ()  #: what is missing: a north that the reference does not lead to
+    readings: Readings | None  #: readings; None without a usable accelerometer
+    reasons: tuple[Reason, ...] = ()  #: reason if the reference does not allow the wanted north
 
 
 def measured(
@@ -173,7 +175,7 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
 
 
 def _corrected(readings: Readings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
-    """Return the azimuth of the single-station correction, with any reason against it; none without a reference."""
+    """Return the azimuth of the single-station correction, with a reason if refused; empty without a reference."""
     if reference is None or not reference.has_field:
         return ()
     estimate = axial_correction.axial_correction(
@@ -197,7 +199,7 @@ def correction_refusal(correction: AxialCorrection, inclination: float) -> Reaso
     """
     Return the reason why an axial correction of one station must not be used; None if it may.
 
-    correction: of one station (arrays of shape ()); inclination in rad.
+    correction: correction of one station (arrays of shape ()); inclination: rad.
     """
     from_vertical = min(inclination, math.pi - inclination)
     if not from_vertical >= NEAR_VERTICAL:
@@ -239,7 +241,7 @@ def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -
 
 
 def _horizontal(readings: Readings, reference: Reference | None) -> float:
-    """Return the horizontal field, T, of the reference or, without one, as measured."""
+    """Return the horizontal field of the reference, T; without a reference, the measured one."""
     if reference is not None and reference.has_field:
         return reference.horizontal
     return readings.b_total * math.cos(readings.dip)
@@ -265,7 +267,7 @@ def _to_hole(settings: StationSettings) -> Array:
 
 
 def capped(covariance: Array) -> Array:
-    """Limit the sigma of each angle to the full circle; correlations are kept."""
+    """Return a covariance of angles, rad^2, with sigmas of at most pi and unchanged correlations."""
     sigma = np.sqrt(np.diagonal(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(sigma > _UNKNOWN_SIGMA, _UNKNOWN_SIGMA / sigma, 1.0)

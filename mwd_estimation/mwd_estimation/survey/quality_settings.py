@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits of the verdict on a survey, the same for the tool's own surveys and those of a telemetry link."""
+"""Limits of the verdict on a survey, for surveys of the estimator and surveys from a telemetry link alike."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> Array:
     return np.array([gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg)])
 
 
-# One service company's defaults; the rule of thumb of the ISCWSA e-book, which names none for gravity.
+# Named sets of limits. service: defaults of a service company; iscwsa: rule of thumb of the ISCWSA e-book, which states
+# no limit for gravity.
 LIMITS = {"service": _limits(2.5, 300.0, 0.45), "iscwsa": _limits(2.5, 300.0, 0.25)}
 
 
 @dataclass(frozen=True)
 class QualitySettings:
-    """When a survey is accepted or doubtful."""
+    """Settings of the limits at which a survey is accepted or doubtful."""
 
     limits: str = setting(
         TOOLCODE,
@@ -62,7 +63,7 @@ class QualitySettings:
     )
 
     def __post_init__(self) -> None:
-        """Refuse limits in another order, and a field limit that no survey meets."""
+        """Refuse custom limits that are probably in another order, and a field limit that no survey meets."""
         gravity_mg, field_nt, dip_deg = self.custom_limits
         if gravity_mg > 100.0 or dip_deg > 10.0:
             raise ValueError(
@@ -75,12 +76,12 @@ class QualitySettings:
     @property
     def fixed(self) -> Array | None:
         """
-        The fixed limits in use, of gravity, m/s^2, field, T, and dip, rad; None where they follow from the tool code.
+        Fixed limits of gravity, m/s^2, field, T, and dip, rad; None if the limits follow from the tool code.
 
         Raises
         ------
         ValueError
-            Unknown name of limits.
+            If the name of the limits is unknown.
         """
         if self.limits == TOOLCODE:
             return None

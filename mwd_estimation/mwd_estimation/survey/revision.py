@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Revise every station of a run with all other stations: those below it, and the gyro readings taken since.
+Revise every station of a run with all other stations, including later ones and later gyro azimuths.
 
-The others of a station are taken in from the far ones to the near ones, because the string may be another one from some
-station on. No station counts for itself twice, nor does a seek of the gyro: it goes on while the tool is turned in
-place, so that what it found in the end holds for every survey taken meanwhile, and is one reading. The run is halved
-again and again, so that n stations need some n log2(n) steps.
+For each station, the run model learns the other stations in order from far to near, because the string may have changed
+at some station. No station is used twice for itself, and neither is a north seek: a seek continues while the tool is
+turned in place, so its last result holds for all surveys taken meanwhile, and counts as one reading. The run is divided
+in halves recursively, so that n stations need about n log2(n) steps.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from mwd_estimation.survey.station_settings import StationSettings
 
 # A station with a larger probability of an external field is an outlier of its run.
 _OUTLIER = 0.5
-# A run is divided where the hazard of another string is larger than this, rather than in the middle.
+# A run is divided at a step between stations where the hazard of a change of the string is above this, if there is one,
+# otherwise in the middle.
 _GAP = 0.1
 
 
@@ -40,10 +41,10 @@ def findings(
     threads: int = 1,
 ) -> list[Finding | None]:
     """
-    Return the finding of each station of a run, judged with all other stations of the run.
+    Return the finding of each station of a run, computed with all other stations of the run.
 
-    first: the finding of each when it was taken. Repeated readings keep it and are not used for the others.
-    newest: number of the last stations to judge again; the others keep their finding. None: all.
+    first: finding of each station when it was taken. Stations with repeated readings keep it, and are not used for
+    others. newest: number of the last stations to compute again; the others keep their finding. None: all.
     progress: called after each seek with its number of stations, from any thread, one call at a time.
     threads: number of threads; the result does not depend on it.
     """
@@ -68,7 +69,7 @@ def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
 
 
 def _in_any_order(taken: Sequence[Taken], settings: StationSettings) -> list[Taken]:
-    """Return the stations with hazard and age of the gyro filled in, so that they can be taken in any order."""
+    """Return the stations with hazard and gyro age filled in, so that a model can process them in any order."""
     hours = [one.hours for one in taken]
     steps = [hypotheses.hazard(settings.priors, now - then) for then, now in itertools.pairwise(hours)]
     hazards = list(itertools.accumulate([0.0, *steps]))[: len(taken)]
@@ -87,12 +88,12 @@ def _in_any_order(taken: Sequence[Taken], settings: StationSettings) -> list[Tak
 
 
 def is_outlier(finding: Finding | None) -> bool:
-    """Whether a station probably had another field than the others of its run."""
+    """Return whether a station probably had another field than the other stations of its run."""
     return finding is not None and finding.hypotheses.get(Hypothesis.EXTERNAL, 0.0) > _OUTLIER
 
 
 def is_revised(first: Station, now: Station, least: float = MOVED) -> bool:
-    """Whether a station has another verdict than first, or an azimuth that moved by more than `least`, rad."""
+    """Return whether the verdict of a station differs from the first one, or its azimuth by more than `least`, rad."""
     if first.verdict != now.verdict:
         return True
     moved = now.azimuth - first.azimuth
@@ -130,7 +131,7 @@ class _Work:
 
 
 def _without_each(model: RunModel, seeks: list[dict[int, Taken]], work: _Work, threads: int) -> None:
-    """Judge the stations of these seeks by a model that has learned of every other station."""
+    """Compute the findings of the stations of these seeks; model: has learned from all other stations."""
     if not seeks:
         return
     if len(seeks) == 1:
@@ -169,7 +170,7 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
 
 
 def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | None]:
-    """Return the findings of the stations of one seek; each is judged with the others' fields but not their gyro."""
+    """Return the findings of the stations of one seek; each uses the fields of the others, but not their gyro."""
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
     found = {}
     for k, one in seek.items():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A survey while the string turns: gravity and field averaged in axes that do not turn with it.
+A survey while the string turns: gravity and field averaged in axes that do not turn with the string.
 
-The axes are those of the tool turned back about the hole by its toolface, so that the high side is along z: cross-axial
-errors of the sensors average out there. Gravity's direction is the gravity method's, which vibration does not move; its
-size is the mean force along it. The toolface itself means nothing in such a survey.
+The axes are tool axes rotated back about the hole by the toolface, so that z points to the high side: in these axes,
+cross-axis errors of the sensors average out. The direction of gravity comes from the gravity method, which vibration
+does not bias; its magnitude is the mean force along this direction. Such a survey has no toolface.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from mwd_estimation.core.track import ROTATING_ABOVE
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples
 
-# Share of the samples in which the string may not turn.
+# Largest share of the samples in which the string does not turn.
 _STOPS = 0.2
-_FEWEST = 20
+_FEWEST = 20  # smallest number of samples for an average
 
 
 @dataclasses.dataclass(frozen=True)
 class Progress:
-    """Progress of a survey: elapsed and remaining time, s, number of samples, and activity in words."""
+    """Progress of a survey: elapsed and remaining time, s, number of samples, and state in words."""
 
     elapsed: float
     remaining: float
@@ -38,7 +38,7 @@ class Progress:
 
 class RotarySurvey:
     """
-    One survey.
+    One survey while the string turns.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class RotarySurvey:
     Raises
     ------
     ValueError
-        A duration that is not finite, or shorter than 5 s.
+        If the duration is not finite, or shorter than 5 s.
     """
 
     def __init__(self, duration_s: float) -> None:
@@ -67,11 +67,11 @@ class RotarySurvey:
 
     @property
     def rotary_speed(self) -> float:
-        """Mean, rad/s; nan before the first sample."""
+        """Mean rate about the axis, rad/s; NaN before the first sample."""
         return float(np.concatenate(self._rates)[:, 0].mean()) if self._rates else math.nan
 
     def progress(self) -> Progress:
-        """Progress of the survey."""
+        """Return the progress of the survey."""
         elapsed = (self._last - self._begin) * 1e-9 if self._begin is not None else 0.0
         turns = self._turning >= (1.0 - _STOPS) * self._samples
         words = "averaging" if turns else "the string hardly turns"
@@ -79,12 +79,12 @@ class RotarySurvey:
 
     def add(self, samples: Samples, pairs: Samples) -> StillAverage | Refusal | None:
         """
-        Take a block of samples, dtype `attitude.sample.SAMPLE`, and the magnetic ones paired with gravity in its time.
+        Add a block of samples, dtype `attitude.sample.SAMPLE`, and the magnetic samples paired with gravity in it.
 
         Returns
         -------
         StillAverage or Refusal or None
-            The average, or why there is none, with the sample that ends the time.
+            The average, or the refusal with the reason for none, when the duration is over; otherwise None.
         """
         stamps, gyro, accel, down = (samples[name] for name in ("stamp_ns", "gyro", "accel", "down"))
         if self._begin is None:
@@ -115,7 +115,8 @@ class RotarySurvey:
         mean /= np.linalg.norm(mean)
         size = float(along.mean())
         tilt = float(np.concatenate(self._sigma).mean())
-        # The direction is only as certain as the method states; the size averages over seconds, not samples.
+        # The sigma of the direction is that of the gravity method. The variance of the magnitude is divided by the
+        # number of seconds and not of samples, because samples are correlated.
         spread = along.var() / max(self.duration, 1.0)
         covariance = (tilt * size) ** 2 * (np.eye(3) - np.outer(mean, mean)) + spread * np.outer(mean, mean)
         rates = np.concatenate(self._rates)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The stations of one run: what each says of its azimuth, given all that the run has shown before it.
+The stations of one run: azimuth of each station, given the earlier stations of the run.
 
-A single station is a run of length one. The model and its priors are in `survey.posterior`; here readings, references
-and gyro solutions become its records, and its densities become findings (`finding`) that `verdict` reads.
+A single station is a run of length one. The model and its priors are in `survey.posterior`. Here readings, references
+and gyro solutions are converted to records of the model, and its densities to findings (`finding`) for `verdict`.
 """
 
 from __future__ import annotations
@@ -32,28 +32,30 @@ from mwd_estimation.survey.turning_string import Across, Turning
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-# Share of the variance of what lasts in a gyro's error that stays the same from station to station.
+# Share of the variance of the lasting gyro error that is the same from station to station.
 _SAME = 0.7
 # Least 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
-# A reference farther from the run's first one belongs to another place: T, rad.
+# Largest difference of a reference from the first one of the run, in field, T, and declination, rad; a larger
+# difference is another place.
 _ELSEWHERE = 1e-6, math.radians(2.0)
-# Two stations whose gravity and field lie nearer to each other in tool axes than this, rad, are at one attitude.
+# Largest angle between the gravities, and between the fields, of two stations with the same attitude, in tool axes,
+# rad.
 _STAYED = math.radians(0.5)
 # Estimate from a string that has never turned: no information.
 _NOTHING = Across(np.zeros(2), math.inf)
-# Time between two stations where it is not known, h.
+# Time between two stations if it is unknown, h: the time to drill a stand.
 _STAND = 0.5
-# A gyro less probably wrong than this agrees with the magnetometer.
+# Probability of a wrong gyro below which the gyro agrees with the magnetometer.
 _AGREES = 0.2
 
 
 class _Last(NamedTuple):
-    """The last station learned from, with the last reading of its seek of the gyro, and what was known before it."""
+    """The last station from which the model has learned."""
 
-    row: Row
-    began_ns: int | None
-    before: State
+    row: Row  #: record of the station, with the last gyro azimuth of its seek
+    began_ns: int | None  #: stamp at which its seek began, ns; None without a seek
+    before: State  #: state of the model before this station
 
 
 class Taken(NamedTuple):
@@ -76,13 +78,13 @@ class Taken(NamedTuple):
 
 
 def elapsed(before: float, now: float) -> float:
-    """Return the time between two consecutive stations, h; the time of one stand if it is not known."""
+    """Return the time between two consecutive stations, h; `_STAND` if it is unknown."""
     return abs(now - before) if math.isfinite(now - before) else _STAND
 
 
 class RunModel:
     """
-    Stations of one tool in one assembly, in the order they were taken.
+    Model of the stations of one tool in one assembly, in the order in which they were taken.
 
     Parameters
     ----------
@@ -98,9 +100,9 @@ class RunModel:
         self._last: _Last | None = None
         self._count, self._agreed = 0, False
         self._told: dict[str, Across] = {}
-        # When the last station was taken, h, and the cumulative hazard of another string there.
+        # Time of the last station, h, and cumulative hazard of a change of the string up to it.
         self._reached = math.nan, 0.0
-        # When the last station or its seek began, h, and the age of the gyro then, h; None before the first seek.
+        # Time at which the last station or its seek began, h, and age of the gyro then, h; None before the first seek.
         self._aged: tuple[float, float] | None = None
 
     def copy(self) -> RunModel:
@@ -116,7 +118,7 @@ class RunModel:
         """
         Process a station; return the finding about its azimuth, None if no sensor measures the azimuth.
 
-        learn: whether the station counts for those after it.
+        learn: whether the model uses this station for later stations.
         """
         measured, hours, gyro, turning, hazard, age = taken
         readings, station = measured.readings, measured.station
@@ -128,7 +130,8 @@ class RunModel:
         model = self._model(measured)
         began_ns = None if gyro is None else gyro.began_ns
         place, seek = self._lay_before(one), self._back_in_seek(model, began_ns)
-        # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
+        # If the tool has not moved since the last station, the station gives no information on lasting errors: use the
+        # state before the last station.
         again = place is not None and place == len(self._lay) - 1
         age, seek_of_gyro = self._age_at(hours, one, goes_on=seek is not None) if math.isnan(age) else age, None
         if math.isfinite(one["gyro"]):
@@ -138,7 +141,7 @@ class RunModel:
         if turning is not None:
             self._take_turning(model, turning)
         if seek is not None:
-            # A seek is one reading of the gyro, which does not bear itself out.
+            # A seek is one reading of the gyro: replace its last azimuth, so that a seek does not confirm itself.
             self._last = seek = seek._replace(before=model.state.copy())
             _learn(model, _with_gyro(seek.row, None))
         state = self._last.before if again and self._last is not None else model.state
@@ -158,13 +161,13 @@ class RunModel:
         return found
 
     def _hazard_at(self, hours: float) -> float:
-        """Return the cumulative hazard of another string at a station that follows the last one."""
+        """Return the cumulative hazard of a change of the string at a station that follows the last one."""
         before, hazard = self._reached
         self._reached = hours, hazard + hypotheses.hazard(self._settings.priors, hours - before)
         return self._reached[1]
 
     def _age_at(self, hours: float, one: Row, *, goes_on: bool) -> float:
-        """Return the age of the gyro at a station, h; goes_on: it belongs to the same seek as the last station."""
+        """Return the age of the gyro at a station, h; goes_on: whether its seek is that of the last station."""
         if self._aged is not None and not goes_on:
             self._aged = hours, self._aged[1] + elapsed(self._aged[0], hours)
         elif self._aged is None and math.isfinite(one["gyro"]):
@@ -172,14 +175,14 @@ class RunModel:
         return 0.0 if self._aged is None else self._aged[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
-        """Return to the state before the last station if that belongs to the seek that began then; else return None."""
+        """If the last station belongs to the seek that began then, restore the state before it and return it."""
         if began_ns is None or self._last is None or self._last.began_ns != began_ns:
             return None
         model.state = self._last.before.copy()
         return self._last
 
     def _learn_last(self, model: RunFilter, last: _Last, reading: Row) -> None:
-        """Learn from the last station, again where it is known, with the last reading of its seek."""
+        """Learn from the last station again, with the last gyro azimuth of its seek from `reading`."""
         self._last = last._replace(row=_with_gyro(last.row, reading))
         model.state = last.before.copy()
         _learn(model, self._last.row)
@@ -189,7 +192,7 @@ class RunModel:
         return None if self._filter is None else self._filter.shared()
 
     def _north(self, measured: Measured) -> float:
-        """Declination from the north of the model: true, or magnetic where the station's is."""
+        """Return the declination relative to the north of the model: true north, or magnetic for a magnetic station."""
         reference = measured.station.reference
         if measured.station.north == "magnetic" or reference is None or reference.declination is None:
             return 0.0
@@ -233,11 +236,12 @@ class RunModel:
         """
         Update mount and cross-axial bias from the turning string, once the information has doubled since the last time.
 
-        The errors of the two, which share where the magnetometers have the axis of rotation, count as independent.
+        The errors of mount and bias count as independent, although both contain the axis of rotation in the
+        magnetometers.
         """
         sigma, at, bias = model.sigma, Shared.MOUNT, Shared.FIELD_BIAS
         mount, field = np.zeros((2, field_model.SIZE)), np.zeros((2, field_model.SIZE))
-        # Accelerometers turned by (0, y, z) see the axis of rotation at (1, z, -y).
+        # In accelerometers that are turned by (0, y, z), the axis of rotation is at (1, z, -y).
         mount[0, at + 2], mount[1, at + 1] = sigma[at + 2], -sigma[at + 1]
         field[0, bias + 1], field[1, bias + 2] = sigma[bias + 1], sigma[bias + 2]
         for name, H, now, unit in (
@@ -291,7 +295,7 @@ class RunModel:
         at, turned = Shared.FIELD_BIAS, slice(Shared.MOUNT, Shared.MOUNT + 3)
         known = bool(one["has_field"])
         axial = (float(mean[at]), math.sqrt(float(covariance[at, at]))) if known else (math.nan, math.nan)
-        # The inclination errs by the turn about the level axis across the hole.
+        # The error of the inclination is the turn of the mount about the level axis across the hole.
         right = one["axes"][1]
         mount = math.sqrt(float(right @ covariance[turned, turned] @ right + (right @ mean[turned]) ** 2))
         peak = float(evidence.angles[int(np.argmax(mass / width))])
@@ -317,7 +321,7 @@ def _directions(one: Row) -> tuple[Array, Array]:
 
 
 def _with_gyro(one: Row, other: Row | None) -> Row:
-    """Return a station with the gyro's reading at another; None: without a reading."""
+    """Return the record of a station with the gyro azimuth of another record; None: without a gyro azimuth."""
     row = one.copy()
     for name in ("gyro", "gyro_other", "gyro_lasting", "gyro_variance"):
         row[name] = other[name] if other is not None else math.nan if name == "gyro" else 0.0
@@ -346,7 +350,7 @@ def declination_sigma(station: Station) -> float:
 
 
 def gyro_azimuth(gyro: Solution, station: Station) -> MethodAzimuth:
-    """Return the gyro's azimuth from the station's north, for comparison, or the reason why there is none."""
+    """Return the gyro azimuth from the station's north, or the reason why there is none."""
     method, reference = AzimuthMethod.GYRO, station.reference
     if not math.isfinite(gyro.azimuth):
         return MethodAzimuth(method, math.nan, math.nan, gyro.reason)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Surveys in still intervals: find that the tool keeps still, average, and hand over one survey per interval.
+Surveys in still intervals: detect that the tool keeps still, average, and return one average per interval.
 
-The tool is judged bin by bin (half a second); a survey needs a run of still bins, the first of which let the string
-settle. Bins are cut at fixed times, so a replay takes the same survey from the same samples.
+Each bin (half a second) is either still or not; a survey needs a sequence of still bins, and the string settles in the
+first of them. Bins begin at fixed times, so a replay takes the same survey from the same samples.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from mwd_estimation.survey.survey_settings import LONGEST_S, SHORTEST_S, SurveyS
 
 BIN_NS = 500_000_000
 _BIN_S = BIN_NS * 1e-9
-# Mean and standard deviation of the angular rate, rad/s, and standard deviation of the specific force, m/s^2, above
-# which the tool moves, times `SurveySettings.motion`; and change of that force between bins, m/s^2.
+# Largest mean and largest standard deviation of the angular rate, rad/s, and largest standard deviation of the specific
+# force, m/s^2, of a still tool; all are multiplied by `SurveySettings.motion`. And largest change of the mean force
+# between bins, m/s^2.
 MAX_RATE, MAX_FORCE_NOISE, MAX_FORCE_STEP = 0.03, 0.25, 0.1
-# Limits, multiplied by `SurveySettings.motion`, above which a tool without a gyro is turning: change of the mean field
-# between bins, and standard deviation of the field in a bin, T. A rotation at MAX_RATE in 20 uT across the axis causes
-# this change. The change must also exceed the third number times the sigma of the two means. The limit of the
+# Largest change of the mean field between bins, and largest standard deviation of the field in a bin, T, of a still
+# tool without a gyro; both are multiplied by `SurveySettings.motion`. A rotation at MAX_RATE in 20 uT across the axis
+# causes this change; a change up to _FIELD_SIGMAS times the sigma of the two means is noise. The limit of the standard
 # deviation is above the noise of any magnetometer.
 MAX_FIELD_STEP, MAX_FIELD_NOISE, _FIELD_SIGMAS = MAX_RATE * _BIN_S * 20e-6, 2e-6, 4.0
 
@@ -34,28 +35,28 @@ MAX_FIELD_STEP, MAX_FIELD_NOISE, _FIELD_SIGMAS = MAX_RATE * _BIN_S * 20e-6, 2e-6
 class StillAverage:
     """Mean readings of the sensors while the tool kept still."""
 
-    #: `start_ns`, `end_ns`: of the averaging interval.
+    #: `start_ns`, `end_ns`: start and end of the averaging interval, ns.
     start_ns: int
     end_ns: int
-    imu: Average  #: channels: rate x y z, rad/s, specific force x y z, m/s^2
-    mag: Average | None  #: T; None without usable magnetometer
-    precision: Average | None  #: as `imu`, of the precision unit
-    temperature: float | None  #: degC
-    requested: bool  #: asked for, not automatic
-    moved: bool = False  #: the tool has moved since, which ended the interval
+    imu: Average  #: conventional unit; channels: rate x y z, rad/s, specific force x y z, m/s^2
+    mag: Average | None  #: field, T; None without usable magnetometer
+    precision: Average | None  #: precision unit; channels as of `imu`
+    temperature: float | None  #: mean temperature, degC
+    requested: bool  #: whether the survey was requested; False for an automatic one
+    moved: bool = False  #: whether a motion of the tool ended the interval
 
 
 @dataclasses.dataclass(frozen=True)
 class Refusal:
-    """Why a requested survey was not taken."""
+    """Refusal of a requested survey."""
 
-    stamp_ns: int
-    reason: Reason
+    stamp_ns: int  #: time of the refusal, ns
+    reason: Reason  #: reason why the survey was not taken
 
 
 @dataclasses.dataclass(frozen=True)
 class BinSet:
-    """The bins of all streams for one index; streams that were silent are None."""
+    """The bins of all streams with the same index; None for a stream without samples."""
 
     imu: Bin
     mag: Bin | None = None
@@ -65,12 +66,12 @@ class BinSet:
 
 class StillSurvey:
     """
-    State machine over bins; one average per still interval, more on request.
+    State machine over bins that returns one average per still interval, and more on request.
 
     Attributes
     ----------
     hindrances : dict of ReasonCode to (int, Reason)
-        Why bins were not still: how many, and the reason of the last of them.
+        For each reason why bins were not still: number of these bins, and the reason of the last one.
     """
 
     def __init__(self, settings: SurveySettings) -> None:
@@ -85,12 +86,12 @@ class StillSurvey:
 
     def request(self, duration_s: float = 0.0) -> None:
         """
-        Ask for a survey that starts with the next bin; `duration_s` 0 means as configured.
+        Request a survey that starts with the next bin; duration_s: averaging time, s, 0 for the time of the settings.
 
         Raises
         ------
         ValueError
-            A duration that is negative, not finite, shorter than SHORTEST_S or longer than LONGEST_S.
+            If the duration is negative, not finite, shorter than SHORTEST_S or longer than LONGEST_S.
         """
         if duration_s and not SHORTEST_S <= duration_s <= LONGEST_S:
             rule = f"{SHORTEST_S:g} to {LONGEST_S:g} s, or 0 for the configured one"
@@ -100,12 +101,12 @@ class StillSurvey:
 
     @property
     def requested(self) -> bool:
-        """Whether somebody waits for a survey."""
+        """Whether a requested survey is not complete yet."""
         return self._requested_bins > 0
 
     @property
     def progress(self) -> float:
-        """Share of the survey under way, 0 to 1; 0 while the tool moves, 1 once taken."""
+        """Progress of the current survey, 0 to 1; 0 while the tool moves, 1 after the survey."""
         if self._taken and not self._requested_bins:
             return 1.0
         share = min(len(self._run) / self._needed(), 1.0)
@@ -113,20 +114,20 @@ class StillSurvey:
 
     @property
     def waited_s(self) -> float:
-        """Time, s, for which a survey has waited after it had averaged enough samples."""
+        """Time for which a survey with enough samples has waited for the gyro, s."""
         return 0.0 if self.waits_for is None else (len(self._run) - self._needed()) * _BIN_S
 
     @property
     def complete(self) -> bool:
-        """Whether an automatic survey has all it needs: it may wait for the gyro, and is given when the wait ends."""
+        """Whether an automatic survey has enough samples with the next bin, and may then wait for the gyro."""
         unasked = self.settings.automatic and not self._taken and self._requested_bins == 0
         return unasked and len(self._run) >= self._needed() - 1
 
     def add(self, bins: BinSet, wait: Reason | None = None) -> StillAverage | Refusal | None:
         """
-        Take the next closed bin, in order; give the average that it completes, or the refusal it causes.
+        Add the next closed bin, in order; return the average that it completes, or the refusal that it causes.
 
-        wait: what a survey taken automatically should wait for; what is averaged until then is one survey.
+        wait: reason why an automatic survey should wait longer (then it continues to average); None: it should not.
         """
         motion = self._motion(bins, self._run[-1] if self._run else None)
         if motion is not None:
@@ -154,7 +155,7 @@ class StillSurvey:
         return _averaged(chosen, requested)
 
     def finish(self) -> StillAverage | None:
-        """Return the waiting average when no more samples come; it counts as taken."""
+        """Return the average of a survey that waits, at the end of the data; None if no survey waits."""
         if self.waits_for is None:
             return None
         held, self.waits_for, self._taken = self._run[self._settles :], None, True
@@ -167,13 +168,13 @@ class StillSurvey:
         return self._settles + self._lasts
 
     def _motion(self, bins: BinSet, before: BinSet | None) -> Reason | None:
-        """Return what moves, with value and limit; None if nothing does."""
+        """Return the reason why a bin is not still, with value and limit; None if it is still."""
         imu, last = bins.imu, before.imu if before is not None else None
         if imu.count < 3:
             return Reason(Code.TOO_FEW_SAMPLES, float(imu.count), 3.0)
         if last is not None and imu.index != last.index + 1:
             return Reason(Code.SAMPLES_MISSING)
-        # Python's own numbers: for six of them arrays cost ten times as much.
+        # Use Python floats: for six numbers, arrays take ten times as long.
         mean, motion = imu.mean.tolist(), self.settings.motion
         max_rate, max_force_noise = MAX_RATE * motion, MAX_FORCE_NOISE * motion
         rate = max(abs(value) for value in mean[:3])
@@ -190,12 +191,12 @@ class StillSurvey:
             if step > MAX_FORCE_STEP:
                 return Reason(Code.TOOL_SHIFTS, step, MAX_FORCE_STEP, (_BIN_S,))
         if before is not None and rate == rate_noise == 0.0:
-            # Without a gyro, gravity does not show a rotation about the vertical, but the field does.
+            # Without a gyro only the field shows a rotation about the vertical.
             return self._turning_field(bins.mag, before.mag)
         return None
 
     def _turning_field(self, mag: Bin | None, last: Bin | None) -> Reason | None:
-        """Return how far the field has turned in the bin or since the last bin; None if it has not, or is unknown."""
+        """Return a reason if the field has turned in the bin or since the last bin; None if not, or if unknown."""
         if mag is None or last is None:
             return None
         most, spread = MAX_FIELD_NOISE * self.settings.motion, math.sqrt(mag.scatter.trace() / max(mag.count - 1, 1))
@@ -216,7 +217,7 @@ def _bins(seconds: float, least: int = 1) -> int:
 def _averaged(chosen: list[BinSet], requested: bool) -> StillAverage:
     def of(name: str) -> Average | None:
         found = [b for b in (getattr(bins, name) for bins in chosen) if b is not None]
-        # A stream that was silent for part of the interval is not averaged: what it missed is not known.
+        # Do not average a stream without samples in part of the interval.
         if len(found) < len(chosen) or sum(b.count for b in found) < 2:
             return None
         return average(found)

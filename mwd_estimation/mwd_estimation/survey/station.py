@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One survey station by itself: six averaged axes to angles, totals, azimuth with its sigma, and verdicts."""
+"""One survey station without a run: angles, totals, azimuth with its sigma, and verdicts from six averaged axes."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def station(
     Parameters
     ----------
     f_t, b_t : array_like, shape (3,)
-        Mean specific force, m/s^2 (up at rest), and mean field, T, in tool axes. A nan marks a missing sensor.
+        Mean specific force, m/s^2 (up at rest), and mean field, T, in tool axes; NaN for a missing sensor.
     reference : Reference, optional
-        Without one the azimuth is magnetic and uncorrected, and the station doubtful.
+        Reference. Without it the azimuth is magnetic and uncorrected, and the station doubtful.
     settings : StationSettings, optional
     covariance_f, covariance_b : array_like, shape (3, 3), optional
-        Noise of the two means, (m/s^2)^2 and T^2; what the sensors get wrong alike comes from the settings.
+        Noise of the two means, (m/s^2)^2 and T^2; constant errors of the sensors come from the settings.
     faults : tuple of Reason
-        What is known to be wrong with the readings: each rejects the station.
+        Known faults of the readings; each rejects the station.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def station(
     Raises
     ------
     ValueError
-        Shapes other than (3,) and (3, 3).
+        If the shapes are not (3,) and (3, 3).
     """
     settings = StationSettings() if settings is None else settings
     one = measured(f_t, b_t, reference, settings, covariance_f=covariance_f, covariance_b=covariance_b)

@@ -19,10 +19,10 @@ from mwd_sensors.core.arrays import Array
 @dataclass(frozen=True)
 class MethodAzimuth:
     """
-    Azimuth of one method, rad from the station's north, 1 sigma, and why it was refused (None where it was not).
+    Azimuth of one method from the station's north, and 1 sigma, rad; and reason if refused, else None.
 
-    Sigma is that of the tool's axis: how the tool lies in the hole errs alike for every method and is the station's
-    `alignment`. A refused azimuth is still given with its sigma: it is to be looked at, not to be used.
+    Sigma does not include the misalignment of the tool in the hole, which is the same for all methods (`alignment` of
+    the station). A refused azimuth and its sigma are for information only.
     """
 
     method: AzimuthMethod
@@ -50,51 +50,51 @@ def _unknown() -> Array:
 
 @dataclass(frozen=True)
 class Station:
-    """A survey station; angles in rad, totals in SI, nan where a reading or the reference is missing."""
+    """A survey station; angles in rad, totals in SI; NaN if a reading or the reference is missing."""
 
-    #: `f_t`, `b_t`: shape (3,); the readings.
+    #: `f_t`, `b_t`: shape (3,); mean specific force, m/s^2, and field, T, in tool axes.
     f_t: Array = field(repr=False)
     b_t: Array = field(repr=False)
-    reference: Reference | None  #: what it was judged and corrected by
-    #: `inclination`, `sigma_inclination`: from the vertical.
+    reference: Reference | None  #: reference with which the station was checked and corrected
+    #: `inclination`, `sigma_inclination`: inclination from the vertical, and 1 sigma.
     inclination: float = math.nan
     sigma_inclination: float = math.nan
-    #: `gravity_toolface`, `magnetic_toolface`, `sigma_toolface`: from high side, from the named north, and 1 sigma of
-    #: the first.
+    #: `gravity_toolface`, `magnetic_toolface`, `sigma_toolface`: toolface from the high side, toolface from `north`,
+    #: and 1 sigma of the gravity toolface.
     gravity_toolface: float = math.nan
     magnetic_toolface: float = math.nan
     sigma_toolface: float = math.nan
-    #: `g_total`, `b_total`, `dip`: as measured: m/s^2, T, rad. No correction is in them.
+    #: `g_total`, `b_total`, `dip`: measured total gravity, m/s^2, total field, T, and dip, rad, without correction.
     g_total: float = math.nan
     b_total: float = math.nan
     dip: float = math.nan
-    #: `azimuth`, `sigma_azimuth`: the one chosen, from the named north; sigma is pi where nothing is known.
+    #: `azimuth`, `sigma_azimuth`: azimuth from `north`, and 1 sigma; sigma is pi if the azimuth is unknown.
     azimuth: float = math.nan
     sigma_azimuth: float = math.nan
     north: str = "magnetic"  #: magnetic, true or grid
     north_correction: float = 0.0  #: added to the magnetic azimuth, rad
-    method: AzimuthMethod = AzimuthMethod.NONE  #: which azimuth was chosen
-    corrected: bool = False  #: whether the azimuth is freed of what the run shows of the string's field
-    azimuths: tuple[MethodAzimuth, ...] = ()  #: every method tried
-    #: `interference`, `sigma_interference`: axial field not of the Earth, T.
+    method: AzimuthMethod = AzimuthMethod.NONE  #: method of the azimuth
+    corrected: bool = False  #: whether the field of the string that the run found was removed from the azimuth
+    azimuths: tuple[MethodAzimuth, ...] = ()  #: azimuths of all methods
+    #: `interference`, `sigma_interference`: axial field that is not the Earth's, and 1 sigma, T.
     interference: float = math.nan
     sigma_interference: float = math.nan
-    #: shape (3, 3); of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
+    #: shape (3, 3); covariance of (inclination, azimuth, gravity toolface), rad^2, with all errors.
     covariance: Array = field(default_factory=_unknown, repr=False)
-    #: shape (3, 3); the part of it that is common to all methods: tool against hole.
+    #: shape (3, 3); covariance from the misalignment of the tool in the hole, rad^2; contained in `covariance`.
     alignment: Array = field(default_factory=_unknown, repr=False)
-    #: Totals against the reference; for a corrected azimuth with the interference taken off.
+    #: Differences of the totals from the reference; for a corrected azimuth without the interference.
     deviations: Deviations = field(
         default_factory=lambda: Deviations(math.nan, math.nan, math.nan, _unknown()), repr=False
     )
-    #: Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
+    #: Largest deviations of gravity, m/s^2, field, T, and dip, rad, of a station that is not doubtful; NaN: no limit.
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     verdict: str = REJECT  #: accept, doubtful or reject
-    quantities: Verdicts | None = None  #: verdict of each quantity; None: that of the station for each
-    reasons: tuple[Reason, ...] = ()  #: those of an accepted station are the totals within their limits
+    quantities: Verdicts | None = None  #: verdict of each quantity; None: all have the verdict of the station
+    reasons: tuple[Reason, ...] = ()  #: reasons of the verdict; for an accepted station, totals within their limits
     #: Other azimuths that fit the readings, from the named north, rad, and their probabilities.
     alternatives: tuple[tuple[float, float], ...] = ()
-    #: What may disturb the readings, and its probability; empty: not judged.
+    #: Names of the possible disturbances and their probabilities; empty if they were not computed.
     hypotheses: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -104,9 +104,9 @@ class Station:
 
     @property
     def headline(self) -> Reason | None:
-        """The one reason to act on; None of an accepted station."""
+        """Main reason to act; None for an accepted station."""
         return self.reasons[0] if self.reasons and self.verdict != ACCEPT else None
 
     def by_method(self, method: str) -> MethodAzimuth | None:
-        """Return the azimuth of one method, None if it was not tried."""
+        """Return the azimuth of one method; None if it was not computed."""
         return next((azimuth for azimuth in self.azimuths if azimuth.method == method), None)

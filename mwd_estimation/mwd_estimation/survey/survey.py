@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A survey: what the estimator measured at one station and decided about it, from the tool to the page.
+A survey as a record: measurements and verdict of the estimator at one station.
 
 Its fields are those of mwd_msgs/msg/Survey. Numbers are in SI and rad; an unknown number is NaN. The estimator makes
 this record (`decided_survey`); every message, file, protocol and page is a view of it.
@@ -22,12 +22,12 @@ Three = tuple[Number, Number, Number]
 Nine = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
 UNKNOWN_3: Three = (math.nan,) * 3
 UNKNOWN_9: Nine = (math.nan,) * 9
-# Kinds of a survey, with the numbers of its message.
+# Kinds of a survey, with the numbers of mwd_msgs/msg/Survey: taken at rest, or while the string rotates.
 STATIC, ROTARY = 0, 1
 
 
 class Verdict(enum.IntEnum):
-    """Automatic verdict, with the numbers of the Survey message; NOT_DETERMINED occurs for single quantities only."""
+    """Automatic verdict, with the numbers of mwd_msgs/msg/Survey; only single quantities may be NOT_DETERMINED."""
 
     ACCEPT = 0
     DOUBTFUL = 1
@@ -149,7 +149,7 @@ class Survey(MessageRecord):
 
     @property
     def has_azimuth(self) -> bool:
-        """Whether the survey has an azimuth, that is, the estimator did not withhold it."""
+        """Whether the survey has an azimuth from a known north."""
         return math.isfinite(self.azimuth) and self.north != North.UNKNOWN
 
     @property
@@ -171,12 +171,12 @@ class Survey(MessageRecord):
 
     @property
     def sigma_inclination(self) -> float:
-        """1 sigma, rad."""
+        """1 sigma of the inclination, rad."""
         return math.sqrt(self.covariance[0])
 
     @property
     def sigma_azimuth(self) -> float:
-        """1 sigma, rad."""
+        """1 sigma of the azimuth, rad."""
         return math.sqrt(self.covariance[4])
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of taking and computing surveys."""
+"""Settings for taking and computing surveys."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
-SHORTEST_S, LONGEST_S = 1.0, 600.0  # of the averaging
+SHORTEST_S, LONGEST_S = 1.0, 600.0  # shortest and longest averaging time, s
 
 
 @dataclasses.dataclass(frozen=True)
 class SurveySettings:
-    """Settings of taking and computing surveys."""
+    """Settings for taking and computing surveys."""
 
     automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
     settle_s: float = setting(

@@ -2,10 +2,10 @@
 """
 ISCWSA / OWSG tool codes: the industry's error models of survey tools.
 
-The codes and their magnitudes are welleng's (checked against the ISCWSA's own example well); they are read when first
-asked for. `sensor_errors` and `reference_sigmas` turn the magnitudes of a code into the per-axis errors and the sigmas
-of the field that a station propagates through its readings as they are: its sigmas, and the limits of total gravity,
-total field and dip.
+The codes and their magnitudes come from welleng (checked against the example well of the ISCWSA); they are read when
+first needed. `sensor_errors` and `reference_sigmas` convert the magnitudes of a code to errors of each axis and sigmas
+of the reference field. A station propagates these through its readings to its sigmas, and to the limits of total
+gravity, total field and dip.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# What a code calls the geomagnetic models that people name: OWSG set B, high and low resolution.
+# Name in tool codes for each common name of a geomagnetic model: OWSG set B, high and low resolution.
 _MODELS = {"HDGM": "HRGM", "MVHD": "HRGM", "WMM": "LRGM", "IGRF": "LRGM"}
-# Codes by field model whose terms have the sigmas of strength and dip; set A's own otherwise.
+# For each field model in a code's name, the code whose terms have the sigmas of strength and dip of this model.
 _WITH_FIELD = {
     "IFR2": "MWD+IFR2+AX+SAG",
     "IFR1": "MWD+IFR1+AX",
@@ -39,15 +39,15 @@ _WITH_FIELD = {
 
 def names() -> tuple[str, ...]:
     """
-    Return the short names of all known tool codes: OWSG sets A and B with gyros, and the ISCWSA's own examples.
+    Return the short names of all known tool codes: OWSG sets A and B with gyros, and the examples of the ISCWSA.
 
-    Those ending in _Fl are for floating rigs.
+    Codes that end in _Fl are for floating rigs.
     """
     return (*_index(), *_set_b())
 
 
 def check(code: str) -> None:
-    """Raise ValueError for a code that does not exist, with those of similar names."""
+    """Raise ValueError for a code that does not exist; the message lists similar names."""
     if code in names():
         return
     meant = code
@@ -58,7 +58,7 @@ def check(code: str) -> None:
 
 
 def model(code: str) -> Any:
-    """Return welleng's argument for a code: the name, or the table of a code that welleng does not have."""
+    """Return the argument of welleng for a code: its name, or its table if welleng's index does not contain it."""
     return _set_b().get(code, code)
 
 
@@ -92,7 +92,7 @@ def sensor_errors(code: str) -> SensorErrors:
     """
     Return the errors of each axis from the magnitudes of a code; terms that the code lacks are zero.
 
-    Raises ValueError for an unknown code, or for one without accelerometers and magnetometers (gyro, inclination only).
+    Raises ValueError for an unknown code, or a code without accelerometers and magnetometers (gyro, inclination only).
     """
     magnitude = _magnitudes(code)
     prefix = {
@@ -121,10 +121,10 @@ def sensor_errors(code: str) -> SensorErrors:
 
 def reference_sigmas(code: str) -> dict[str, float]:
     """
-    Return the sigmas of the field with which a code is used, by their names in `Reference`.
+    Return the sigmas of the reference field with which a code is used, by their names in `Reference`.
 
-    Only codes that correct by strength and dip (+AX) state them; any other code gets those of the related +AX code.
-    Raises ValueError for an unknown code.
+    Only codes that correct by strength and dip (+AX) state the sigmas of strength and dip; any other code gets those of
+    the related +AX code. Raises ValueError for an unknown code.
     """
     magnitude = _magnitudes(code)
     field = _magnitudes(_WITH_FIELD[next((word for word in _WITH_FIELD if word in code), "SRGM")])
@@ -141,7 +141,7 @@ def reference_sigmas(code: str) -> dict[str, float]:
 
 
 def reference_for(code: str, reference: Reference) -> Reference:
-    """Return the reference with the sigmas of the field model that the code names. ValueError as `reference_sigmas`."""
+    """Return the reference with the sigmas of the code's field model; raise ValueError as `reference_sigmas`."""
     sigmas: dict[str, Any] = reference_sigmas(code)
     return replace(reference, **sigmas)
 
@@ -152,7 +152,7 @@ def _magnitudes(code: str) -> dict[str, float]:
     from welleng.survey import Survey, SurveyHeader
 
     check(code)
-    # Any hole that every code is meant for: the magnitudes are the same everywhere.
+    # Use an arbitrary hole: the magnitudes of a code are the same for every hole.
     header = SurveyHeader(
         latitude=60.0,
         longitude=0.0,
@@ -165,7 +165,7 @@ def _magnitudes(code: str) -> dict[str, float]:
         azi_reference="true",
     )
     hole = Survey(30.0 * np.arange(4.0), np.full(4, 20.0), np.full(4, 60.0), header=header, error_model=model(code))
-    # Most model files come in rad; those of later issues keep their degrees.
+    # Most model files have rad; those of later issues have degrees, which are converted here.
     factors = {"deg": math.radians(1.0), "deg.nT": math.radians(1.0)}
     return {
         name: float(term["magnitude"]) * factors.get(term.get("unit"), 1.0)

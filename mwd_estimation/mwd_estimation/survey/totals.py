@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A station's totals (gravity, field, dip) against the reference: how far off they are, how far they may be, the verdict.
+Totals of a station (gravity, field, dip) compared with the reference: deviations, limits and verdict.
 
-Gravity, field strength and dip are known beforehand; a station that does not measure them is wrong somewhere. Limits
-are either fixed (`QualitySettings`) or follow from the tool's own uncertainty at this attitude.
+Gravity, field strength and dip are known before the measurement, so a deviation shows an error. Limits are either fixed
+(`QualitySettings`) or follow from the uncertainty of the tool at this attitude.
 """
 
 from __future__ import annotations
@@ -24,32 +24,34 @@ from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 
-# Chi-square of three degrees of freedom exceeded by chance once in 100 and once in 1000.
+# Chi-square, with three degrees of freedom, above which a station is doubtful, and above which it is rejected; by
+# chance it is exceeded once in 100 and once in 1000 stations.
 _CHI3_DOUBTFUL, _CHI3_REJECT = chi_square.limit(0.01, 3), chi_square.limit(0.001, 3)
-# Chi-square that a slip in the reference must explain: odds of 3e5, against one reference in a thousand with a slip.
+# Smallest decrease of chi-square by a slip (a mistake in the entered reference) that is reported: odds of 3e5, compared
+# with one reference in a thousand that has a slip.
 _SLIP = 25.0
 # Multiples of the sigma of the tool code above which a station is doubtful or rejected, and multiple of the fixed
 # limits above which it is rejected.
 TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
 _REJECT = 1.5
-# Deviation from local gravity, in sigma, that a tool calibrated by local gravity does not show.
+# Largest deviation from local gravity, in sigmas, of a tool that was calibrated with local gravity.
 _NOT_LOCAL = 2.0
 
 
 @dataclass(frozen=True)
 class Deviations:
-    """Measured minus reference."""
+    """Differences of measured totals from the reference."""
 
-    #: `gravity`, `field`, `dip`: m/s^2, T, rad; nan where the reference has none.
+    #: `gravity`, `field`, `dip`: m/s^2, T, rad; NaN if the reference lacks the value.
     gravity: float
     field: float
     dip: float
-    covariance: Array  #: shape (3, 3); of the three, from sensors, interference expected and reference
-    standard: bool = False  #: gravity is compared with standard gravity, which it fits better than that of the place
+    covariance: Array  #: shape (3, 3); covariance of the deviations from sensors, expected interference and reference
+    standard: bool = False  #: True if gravity is compared with standard gravity, which fits better than local gravity
 
     @property
     def values(self) -> Array:
-        """The three, shape (3,)."""
+        """Deviations of gravity, field and dip, shape (3,)."""
         return np.array([self.gravity, self.field, self.dip])
 
 
@@ -62,13 +64,13 @@ def deviation_covariance(
     Parameters
     ----------
     f_t, b_t : array_like, shape (3,)
-        m/s^2 and T.
+        Specific force, m/s^2, and field, T.
     reference : Reference or None
-        Adds its own sigmas.
+        Reference, whose sigmas are added.
     covariance_s : array_like, shape (6, 6)
-        Of (f_t, b_t).
+        Covariance of (f_t, b_t).
     axial_sigma : float
-        Axial interference expected, T.
+        1 sigma of the axial interference, T.
     """
     f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
     cov = np.array(covariance_s, dtype=float)
@@ -82,7 +84,7 @@ def deviation_covariance(
 
 def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Return the derivatives of (total gravity, total field, dip) by (f_t, b_t).
+    Return the derivatives of (total gravity, total field, dip) with respect to (f_t, b_t).
 
     f_t, b_t, shape (3,), m/s^2 and T, not parallel. Returns shape (3, 6).
     """
@@ -117,7 +119,7 @@ def deviations(
     if reference is not None and reference.gravity is not None:
         delta_g = g_total - reference.gravity
     elif abs(g_total - STANDARD_GRAVITY) > GRAVITY_FARTHEST:
-        # Gravity is not known here, but nowhere on Earth is it that.
+        # Local gravity is unknown, but the measured value does not exist on Earth: compare it with standard gravity.
         delta_g = g_total - STANDARD_GRAVITY
     b_earth = b_h - np.array([interference, 0.0, 0.0])
     across = (errors.cross_interference_nt * 1e-9) ** 2
@@ -143,7 +145,7 @@ def deviations(
 
 def _by_standard(local: float, standard: float) -> float:
     """
-    Return the deviation from standard gravity if that is nearer than local gravity; 0 between the two.
+    Return the deviation from standard gravity if it is smaller than that from local gravity; 0 between the two.
 
     The tool may have been calibrated with local or with standard gravity; all its stations then have the same error.
     """
@@ -153,14 +155,14 @@ def _by_standard(local: float, standard: float) -> float:
 
 
 def gravity_faults(g_total: float) -> list[Reason]:
-    """Return the signs of a wrong unit or a dead accelerometer; total in m/s^2."""
+    """Return reasons that show a wrong unit of measurement or a dead accelerometer; g_total: m/s^2."""
     if 9.0 < g_total < 10.6:
         return []
     return [Reason(Code.GRAVITY_IN_G if 0.9 < g_total < 1.1 else Code.GRAVITY_NOT_EARTH, g_total)]
 
 
 def field_faults(b_total: float, dip: float, reference: Reference | None) -> list[Reason]:
-    """Return the signs of a wrong unit, a dead magnetometer or a reversed axis; total in T, dip in rad."""
+    """Return reasons that show a wrong unit of measurement, a dead magnetometer or a reversed axis; T, rad."""
     found = []
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
         units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"), (1e3, "uT, taken as nT"))
@@ -181,10 +183,10 @@ def field_faults(b_total: float, dip: float, reference: Reference | None) -> lis
 
 def reference_slip(f_h: Array, b_h: Array, reference: Reference, covariance: Array) -> Slip | None:
     """
-    Return the slip in the reference that the readings show: they do not fit it, and fit what was meant.
+    Return the slip that explains the readings; None if the readings fit the reference, or no slip explains them.
 
-    f_h, b_h, shape (3,), m/s^2 and T; covariance, shape (3, 3), of the totals against the reference. No correction
-    is taken off the field: with a wrong reference it would be wrong too.
+    f_h, b_h, shape (3,), m/s^2 and T; covariance, shape (3, 3): covariance of the deviations from the reference. The
+    field is not corrected for interference, because the correction is wrong if the reference is wrong.
     """
     if reference.total is None or reference.dip is None or not reference.slips:
         return None
@@ -202,7 +204,7 @@ def reference_slip(f_h: Array, b_h: Array, reference: Reference, covariance: Arr
 
 @dataclass(frozen=True)
 class TotalsJudgement:
-    """A verdict and the reasons that made it."""
+    """A verdict on the totals, and its reasons."""
 
     verdict: str
     reasons: tuple[Reason, ...]
@@ -224,14 +226,14 @@ def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
 
 def judge(deviations: Deviations, quality: QualitySettings) -> TotalsJudgement:
     """
-    Return the verdict of the totals alone.
+    Return the verdict on the totals.
 
     Parameters
     ----------
     deviations : Deviations
-        nan deviations are not judged.
+        Deviations; NaN values are ignored.
     quality : QualitySettings
-        With limits by the tool code: 2 and 3 sigma of the covariance, and chi-square of all together.
+        Limits. With limits by the tool code: 2 and 3 sigma of each deviation, and chi-square of all together.
 
     Raises
     ------

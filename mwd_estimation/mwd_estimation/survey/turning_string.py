@@ -2,17 +2,18 @@
 """
 Estimate, from a turning string, the misalignment of accelerometers and magnetometers, and the field of the string.
 
-Gravity and the Earth's field stand still while the tool turns about the axis of the hole; roll phi is the integral of
-the gyro's own axial rate. With y + iz = c + G exp(-i phi) across the tool, a triad that has the axis of rotation at
-(1, Re a, Im a) sees a part of what turns round along its x axis as well,
+Gravity and the Earth's field are constant while the tool turns about the axis of the hole; roll phi is the integral of
+the axial rate of the gyro. Across the tool, a triad measures y + iz = c + G exp(-i phi). If the axis of rotation is at
+(1, Re a, Im a) in the triad, its x axis measures a part of the rotating vector too,
 
     x = c_x + Re(K exp(-i phi)),    K = -conj(a) G.
 
-So a = -conj(K / G) says where the axis lies in each triad, without its biases, its lever arm and the delay of its
-stamps. What of the mean field across the tool is not the axial field along that axis, c - a c_x, is fixed in the tool:
-biases and a magnetised collar. All is fitted sample by sample in windows of some turns, with amplitudes that drift with
-the roll (a gyro's scale, a curved hole) and the delay behind the gyro, so that a speed that changes does no harm. The
-amplitudes found at a half and at one and a half cycles a turn, where nothing is, are the noise.
+Hence a = -conj(K / G) is the direction of the axis in each triad, independent of biases, lever arm and delay of stamps.
+The mean field across the tool, minus the component of the axial field along this axis, is c - a c_x. It is fixed in the
+tool: biases and a magnetised collar. All values are fitted to the samples of windows of some turns, with amplitudes
+that drift with the roll (scale error of the gyro, curved hole) and with the delay behind the gyro, so that changes of
+speed cause no error. The amplitudes at a half and at one and a half cycles per turn, where there is no signal, are the
+noise.
 """
 
 from __future__ import annotations
@@ -29,19 +30,20 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 # Smallest and largest number of bins of a window, and the angle by which the string turns in it, rad.
 _BINS, _MOST_BINS, _TURNED = 10, 120, 8.0 * math.pi
-# Rotation in a bin, rad, below which no window begins, and time between samples, s, above which a window ends.
+# Smallest rotation in a bin with which a window begins, rad; and longest time between samples within a window, s.
 _BEGINS, _APART_S = 0.5, 0.1
 # Smallest number of samples in a half second and in a turn; the fit follows one and a half cycles per turn.
 _SAMPLES, _PER_TURN = 5, 4
-# Condition of the normal equations: 5 while the string turns evenly, 1000 where it turns for a tenth of the time;
-# beyond this the samples of a slow magnetometer leave most of the turn out.
+# Largest condition number of the normal equations. It is 5 if the string turns evenly, and 1000 if it turns for a tenth
+# of the time; above the limit, the samples of a slow magnetometer do not cover most of the turn.
 _WORST_CONDITION = 1e4
 # Errors that are the same in every window, 1 sigma: motion along the hole in step with the turns, m (on a bottom that
 # is a millimetre higher on one side, a sound tool seems misaligned by 2 deg at 120 rpm), misalignment of the axes after
 # calibration, rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
-# Columns of the fit: constant and drift, cosine and sine of the roll and their drift, the four that show noise, and two
-# of a delay behind the gyro where the speed changes; and how alike the columns may be for these two to count.
+# Indices of columns of the fit: constant (then its drift), cosine and sine of the roll (then their drifts), four
+# columns for the noise, and two for a delay behind the gyro, which shows if the speed changes. The last number is the
+# largest condition number of the columns with which the delay is fitted.
 _CONSTANT, _COS, _SIN, _NOISE, _LATE, _MOST_ALIKE = 0, 2, 3, slice(6, 10), 10, 100.0
 # Number of values from which a window's noise is estimated: four amplitudes of three axes.
 _NUMBERS = 12.0
@@ -49,7 +51,7 @@ _NUMBERS = 12.0
 
 @dataclasses.dataclass(frozen=True)
 class Across:
-    """A vector (y, z) across the tool and 1 sigma of each component; inf: not known."""
+    """A vector (y, z) across the tool, and 1 sigma of each component; inf: unknown."""
 
     value: Array
     sigma: float
@@ -59,7 +61,7 @@ class Across:
 class Turning:
     """Estimates from the turns so far, in tool axes."""
 
-    mount: Across  #: where the accelerometers have the axis of rotation, less where the magnetometers have it, rad
+    mount: Across  #: direction of the axis of rotation in the accelerometers minus that in the magnetometers, rad
     field: Across  #: field fixed in the tool, T
 
 
@@ -78,18 +80,18 @@ class _Triad:
     def add(self, columns: Array, values: Array, rate: float) -> None:
         """Fit a window if possible; columns (n, 12) as in `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
         if not _tells(columns):
-            # At an even speed, or in few short slips, nothing shows a delay; at an even speed it does no harm.
+            # Do not fit the delay if it is not observable: the speed is constant, or there are only a few short slips.
             columns = columns[:, :_LATE]
         normal = columns.T @ columns
         if np.linalg.cond(normal[:_LATE, :_LATE]) > _WORST_CONDITION:
             return
         inverse = np.linalg.inv(normal)
         found, spread = inverse @ (columns.T @ values), np.diagonal(inverse)
-        # In units of the amplitude that is known worst of those in use.
+        # Scale the noise amplitudes to the sigma of the least certain of the other amplitudes.
         noise = found[_NOISE] * np.sqrt(spread[[_CONSTANT, _COS, _SIN]].max() / spread[_NOISE, None])
         x, y, z = found[_CONSTANT]
         turning = found[_COS] + 1j * found[_SIN]
-        # The mean of y and z, which have the same amplitude a quarter of a turn apart.
+        # Average y and z, which have the same amplitude with a phase difference of a quarter turn.
         G, K = 0.5 * (turning[1] + 1j * turning[2]), turning[0]
         self.windows += 1
         self.weight += abs(G) ** 2
@@ -102,15 +104,15 @@ class _Triad:
     @property
     def mean_noise(self) -> float:
         """
-        Variance of an amplitude in one window, of those with any.
+        Mean variance of an amplitude in one window.
 
-        It is itself known by few numbers: that of Student's t with as many degrees of freedom.
+        It is estimated from few numbers, so it is the variance of Student's t with as many degrees of freedom.
         """
         numbers = _NUMBERS * self.windows
         return self.noise / self.windows * numbers / (numbers - 2.0)
 
     def tilt(self, alike: float) -> tuple[complex, float]:
-        """Return the tilt of the axis of rotation, rad, and its variance; alike: 1 sigma of K in all windows."""
+        """Return the tilt of the axis, rad, and its variance, rad^2; alike: 1 sigma of the common error of K."""
         if not self.weight > 0.0:
             return 0j, math.inf
         variance = self.mean_noise + alike**2 * self.windows
@@ -118,7 +120,7 @@ class _Triad:
 
 
 class _Waiting:
-    """Samples of a stream that wait for the end of their half second; one that is older than another before is none."""
+    """Samples of a stream that wait for the end of their half second; samples out of order are ignored."""
 
     def __init__(self, channels: int) -> None:
         self._parts: list[tuple[Stamps, Array]] = []
@@ -132,7 +134,7 @@ class _Waiting:
             self._newest_ns = int(self._parts[-1][0][-1])
 
     def between(self, start_ns: int, end_ns: int) -> tuple[Stamps, Array]:
-        """Take out the samples before the end of a time, ns; those before its start are dropped."""
+        """Remove and return the samples from start_ns to before end_ns, ns; drop earlier samples."""
         if not self._parts:
             return self._none
         stamps, values = self._parts[0]
@@ -145,7 +147,7 @@ class _Waiting:
 
 
 class TurningString:
-    """Sums over the windows in which the string turned; the samples of a bin are taken when it is closed."""
+    """Estimator from the windows in which the string turned; the samples of a bin are used when the bin is closed."""
 
     def __init__(self) -> None:
         self._imu, self._mag = _Waiting(5), _Waiting(3)
@@ -158,11 +160,11 @@ class TurningString:
         self._fields: list[tuple[Array, Array, Array]] = []
 
     def take_imu(self, stamps: Stamps, rate_x: Array, force: Array, bad: NDArray[np.bool_]) -> None:
-        """Take samples of the conventional unit, rad/s and m/s^2; bad: a sensor clipped, in doubt or at fault."""
+        """Add samples of the conventional unit, ns, rad/s, m/s^2; bad: a sensor clips, is doubtful or is faulty."""
         self._imu.add(stamps, np.column_stack([rate_x, force, bad]))
 
     def take_mag(self, stamps: Stamps, field: Array) -> None:
-        """Take magnetic samples, T."""
+        """Add magnetic samples: stamps, ns, shape (n,), and field, T, shape (n, 3)."""
         self._mag.add(stamps, field)
 
     def close(self, index: int) -> None:
@@ -196,7 +198,7 @@ class TurningString:
 
     @property
     def found(self) -> Turning | None:
-        """Return the estimates from the turns; None before there were enough."""
+        """Estimates from the turns so far; None before there are enough turns."""
         in_step = _IN_STEP * self._force.rate2 / max(self._force.windows, 1)
         a_force, of_force = self._force.tilt(in_step)
         a_field, of_field = self._field.tilt(_ELECTRONICS)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The verdict of a station, from top to bottom: posterior, sigma, limits, verdicts, the one headline reason.
+Verdict of a station, computed in this order: posterior, sigma, limits, verdicts, main reason.
 
-Each quantity has its own verdict. The inclination's follows from gravity; the azimuth's from its posterior: how
-probably it is far off, other azimuths that fit, and what most probably disturbs it. For people who read totals, their
-values and limits (`totals`) follow the reasons. Nothing else changes a verdict.
+Each quantity has its own verdict. The verdict on the inclination follows from gravity. The verdict on the azimuth
+follows from its posterior: the probability of a large error, other azimuths that fit, and the most probable
+disturbance. The values and limits of the totals (`totals`) are listed after the reasons, for information.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ from mwd_estimation.survey.station_record import Station, Verdicts
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
-# A disturbance that is more probable makes an azimuth doubtful.
+# Probability of a disturbance above which the azimuth is doubtful.
 _DISTURBED = 0.5
 # An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0
-# An azimuth that is not determined leaves the direction of the hole open by its sigma times the sine of the
-# inclination: by less than this, rad, near the vertical, where the station is accepted for its inclination.
+# Largest error of the direction of the hole, rad, from an azimuth that is not determined: sigma of the azimuth times
+# the sine of the inclination. Near the vertical it is smaller, and the station is accepted for its inclination.
 _DIRECTION = math.radians(3.0)
-# A larger 1 sigma of the inclination by accelerometers that may be turned in their mount, rad, makes it doubtful.
+# Largest 1 sigma, rad, that accelerometers turned in their mount may add to an inclination that is not doubtful.
 _TURNED = math.radians(0.3)
-# Chi-square of three degrees of freedom exceeded by chance once in 10 000: nothing explains the field.
+# Chi-square, with three degrees of freedom, above which no disturbance explains the field; by chance once in 10 000.
 _UNEXPLAINED = 21.1
-# A larger sigma of the high side, rad: near the vertical it is not determined.
+# 1 sigma of the gravity toolface, rad, above which (near the vertical) it is not determined.
 _HIGH_SIDE = math.radians(3.0)
-# A smaller correction of sag is not worth a word, rad.
+# Smallest correction of sag that is mentioned, rad.
 _LEAST_SAG = math.radians(0.005)
-# A smaller field, T, cannot be that of the Earth, whatever disturbs it.
+# Smallest field that may be the Earth's, even with a disturbance, T.
 _NO_READING = 3e-6
-# A hypothesis with a smaller probability is not named.
+# Smallest probability of a hypothesis that is mentioned.
 _NAMED = 0.02
 
 
 class _Findings:
-    """Verdict of one quantity so far, with the reasons that made it."""
+    """Verdict on one quantity so far, with its reasons."""
 
     def __init__(self) -> None:
         self.verdict = ACCEPT
@@ -72,7 +72,7 @@ def judged(
     ----------
     measured : Measured
     finding : Finding or None
-        None if there is no evidence of the azimuth.
+        Finding of the run; None if no sensor measures the azimuth.
     settings : StationSettings
     faults : tuple of Reason
         Faults of the readings; each rejects the station.
@@ -88,7 +88,8 @@ def judged(
     # The verdicts.
     level = _of_inclination(station, finding, settings)
     azimuth = _of_azimuth(station, measured, readings, finding, settings)
-    # Flipped accelerometers turn a dip as flipped magnetometers do, unless the reference shows a slip of its own.
+    # A dip with the wrong sign may come from flipped accelerometers as well as from flipped magnetometers, so doubt the
+    # inclination too, unless a slip of the reference explains the dip.
     codes = {reason.code for _, reason in azimuth.reasons}
     if Code.REFERENCE_SLIP not in codes:
         level.add(DOUBTFUL, *(reason for _, reason in azimuth.reasons if reason.code is Code.DIP_SIGN))
@@ -96,7 +97,7 @@ def judged(
         station = _widened(station, finding.circle)
     for quantity in (level, azimuth):
         quantity.add(REJECT, *faults)
-    # The headline reason, and what stands behind it.
+    # The main reason first, then the others.
     return _finished(station, readings, level, azimuth, finding, settings)
 
 
@@ -131,7 +132,7 @@ def _as_found(station: Station, finding: Finding) -> Station:
 
 def _against_limits(station: Station, readings: Readings, settings: StationSettings) -> Station:
     """Return the station with the deviations of its totals from the reference, and their limits."""
-    # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
+    # Near the vertical the field of the string does not turn the azimuth: use the totals of the readings.
     taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
     apart = totals.deviations(
         readings.f_h, readings.b_h, station.reference, readings.covariance, settings.errors, taken_off,
@@ -142,14 +143,14 @@ def _against_limits(station: Station, readings: Readings, settings: StationSetti
 
 
 def _widened(station: Station, found: Circle) -> Station:
-    """Return the station with the sigma of the whole mode, because a doubted azimuth may lie in its improbable part."""
+    """Return the station with the sigma of the whole mode, because a doubtful azimuth may be in its improbable part."""
     covariance = station.covariance.copy()
     covariance[1, 1] = min(math.hypot(found.spread, math.sqrt(float(station.alignment[1, 1]))), math.pi) ** 2
     return replace(station, covariance=covariance, sigma_azimuth=math.sqrt(covariance[1, 1]))
 
 
 def _of_inclination(station: Station, finding: Finding | None, settings: StationSettings) -> _Findings:
-    """Judge gravity against its limits, and look for a turned accelerometer."""
+    """Return the verdict on the inclination, from gravity and from the possible turn of the accelerometers."""
     level, apart = _Findings(), station.deviations
     level.add(REJECT, *totals.gravity_faults(station.g_total))
     gravity = replace(apart, field=math.nan, dip=math.nan)
@@ -163,12 +164,13 @@ def _of_inclination(station: Station, finding: Finding | None, settings: Station
 def _of_azimuth(
     station: Station, measured: Measured, readings: Readings, finding: Finding | None, settings: StationSettings
 ) -> _Findings:
-    """Judge the azimuth by its posterior."""
+    """Return the verdict on the azimuth, from field, reference and posterior."""
     azimuth = _Findings()
     azimuth.add(DOUBTFUL, *measured.reasons)
     if readings.has_field:
         b_earth = readings.b_h - np.array([station.interference if station.corrected else 0.0, 0.0, 0.0])
-        # Interference taken off a reading in another unit would make up for all of the Earth's field.
+        # Use the uncorrected field if it is too small: a reading in another unit, minus a large interference estimate,
+        # might look like the Earth's field.
         total = readings.b_total if readings.b_total < _NO_READING else float(np.linalg.norm(b_earth))
         azimuth.add(REJECT, *totals.field_faults(total, station.dip, station.reference))
         azimuth.add(DOUBTFUL, *_of_slip(station, readings))
@@ -187,7 +189,7 @@ def _of_azimuth(
 
 
 def _of_slip(station: Station, readings: Readings) -> list[Reason]:
-    """Return a reason where the readings show that the reference was given with a slip."""
+    """Return a reason if the readings show a slip (a mistake in the entered reference); empty if not."""
     reference, covariance = station.reference, station.deviations.covariance
     if reference is None or not np.isfinite(covariance).all():
         return []
@@ -199,13 +201,13 @@ def _of_slip(station: Station, readings: Readings) -> list[Reason]:
 
 
 def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
-    """Judge the probability that the azimuth is far off, and name the sensors that contradict it."""
+    """Add reasons if an azimuth error above the tolerance is too probable, or if sensors contradict each other."""
     far, quality, found = math.radians(settings.quality.far_deg), settings.quality, finding.circle
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
-        # A string magnetised along its axis is no defect of a vertical hole; of a field that something else disturbs,
-        # the totals tell how far.
+        # No magnetic tool determines the azimuth here. Without another reason, do not reject the station for it; with
+        # one, use the verdict on the totals.
         if azimuth.verdict == ACCEPT:
             if min(station.sigma_azimuth, 1.0) * math.sin(station.inclination) < _DIRECTION:
                 azimuth.verdict = NOT_DETERMINED
@@ -226,7 +228,7 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
 
 
 def _judge_field(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
-    """Add the reasons to doubt or reject the azimuth because of the field."""
+    """Add the reasons from the field to doubt or reject the azimuth."""
     if finding.misfit > _UNEXPLAINED:
         azimuth.add(REJECT, Reason(Code.FIELD_UNEXPLAINED, finding.misfit, _UNEXPLAINED))
     odds = finding.hypotheses
@@ -241,7 +243,7 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
 
 
 def _judge_totals(azimuth: _Findings, station: Station, settings: StationSettings) -> None:
-    """Judge field and dip against their limits."""
+    """Add the reasons from field and dip outside their limits."""
     judgement = totals.judge(replace(station.deviations, gravity=math.nan), settings.quality)
     azimuth.add(judgement.verdict, *judgement.reasons)
 
@@ -251,7 +253,7 @@ def _upright(readings: Readings) -> bool:
 
 
 def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
-    """Return the most probable cause of an azimuth that may be far off."""
+    """Return the reason for an uncertain azimuth, which names the most probable disturbance; far: tolerance, rad."""
     odds = {name: value for name, value in finding.hypotheses.items() if name is not Hypothesis.CLEAN}
     if not odds:
         return Reason(Code.GYRO_ONLY_UNCERTAIN, risk, far)
@@ -276,7 +278,7 @@ def _finished(
     finding: Finding | None,
     settings: StationSettings,
 ) -> Station:
-    """Return the station with its verdicts; a wrong place, which causes all others, is the first reason."""
+    """Return the station with its verdicts; a wrong reference, which may cause the other reasons, comes first."""
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
@@ -315,7 +317,7 @@ def _of_external_field(reference: Reference | None) -> list[Reason]:
 
 
 def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, inclination: bool) -> Station:
-    """Return the station judged by faults of its sensors; inclination: whether they affect it too."""
+    """Return the station with the verdict and reasons of sensor faults; inclination: whether they affect it too."""
     of = station.verdicts
     quantities = Verdicts(
         worse(of.inclination, verdict) if inclination else of.inclination,
@@ -327,7 +329,7 @@ def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, 
 
 
 def without_toolface(station: Station, rotary_speed: float) -> Station:
-    """Return the station of an average in axes that do not turn; rotary_speed, rad/s, is recorded."""
+    """Return the station of a rotary survey: without toolface, with the rotary speed, rad/s, among its reasons."""
     covariance = station.covariance.copy()
     covariance[2, :] = covariance[:, 2] = math.nan
     return replace(

@@ -2,9 +2,10 @@
 """
 Variance of the tilt that errors of the accelerometers cause: bias, scale error and misalignment of each axis.
 
-The filter takes the horizontal mean force as zero. These errors therefore tilt its level frame, and no innovation shows
-this tilt. Its variance follows from the figures of the tool and from the influence of each error on the level force,
-which is averaged over the time in which the filter responds. Rotation needs no rule: the average shows what it removes.
+The filter assumes that the horizontal mean force is zero. These errors therefore tilt its level frame, and no
+innovation shows this tilt. Its variance follows from the figures of the tool and from the influence of each error on
+the level force, averaged over the response time of the filter. Errors that rotation averages out have a small mean
+influence.
 """
 
 from __future__ import annotations
@@ -13,27 +14,27 @@ from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import ACCEL, DOWN, Record
 from mwd_sensors.core.compiled import compiled
 
-# s, time in which the tilt reaches 63 % of its response to a constant horizontal force, at rest and while rotating;
-# test_accelerometer_errors measures it.
+# Time in which the tilt reaches 63 % of its response to a constant horizontal force, at rest and while rotating, s;
+# measured by test_accelerometer_errors.
 RESPONSE = 1.5
-LEAST_PRIOR = 1e-18  # least variance, for sensors that are declared to have no error
+LEAST_PRIOR = 1e-18  # smallest prior variance, for sensors whose settings state no error
 
 
 @compiled
 def begin(s: Record) -> None:
-    """Forget the influence of the errors at the attitude before a start."""
+    """Discard the influence of the errors at a start, because it belongs to an earlier attitude."""
     s.accelerometer.age = 0.0
     s.accelerometer.influence[:] = 0.0
 
 
 @compiled
 def follow(p: Params, s: Record) -> None:
-    """Follow the influence of the errors over one update."""
+    """Update the mean influence of the errors with the interval of one update."""
     errors, turn2 = s.accelerometer, s.turning**2
     errors.age += s.sums.time
     share = s.sums.time / min(RESPONSE, errors.age)
     for column in range(4):
-        # Gravity and the centripetal force of the sensor's circle. Vibration has no mean.
+        # Use gravity and the centripetal force of the sensor's circle; the mean of vibration is zero.
         force = 1.0 if column == 0 else -p.gravity * s.C[2, column - 1]
         if column > 1:
             force -= turn2 * s.lever[column - 2]
@@ -45,7 +46,7 @@ def follow(p: Params, s: Record) -> None:
 
 @compiled
 def variances(p: Params, s: Record, dx: float, dy: float) -> tuple[float, float]:
-    """Return the variances of the tilt due to the errors, along the level unit vector d and across it, rad^2."""
+    """Return the variances of the tilt from the errors, along the level unit vector (dx, dy) and across it, rad^2."""
     along, across, vertical = 0.0, 0.0, LEAST_PRIOR
     for j in range(ACCEL):
         axis, column = j // 4, j % 4
@@ -58,7 +59,7 @@ def variances(p: Params, s: Record, dx: float, dy: float) -> tuple[float, float]
         along += prior * (dx * nx + dy * ny) ** 2
         across += prior * (dx * ny - dy * nx) ** 2
         vertical += prior * (s.C[2, axis] * force) ** 2
-    # If the measured gravity differs from that of the place, the errors of all axes are larger than the tool states.
+    # If the measured gravity differs from local gravity by more than the sigmas allow, scale the errors of all axes up.
     shown = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
     unit = max(1.0, shown / vertical) / p.gravity**2
     return unit * along, unit * across

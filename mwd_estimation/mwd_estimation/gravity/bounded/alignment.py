@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Start of the bounded filter: first attitude from the mean force, and what a restart keeps.
+Start of the bounded filter: first attitude from the mean force, and restarts.
 
-Bias, scale and lever arm of the sensors survive a restart. If only the roll was lost, the inclination survives too.
+A restart keeps bias, scale and lever arm of the sensors. If only the roll was lost, it keeps the inclination too.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from mwd_sensors.core.compiled import compiled
 
 START_TIME = 0.3  # s, time over which forces are averaged
 CORRELATED = 0.05  # s, correlation time of the scatter of the force
-START_SIGMA = 0.06  # rad, least sigma of the first tilt
-START_SPEED = 0.5  # m/s, sigma of the velocity at a start; its variance doubles for a force scatter of 1 g
-START_PLACE = 0.1  # m, sigma of the displacement
-KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is only kept
-LOST_AFTER = 1.0  # s, averaging time after which the mean force can show that the attitude is lost
-LOST_FORCE2 = 25.0  # (m/s^2)^2, square of the mean non-gravity force above which the attitude is lost
-WHITE2 = 9.0  # factor on the density of white force: squared mean that white noise may cause by chance
+START_SIGMA = 0.06  # rad, smallest sigma of the first tilt
+START_SPEED = 0.5  # m/s, 1 sigma of the velocity at a start; its variance doubles for a force scatter of 1 g
+START_PLACE = 0.1  # m, 1 sigma of the displacement at a start
+KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is kept from before a restart
+LOST_AFTER = 1.0  # s, smallest averaging time of the mean force for detecting a lost attitude
+LOST_FORCE2 = 25.0  # (m/s^2)^2, largest square of the mean non-gravity force at which the attitude is not lost
+WHITE2 = 9.0  # 1/s; the limit grows by this factor times the density of white force, which has such a mean by chance
 LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a mean force that counts as gravity
 
 
 @compiled
 def begin(s: Record) -> None:
-    """Restart attitude, velocity and position; keep what was learnt about the sensors."""
+    """Restart attitude, velocity and position; keep the estimated sensor errors."""
     mechanisation.clear_sums(s.sums)
     accelerometer_errors.begin(s)
     for j in range(ERRORS):
@@ -56,7 +56,7 @@ def begin(s: Record) -> None:
 
 @compiled
 def begin_roll(s: Record) -> None:
-    """Restart after losing only the roll: the rates across the axis still give the inclination."""
+    """Restart if only the roll is lost; keep the inclination, which the rates across the axis still give."""
     down, tilt = s.C[2, 0], clipping.split_tilt(s)
     begin(s)
     s.kept_down, s.kept_tilt = down, tilt
@@ -64,7 +64,7 @@ def begin_roll(s: Record) -> None:
 
 @compiled
 def forget_motion(s: Record) -> None:
-    """Reset velocity and position and the averages derived from them, because the motion is not known."""
+    """Reset velocity, position and the averages derived from them, because the motion is unknown."""
     motion = s.motion
     forget_density(s)
     motion.force_time = 0.0
@@ -77,7 +77,7 @@ def forget_motion(s: Record) -> None:
 
 @compiled
 def unknown_motion(s: Record, scatter: float) -> None:
-    """Set the covariance of velocity and position at a start; scatter: variance of the force over gravity squared."""
+    """Set the covariance of velocity and position at a start; scatter: variance of the force over squared gravity."""
     for j in range(3):
         for m in range(ERRORS):
             s.P[VEL + j, m] = s.P[m, VEL + j] = s.P[POS + j, m] = s.P[m, POS + j] = 0.0
@@ -88,10 +88,9 @@ def unknown_motion(s: Record, scatter: float) -> None:
 @compiled
 def average(p: Params, s: Record, dt: float, f: Vector, clips: bool) -> bool:
     """
-    Add a force, m/s^2, to the mean, in axes carried by the gyro; return True when the attitude has been found.
+    Add a force, m/s^2, rotated by the gyro, to the mean of a start; return True when the first attitude is set.
 
-    clips means that the x gyro is beyond its range. It cannot carry the axes over such a sample, so the mean is
-    restarted.
+    clips: whether the x gyro clips. Then the rotation is unknown, so the mean restarts.
     """
     step, C, turn2 = max(dt, 1e-3), s.C, s.last_w[0] ** 2
     if clips:
@@ -119,7 +118,7 @@ def direction(s: Record) -> float:
         g[j] = -(C[0, j] * mean[0] + C[1, j] * mean[1] + C[2, j] * mean[2]) / norm
     if s.kept_tilt == 0.0:
         return math.pi
-    # The inclination was kept; only the roll is taken from the mean force.
+    # Use the kept inclination, and only the roll of the mean force.
     g[0] = min(max(s.kept_down, -1.0), 1.0)
     side = math.sqrt((1.0 - g[0] ** 2) / max(g[1] ** 2 + g[2] ** 2, 1e-18))
     g[1] *= side
@@ -129,13 +128,13 @@ def direction(s: Record) -> float:
 
 @compiled
 def _start(p: Params, s: Record) -> None:
-    """Set the first attitude from the mean force, and its error from the scatter of the force."""
+    """Set the first attitude from the mean force, and its covariance from the scatter of the force."""
     P = s.P
     mx, my, mz = s.mean[0] / s.age, s.mean[1] / s.age, s.mean[2] / s.age
     size = math.sqrt(mx * mx + my * my + mz * mz)
     scatter = max(0.0, s.mean_power / s.age - size * size) / p.gravity**2
     turned = 0.5 * s.age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(s.last_w[0]))
-    # A mean that is not one g long contains an acceleration that did not average out, probably also across gravity.
+    # If the mean is not one g long, it contains an acceleration, which probably tilts it by the same relative amount.
     off = size / p.gravity - 1.0
     tilt = min(scatter * CORRELATED / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
     g = s.g_t

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clipping: velocity lost in shocks that were cut off, and roll while the x gyro is beyond its range."""
+"""Clipping: velocity that is lost in clipped shocks, and roll while the x gyro is at the end of its range."""
 
 from __future__ import annotations
 
@@ -12,24 +12,26 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, T
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
-HIDDEN = 0.0014  # s, clipped time from which a sample's mean force counts as a shock
-UNUSUAL = 2.2  # factor on the usual acceleration above which a sample is unusual
-CHANCE = 0.0023  # share of samples of Gaussian vibration above that (chi-square with 3 degrees of freedom)
-LOST = 1.0  # lost velocity per shown velocity: 1.0 to 1.9 on simulated shocks beyond 4, 8 and 16 g
+HIDDEN = 0.0014  # s, clipped part of the interval of a sample from which its mean force counts as a shock
+UNUSUAL = 2.2  # an acceleration above this multiple of the usual one is unusual
+CHANCE = 0.0023  # share of unusual samples in Gaussian vibration (chi-square with 3 degrees of freedom)
+LOST = 1.0  # ratio of lost to measured velocity: 1.0 to 1.9 on simulated shocks above 4, 8 and 16 g
 USUAL_TIME = 0.3  # s, averaging time of the usual acceleration
 SHOCK_POWER = 1e4  # (m/s^2)^2, largest contribution of a shock to the usual acceleration
 SHOCK_MEMORY = 10.0  # s, time over which shocks are counted
-QUIET = 0.05  # least usual square of an innovation, of which the gate is a multiple
-LEAST_EXPECTED = 1e-6  # expected shocks per update below which they set no gate
-# Limit of a squared innovation over its usual variance (12 sigma). Vibration stays below it; above it, a sample is
-# wrong or a shock occurred between two samples.
+QUIET = 0.05  # lower limit of the usual squared innovation, of which the gate is a multiple
+LEAST_EXPECTED = 1e-6  # smallest expected number of hidden shocks per update from which the gate is computed
+# Gate if there are no shocks: largest squared innovation over its usual variance (12 sigma). Vibration stays below it;
+# above it, a sample is wrong or a shock occurred between two samples.
 FARTHEST = 144.0
-ALONE = 1.0  # s without a shock before it: an attitude that is lost shows in many innovations in a row
-SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
-CLIP_SLOPE = 15.0  # rad/s^2, error of that slope when clipping begins
-CLIP_BRIDGE = 4.0  # s, longest clipping that is bridged
-CLIP_TILT = 9.0  # rad^2, variance of the tilt at the end of clipping above which roll is lost
-CLIP_LOST = 3.0  # rad/s, missing rate at the end of clipping above which roll is lost
+# Smallest time since the last shock, s, for the gate FARTHEST: if the attitude is lost, many innovations in a row are
+# large.
+ALONE = 1.0
+SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, time constants of the low-passes of the slope of the x rate and of its curvature
+CLIP_SLOPE = 15.0  # rad/s^2, 1 sigma of the slope when clipping begins
+CLIP_BRIDGE = 4.0  # s, longest clipping after which the roll is not lost
+CLIP_TILT = 9.0  # rad^2, largest variance of the tilt at the end of clipping at which the roll is not lost
+CLIP_LOST = 3.0  # rad/s, largest missing rate at the end of clipping at which the roll is not lost
 NEVER = 1e30  # gate that no innovation exceeds
 
 
@@ -38,17 +40,18 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
     """
     Count shocks, and increase the variance of the velocity for the part of each shock that may have been clipped.
 
-    A force far above the usual may be a shock whose peak was cut off before the sensor averaged it. The lost velocity
-    is mostly along the shown force, so its variance is increased in that direction at once.
+    A force far above the usual one may be a shock whose peak was clipped before the sensor averaged the force. The lost
+    velocity is mostly along the measured force, so the variance of the velocity is increased in this direction.
 
-    flag means that the unit reports clipping in this sample; it is trusted even if the sample shows a small force.
+    power: squared acceleration, (m/s^2)^2; flag: whether the unit reports clipping in this sample, even if the measured
+    force is small.
     """
     s.since_shock += dt
     s.shocks -= dt / SHOCK_MEMORY * s.shocks
     clipped = flag or track.clips(f, p.accel_range)
     unusual = power > UNUSUAL**2 * s.power + 100.0
     if clipped or unusual:
-        # A sample that is a mean over dt shows at least the share of it that was clipped.
+        # A mean force over dt is at least the range times the clipped share of dt.
         shown = p.accel_range * min(HIDDEN / max(dt, 1e-4), 0.9)
         if clipped or power > shown * shown:
             if (flag or unusual) and s.since_shock > SHOCK_APART:
@@ -66,20 +69,19 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
                     if m == 2:
                         am += p.gravity
                     s.P[VEL + j, VEL + m] += lost * aj * am
-    # A shock adds little to the usual acceleration, strong vibration adds fully.
+    # Limit the contribution of a single shock to the usual acceleration; strong vibration contributes fully.
     s.power += min(1.0, dt / USUAL_TIME) * (min(power, SHOCK_POWER + 4.0 * s.power) - s.power)
 
 
 @compiled
 def jump_gate(s: Record) -> float:
     """
-    Return the squared innovation over its variance that reveals a velocity lost in a hidden shock.
+    Return the gate: a larger squared innovation over its variance shows a velocity that was lost in a hidden shock.
 
-    The gate is where chance makes an innovation as large less often than hidden shocks occur. A normal innovation
-    exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). It is assumed that hidden
-    shocks are as frequent as visible ones, less those that are vibration by chance, and occur at random: the
-    probability of at least one within a time T is 1 - exp(-n T). Without shocks a single innovation may
-    exceed `FARTHEST`.
+    Above the gate, chance causes an innovation less often than hidden shocks. The square of a normal innovation exceeds
+    x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks are assumed to
+    occur at random, and as frequently, n, as visible shocks less those that are vibration by chance: the probability of
+    at least one shock within a time T is 1 - exp(-n T). Without shocks the gate is `FARTHEST`.
     """
     expected = (s.shocks / SHOCK_MEMORY - CHANCE / max(s.period, 1e-4)) * s.sums.time
     if expected >= LEAST_EXPECTED:
@@ -129,20 +131,20 @@ def _forget_from(P: Array, first: int, last: int) -> None:
 @compiled
 def follow_rate(p: Params, s: Record, dt: float, wx: float, flag: bool) -> bool:
     """
-    Follow the slope of the x rate and, while the gyro clips, the missing rate; return True if roll is lost at its end.
+    Update the slope of the x rate and, while the gyro clips, the missing rate.
 
-    The missing rate is a state that starts with the last slope of the rate. The covariances of the sensor errors and of
-    the inclination are set aside meanwhile, so that a wrong roll cannot spoil them; the gyros across the axis keep the
-    inclination.
+    Return True if clipping has ended and the roll is lost. The missing rate is a state that starts with the last slope
+    of the rate. The covariances of the sensor errors and of the inclination are set aside during clipping, so that a
+    wrong roll cannot change them; the gyros across the axis keep the inclination.
 
-    flag means that the unit reports the x gyro beyond its range in this sample.
+    wx: measured x rate, rad/s; flag: whether the unit reports clipping of the x gyro in this sample.
     """
     c = s.clipping
     if flag or abs(wx) >= track.AT_RANGE * p.gyro_range:
         if c.sign == 0.0:
             _begin_clipping(s)
         c.sign = 1.0 if wx > 0.0 else -1.0
-        # Assume that the rate bends back with the curvature it had before.
+        # Assume that the slope of the rate decreases with the curvature that it had before clipping.
         s.slope -= c.sign * max(-c.sign * c.curve, 0.0) * dt
         s.missing += s.slope * dt
         c.time += dt
@@ -176,7 +178,7 @@ def _begin_clipping(s: Record) -> None:
 @compiled
 def _end_clipping(s: Record) -> bool:
     P, c = s.P, s.clipping
-    # After clipping the missing rate must be zero; if the state says otherwise, it is wrong and so is the roll.
+    # At the end of clipping the true missing rate is zero; a large value of the state shows that the roll is wrong.
     lost = abs(s.missing) > CLIP_LOST or c.time > CLIP_BRIDGE
     _forget_from(P, BIAS, ERRORS)
     for j in range(MISSING - BIAS):

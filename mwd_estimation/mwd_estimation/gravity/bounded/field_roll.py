@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Roll of the bounded filter from the magnetic field, which shows a rotation that the x gyro cannot measure.
+Roll of the bounded filter from the magnetic field, for rotations that the x gyro cannot measure.
 
 In the plane across the tool axis, the angle between the field and gravity does not change when the tool rotates. While
-the roll is known from the gyro and the forces, this angle is learnt, and the magnetometer does not change the attitude.
-When the x gyro clips, when samples are missing, or after a start, the field and the learnt angle give the roll
-(equation (13) of the method's page). A magnetic sample is used a fixed time after its stamp, and is compared with the
-roll at the time of its stamp.
+the roll is known from the gyro and the forces, this angle is estimated, and the magnetometer does not change the
+attitude. When the x gyro clips, when samples are missing, or after a start, the field and the estimated angle give the
+roll (equation (13)). A magnetic sample is used a fixed time after its stamp, and is compared with the roll at the time
+of its stamp.
 """
 
 from __future__ import annotations
@@ -26,24 +26,25 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import wrap_angle
 
 ANGLE_WALK = 1e-5  # rad^2/s, random walk of the angle: fast drilling turns the hole by 0.6 deg in 10 s
-TILT_TIME = 3.0  # s, correlation time of the error of the roll from which the angle is learnt
-STRENGTH_TIME = 10.0  # s, averaging time of the strength across the axis
+TILT_TIME = 3.0  # s, correlation time of the error of the roll from which the angle is estimated
+STRENGTH_TIME = 10.0  # s, averaging time of the field strength across the axis
 STAMP_ERROR = 1e-3  # s, remaining error of the delay between gyro and magnetometer (`magnetic_delay`)
-UNCERTAIN = 4.0  # the field is used if the variance of the roll exceeds that of the field's roll by this factor
-YOUNG = 3.0  # s after a start, during which the first roll may be wrong
-SURPRISE = 25.0  # squared innovation over its variance that shows a lost roll (5 sigma)
-FRESH_NS = 500_000_000  # ns, greatest age of the last magnetic sample with which the field can show the roll
+UNCERTAIN = 4.0  # the field is used if the variance of the roll is above this multiple of the variance by the field
+YOUNG = 3.0  # s, time after a start during which the first roll may be wrong
+SURPRISE = 25.0  # largest squared innovation over its variance (5 sigma); a larger one shows a lost roll
+FRESH_NS = 500_000_000  # ns, largest age of the last magnetic sample with which the field can show the roll
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
 
 class MagneticSamples(NamedTuple):
     """Magnetic samples in tool axes that wait for the filter, in order of their stamps."""
 
-    stamp_ns: Stamps  #: shape (m,)
+    stamp_ns: Stamps  #: stamps, ns, shape (m,)
     b_t: Array  #: field, T, shape (m, 3)
-    lag_ns: int  #: a sample is used at the first sample of the conventional unit this much later than its stamp
-    #: Stamps of the samples of the conventional unit, shape (n,), to which the lag applies; if empty, it applies to the
-    #: times at which these samples were measured.
+    #: A magnetic sample is used at the first sample of the conventional unit that is at least this time later, ns.
+    lag_ns: int
+    #: Stamps, ns, shape (n,), of the samples of the conventional unit, from which the lag is counted. If it is empty,
+    #: the lag is counted from the times at which these samples were measured.
     due_ns: Stamps
 
     @classmethod
@@ -52,7 +53,11 @@ class MagneticSamples(NamedTuple):
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns, np.zeros(0, dtype=np.int64))
 
     def leave_out(self, out: NDArray[np.bool_]) -> None:
-        """Replace by NaN, in place, the samples that would be used at a stamp of `due_ns` whose `out` is true."""
+        """
+        Replace magnetic samples that would be used at samples marked in `out` by NaN, in place.
+
+        out: bool, shape (n,), one value for each sample of the conventional unit in `due_ns`.
+        """
         if not out.any():
             return
         turn = np.searchsorted(np.maximum.accumulate(self.due_ns), np.maximum.accumulate(self.stamp_ns) + self.lag_ns)
@@ -63,14 +68,14 @@ class MagneticSamples(NamedTuple):
 
 @compiled
 def follow_turn(s: Record, stamp_ns: int) -> None:
-    """Store the rotation about the axis at an accepted sample."""
+    """Store the rotation about the axis at an accepted sample; stamp_ns: its stamp, ns."""
     row = s.field.turns.rows[ring.next_place(s.field.turns)]
     row.stamp_ns, row.turn = stamp_ns, s.turn
 
 
 @compiled
 def begin_anew(f: Field, stamp_ns: int) -> None:
-    """Use only magnetic samples after this stamp, because the gyro did not measure the rotation before it."""
+    """Use only magnetic samples after this stamp, ns, because the gyro did not measure the rotation before it."""
     f.since_ns = stamp_ns
     f.turns.head = f.turns.length = 0
 
@@ -84,9 +89,10 @@ def at_hand(f: Field, stamp_ns: int) -> bool:
 @compiled
 def follow(p: Params, s: Record, stamp_ns: int) -> bool:
     """
-    Compare the roll with the newest magnetic sample, right after an update; return whether the roll was corrected.
+    Compare the roll with the newest magnetic sample, after an update; return whether the roll was corrected.
 
-    The function either learns the angle between gravity and field across the axis, or corrects the roll with it.
+    Either the estimate of the angle between gravity and field across the axis is updated, or the roll is corrected with
+    this angle. stamp_ns: stamp of the present sample, ns.
     """
     f = s.field
     strength = math.sqrt(f.b_t[1] ** 2 + f.b_t[2] ** 2)
@@ -104,7 +110,7 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
     off = wrap_angle(shown + f.angle - math.atan2(s.C[2, 1], s.C[2, 2]))
     noise = (p.mag_error / strength) ** 2 + (STAMP_ERROR * s.last_w[0]) ** 2
     if f.variance > 0.0:
-        # A disturbance of the field turns it by as much as it changes its strength.
+        # A disturbance turns the field by an angle, rad, of about the relative change of its strength.
         noise += (strength / f.strength - 1.0) ** 2
     roll2, total = s.sigma_toolface**2, f.variance + noise
     # Do not correct a roll that is uncertain although no rotation was lost: the cause may be a faulty gyro, which the
@@ -113,8 +119,8 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
     if s.clipping.sign != 0.0 or (lost and roll2 > UNCERTAIN * total):
         if f.variance == 0.0:
             return False
-        # This factor scales the published sigma. It must not fall below 1, because the variance of the field's roll is
-        # already realistic.
+        # The factor on the published toolface variance must not be below 1, because the variance of the roll by the
+        # field is not inflated.
         s.innovations.across.power = max(s.innovations.across.power, 1.0)
         _correct_roll(s, off, total, min(1e-9 * (stamp_ns - f.stamp_ns), s.clipping.time))
         return True
@@ -123,7 +129,7 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
         return False
     if roll2 < total:
         s.clipping.seen = False
-    # If the roll and the field disagree by more than 5 sigma, the angle has changed.
+    # If roll and field disagree by more than 5 sigma, the angle between field and gravity has changed.
     f.variance += off * off if off * off > SURPRISE * (roll2 + total) else 0.0
     gain = f.variance / (f.variance + roll2 * max(2.0 * TILT_TIME / max(dt, 1e-3), 1.0) + noise)
     f.angle -= gain * off
@@ -135,16 +141,16 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
 @compiled
 def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> None:
     """
-    Rotate the tool about its axis by the roll error that the field shows, equation (13).
+    Rotate the tool about its axis by the roll error from the field, equation (13).
 
-    off: roll error, rad; variance: variance of the field's roll, rad^2; clipped: time between the magnetic sample and
-    now during which the x gyro clipped, s.
+    off: roll error, rad; variance: variance of the roll by the field, rad^2; clipped: part of the time since the
+    magnetic sample in which the x gyro clipped, s.
     """
     P, C, e, PH = s.P, s.C, s.correction, s.work
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     nx, ny = C[0, 0] / across2, C[1, 0] / across2
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
-    # The rate that the gyro has missed since the magnetic sample has turned the tool further.
+    # The missing part of the rate has rotated the tool since the magnetic sample.
     late, later = (clipped, 0.5 * clipped * clipped) if size == ERRORS else (0.0, 0.0)
     for j in range(size):
         PH[j] = nx * P[TILT, j] + ny * P[TILT + 1, j]
@@ -173,7 +179,8 @@ def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> Non
     cosine, sine = math.cos(heading), math.sin(heading)
     for v in (s.vel, s.pos):
         v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]
-    # All samples share the error of the angle: their mean gives no better roll than one of them.
+    # All magnetic samples have the same error of the angle, so the roll variance must not fall below that of one
+    # sample.
     missing = variance - (nx * nx * P[TILT, TILT] + 2.0 * nx * ny * P[TILT, TILT + 1] + ny * ny * P[TILT + 1, TILT + 1])
     if missing > 0.0:
         for a in range(2):

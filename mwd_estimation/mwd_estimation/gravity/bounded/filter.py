@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Velocity-bounded error-state Kalman filter: gravity, using that a sonde in its hole stays in place.
+Velocity-bounded error-state Kalman filter for gravity, which assumes that a sonde in its hole stays in place.
 
 Rates propagate the attitude, forces propagate velocity and position in a level frame of arbitrary heading. A tilt (or a
-sensor error that acts like tilt) integrates to a position that runs away; vibration, however strong, does not. Every
-sample moves the nominal values (`mechanisation`). Once per `TICK` the covariance is propagated and the position is
-measured as zero (`noise`, `measurement`, `scale`). Theory and limits: ``docs/methods/bounded_gravity_filter.md``.
+sensor error that acts like tilt) integrates to a position that grows without limit; even strong vibration does not.
+Every sample propagates the nominal values (`mechanisation`). Once per `TICK` the covariance is propagated and the
+position is measured as zero (`noise`, `measurement`, `scale`). Theory and limits:
+``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from mwd_sensors.core.compiled import compiled
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
 TICK = 0.03  # s, time between updates of the covariance
-CLIPPED_TICK = 0.015  # s, the same while the x gyro clips: the sensor's circle turns by more than a radian in TICK
+CLIPPED_TICK = 0.015  # s, time between updates while the x gyro clips: the tool turns by more than a radian in TICK
 _GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
@@ -78,18 +79,19 @@ def run(
     state : State
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
+        Times of the samples, ns.
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
     clipped : array_like of uint8, shape (n,), optional
         Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
     mag : MagneticSamples, optional
-        Magnetic samples not used yet. Afterwards the first `State.field_used` of them are used; pass the others again
-        with the next block.
+        Magnetic samples that have not been used. The call uses the first `State.field_used` of them; pass the others
+        again with the next block.
 
     Raises
     ------
     ValueError
-        Shapes do not match.
+        If the shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, Log.room(0))
@@ -104,7 +106,7 @@ def run_logged(
     clipped: ArrayLike | None = None,
     mag: MagneticSamples | None = None,
 ) -> tuple[Track, Log]:
-    """Follow gravity like `run`, and also return the log that a smoother needs for the block."""
+    """Follow gravity as `run` does; also return the log of the block for a smoother."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
     return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, log), log
@@ -193,7 +195,7 @@ def _publish(s: Record) -> int:
 
 @compiled
 def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
-    """Start, or continue after a data gap of dt s; w are the rates at the end of the gap."""
+    """Start, or continue after a data gap of dt, s; w: rates at the end of the gap, rad/s; i: index of the sample."""
     known = s.started and s.clipping.sign == 0.0
     if verdict == track.FIRST or not known or not 0.0 < dt < p.max_bridged_gap_s:
         alignment.begin(s)
@@ -209,7 +211,7 @@ def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log
 
 @compiled
 def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
-    """Continue after `lapse` seconds of rejected samples, during which the tool turned at `rate`, rad/s."""
+    """Continue after samples were rejected for `lapse`, s, while the tool turned about its axis at `rate`, rad/s."""
     if s.started:
         variance = (lapse * rate) ** 2
         gaps.widen_roll(s, variance)
@@ -223,7 +225,7 @@ def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
 
 @compiled
 def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
-    """Process one accepted sample with its `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
+    """Process one accepted sample with bits of `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
         clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)

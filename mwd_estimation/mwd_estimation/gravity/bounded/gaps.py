@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Bridge data gaps of the bounded filter with the rates on either side, as far as those can be trusted.
+Bridge data gaps of the bounded filter with the rates before and after the gap, if the gap is not too long.
 
-The lost rates are modelled as a random walk tied to the known rates at both ends. The angle is then that of the mean
-rate, with the variance q T^3 / 12, equation (7), where q is how much rates have changed recently. Vibration during the
-gap is not known, so velocity and position restart; attitude and the errors of the sensors are kept.
+The lost rates are modelled as a random walk between the known rates at both ends. The rotation is then the mean of
+these rates times T, with the variance q T^3 / 12, equation (7); q is the recent growth rate of the variance of the
+rates. Vibration during the gap is unknown, so velocity and position restart; attitude and the errors of the sensors are
+kept.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, Record
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-GAP_NS = 250_000_000  # a longer step is a gap; half of it is one if it is much longer than the usual step
-STANDS_OUT = 4.0  # factor on the usual step for that
-MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a walk does
-SMALL_ROLL = 1e-3  # rad^2, variance up to which a correction of the roll is a small tilt
-LOST_ROLL = 0.25  # rad^2, variance of the roll above which it counts as lost
-CLOCK_SET = 0.005  # assumed probability that a long step is a clock that was set, so that no time passed
-BACKWARD = 3  # samples in a row with earlier stamps that show such a clock, as in `time_jumps.CONFIRMED`
+GAP_NS = 250_000_000  # ns, a longer step is a gap
+STANDS_OUT = 4.0  # a step longer than this multiple of the usual step, and than half of GAP_NS, is a gap too
+MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a random walk
+SMALL_ROLL = 1e-3  # rad^2, largest variance of the roll at which its correction may be treated as a small tilt
+LOST_ROLL = 0.25  # rad^2, largest variance of the roll that does not count as lost
+CLOCK_SET = 0.005  # assumed probability that a long step comes from a clock that was set, so that no time has passed
+BACKWARD = 3  # number of samples in a row with earlier stamps after which the clock was set, as `time_jumps.CONFIRMED`
 
 
 @compiled
@@ -32,7 +33,7 @@ def stands_out(s: Record, dt: float) -> bool:
 
 @compiled
 def widen_roll(s: Record, variance: float) -> None:
-    """Add a variance, rad^2, to the roll; a large one lets forces or field correct the whole angle, not only a tilt."""
+    """Add a variance, rad^2, to the roll; if it is large, later corrections of the roll may be large angles."""
     s.clipping.seen |= variance > SMALL_ROLL
     for j in range(2):
         for m in range(2):
@@ -42,19 +43,19 @@ def widen_roll(s: Record, variance: float) -> None:
 @compiled
 def bridge(p: Params, s: Record, T: float, w: Array) -> bool:
     """
-    Carry the attitude over a gap of T s; return False if the roll is lost.
+    Propagate the attitude over a gap of T, s; return False if the roll is lost.
 
-    w are the rates after the gap, rad/s. The sums must be empty. The inclination is carried in either case.
+    w: rates after the gap, rad/s. The sums must be empty. The inclination is propagated in either case.
     """
     P = s.P
     mean = 0.5 * (w + s.last_w)
-    # Propagate by the mean rate without a force, so that velocity and position do not move.
+    # Propagate by the mean rate, without a force.
     mechanisation.mechanise(p, s, T, mean, mean * 0.0)
     s.sums.force[0] = s.sums.force[1] = s.sums.force[2] = 0.0
     mechanisation.propagate(P, s.sums, STEADY)
     mechanisation.clear_sums(s.sums)
     cube, square = MORE * T * T * T / 12.0, T * T / 12.0
-    # If the rates before and after differ, it is not known when they changed.
+    # If the rates before and after the gap differ, the time of the change is unknown: add variance.
     turned = (w[1] - s.last_w[1]) ** 2 + (w[2] - s.last_w[2]) ** 2
     across = s.rate_walk[1] * cube + turned * square + p.gyro_noise**2 * T
     along = s.rate_walk[0] * cube + (w[0] - s.last_w[0]) ** 2 * square + CLOCK_SET * (mean[0] * T) ** 2

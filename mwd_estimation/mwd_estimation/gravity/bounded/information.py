@@ -19,11 +19,11 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 @compiled
 def carry_over(update: Any, spread: Array, A: Array, B: Array, w: Array) -> None:
     """
-    Transform A from the time after an update to the time before the interval of that update.
+    Transform A from the time after an update to the time before the interval of this update.
 
-    spread, shape (3,): variances of the three innovations, m^2.
-    A, shape (STEADY, STEADY + 1): information matrix and, in the last column, information vector of the later
-    measurements. B, of the same shape, and w, shape (STEADY + 1,), are scratch space.
+    update: record of `Update`; spread, shape (3,): variances of the three innovations, m^2; A, shape (STEADY, STEADY +
+    1): information matrix of the later measurements, with their information vector in the last column. B, of the same
+    shape, and w, shape (STEADY + 1,), are scratch space.
     """
     for axis in range(2, -1, -1):
         measured, gain = update.measured[axis], update.gain[axis]
@@ -41,12 +41,12 @@ def carry_over(update: Any, spread: Array, A: Array, B: Array, w: Array) -> None
 @compiled
 def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: float, w: Array) -> None:
     """
-    Carry information back over one scalar measurement, and add the measurement's own information.
+    Transform information from after to before one scalar measurement, and add the information of the measurement.
 
-    A, shape (STEADY, STEADY + 1), is as in `carry_over`, with the information vector L in the last column. h and
-    gain, shape (STEADY,), are the measurement's row of H and its Kalman gain; innovation, m, and spread, m^2, are its
-    innovation and the variance of that; w, shape (STEADY + 1,), is scratch space. With C = I - gain h, A becomes
-    C^T A C + h h^T / spread, and L becomes C^T L + h innovation / spread.
+    A: as in `carry_over`, with the information vector L in the last column; h, gain, shape (STEADY,): row of H and
+    Kalman gain of the measurement; innovation, m, and spread, m^2: its innovation and the variance of the innovation;
+    w, shape (STEADY + 1,): scratch space. With C = I - gain h, A becomes C^T A C + h h^T / spread, and L becomes
+    C^T L + h innovation / spread.
     """
     for j in range(STEADY + 1):
         w[j] = 0.0

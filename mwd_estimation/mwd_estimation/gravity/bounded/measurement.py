@@ -2,8 +2,8 @@
 """
 Measurement of the bounded filter: the resting point of the tool has zero displacement along every tool axis.
 
-The sensor is `lever` away from that point. A tilt, or a sensor error that acts like tilt, integrates to a displacement
-that runs away; vibration does not.
+The position of the sensor relative to the resting point is `lever`. A tilt, or a sensor error that acts like tilt,
+integrates to a displacement that grows without limit; vibration does not.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-SHOCK_APART = 0.1  # s, least time between two shocks that count
-JUMP_TIME = 0.06  # s, time after which a velocity lost in a shock shows as a displacement
+SHOCK_APART = 0.1  # s, smallest time between two shocks that are counted separately
+JUMP_TIME = 0.06  # s, time after which a velocity lost in a shock is visible as a displacement
 
 
 @compiled
 def hole_direction(s: Record) -> tuple[float, float]:
-    """Return the level unit vector along the hole; any direction for a vertical tool."""
+    """Return the horizontal unit vector along the hole, in level axes x and y; (1, 0) for a vertical tool."""
     dx, dy = s.C[0, 0], s.C[1, 0]
     norm = math.sqrt(dx * dx + dy * dy)
     if norm < 1e-9:
@@ -48,9 +48,9 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
     """
     Update with one scalar measurement along a tool axis, equation (4); return the whitened innovation.
 
-    The result is added to `correction`. noise is the variance of the white displacement, m^2. An innovation whose
-    square is above `gate` times its variance is treated as a velocity lost in a shock: the variances of velocity and
-    displacement along that axis are increased accordingly.
+    The correction of the errors is added to `correction`. size: number of errors in use; noise: variance of the white
+    displacement, m^2. An innovation whose square is above `gate` times its variance is treated as a velocity that was
+    lost in a shock: the variances of velocity and displacement along the axis are increased by its square.
     """
     P, C, e, PH, lever = s.P, s.C, s.correction, s.work, LEVER + axis - 1
     hx, hy = tilt_sensitivity(s, axis)
@@ -102,7 +102,7 @@ def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
 
 @compiled
 def log_measured(s: Record, axis: int, measured: Array, gain: Array) -> None:
-    """Write the last measurement's row of H along a tool axis, and its gain, each of shape (STEADY,)."""
+    """Fill the row of H and the gain of the last measurement, along a tool axis; each has shape (STEADY,)."""
     inverse = 1.0 / s.spread
     for j in range(STEADY):
         measured[j] = 0.0
@@ -124,7 +124,11 @@ def symmetrise(P: Array, size: int) -> None:
 
 @compiled
 def _lose_velocity(s: Record, axis: int, y: float) -> None:
-    """Increase the uncertainty of displacement and velocity along a tool axis by y, m, in P and in the product P h'."""
+    """
+    Increase the variances of displacement and velocity along a tool axis, in P and in the product P h'.
+
+    y: 1 sigma of the added displacement, m; the added velocity is y / JUMP_TIME and fully correlated with it.
+    """
     P, C, PH, rate = s.P, s.C, s.work, 1.0 / JUMP_TIME
     for j in range(3):
         for m in range(3):
@@ -142,8 +146,8 @@ def correct(s: Record, size: int) -> None:
     """Apply the correction to the nominal values: the attitude by exp() from the left, the rest by addition."""
     C, e, yaw = s.C, s.correction, 0.0
     if s.clipping.seen:
-        # A clipped gyro loses rotation about the tool axis. The free heading then turned as well, and must turn back
-        # with the correction. A correction about the level axis alone would add half its square to the inclination.
+        # A clipped gyro loses rotation about the tool axis, which also changes the free heading. Correct the heading
+        # together with the tilt: a correction about the level axis alone would add half its square to the inclination.
         yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
     a, b, c = 0.5 * e[TILT], 0.5 * e[TILT + 1], 0.5 * yaw
     qx, qy, qz, qw = s.q[0], s.q[1], s.q[2], s.q[3]
@@ -159,7 +163,7 @@ def correct(s: Record, size: int) -> None:
         s.pos[j] += e[POS + j]
         s.bias[j] += e[BIAS + j]
     if s.clipping.seen:
-        # The level frame turns with the heading.
+        # Rotate velocity and position with the heading.
         cosine, sine = math.cos(yaw), math.sin(yaw)
         for v in (s.vel, s.pos):
             v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]

@@ -3,7 +3,8 @@
 Mechanisation of the bounded filter: propagate attitude, velocity and position, and collect the sums for an update.
 
 Errors of attitude, velocity and position are in a level frame of arbitrary heading, sensor errors in tool axes. Each
-sample moves the nominal values and is added to the sums; the covariance is propagated once per update (`propagate`).
+sample propagates the nominal values and is added to the sums; the covariance is propagated once per update
+(`propagate`).
 Equation numbers, here and in the other modules of this folder, are those of ``docs/methods/bounded_gravity_filter.md``.
 """
 
@@ -33,7 +34,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 @compiled
 def set_matrix(s: Record) -> None:
-    """Set the matrix C, tool to level, from the quaternion."""
+    """Set the rotation matrix C from tool to level axes from the quaternion."""
     a, b, c, d = s.q[0], s.q[1], s.q[2], s.q[3]
     s.C[0, 0], s.C[0, 1], s.C[0, 2] = 1 - 2 * (b * b + c * c), 2 * (a * b - c * d), 2 * (a * c + b * d)
     s.C[1, 0], s.C[1, 1], s.C[1, 2] = 2 * (a * b + c * d), 1 - 2 * (a * a + c * c), 2 * (b * c - a * d)
@@ -42,7 +43,7 @@ def set_matrix(s: Record) -> None:
 
 @compiled
 def rotate(s: Record, px: float, py: float, pz: float) -> None:
-    """Turn the attitude by a rotation vector in tool axes, rad: q <- q * exp(p)."""
+    """Rotate the attitude by a rotation vector in tool axes, rad: q <- q * exp(p)."""
     angle2 = px * px + py * py + pz * pz
     if angle2 < 1e-2:
         c = 1.0 - angle2 / 8.0 * (1.0 - angle2 / 48.0 * (1.0 - angle2 / 120.0))
@@ -66,10 +67,9 @@ def rotate(s: Record, px: float, py: float, pz: float) -> None:
 @compiled
 def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """
-    Propagate nominal values and sums by one sample, equations (1) and (2); return the squared acceleration.
+    Propagate nominal values and sums by one sample (equations (1) and (2)); return the squared acceleration, (m/s^2)^2.
 
-    w is the measured rate, rad/s, and f the measured specific force, m/s^2, of the interval of dt s that ends at the
-    sample.
+    dt: time since the last sample, s; w, f: measured rate, rad/s, and specific force, m/s^2, of this interval.
     """
     scaled = w[0] - s.bias[0] + s.missing
     wx = scaled * (1.0 - s.scale)
@@ -85,9 +85,9 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
         px += 0.5 * (s.last_w[0] - w[0]) * dt
     rotate(s, px, py, pz)
     s.turn += px
-    # Turn a mean force to the end of the interval, except by what the unit has turned it already: a unit that
-    # integrates does so with its measured rate, one that averages does not. The mean over a rotation of 2 h is short by
-    # sin(h) / h.
+    # Rotate a mean force to the end of the interval, less the rotation that the unit has already applied: an
+    # integrating unit rotates the force by its measured rate, an averaging unit does not. The mean over a rotation of 2
+    # h is shorter by the factor sin(h) / h.
     h = 0.0 if sampled else 0.5 * dt * ((w[0] if coning == 0.0 else 0.0) - wx)
     keep = 1.0 - h * h / 3.0
     fy, fz = keep * f[1] - h * f[2], keep * f[2] + h * f[1]
@@ -139,11 +139,11 @@ def move(s: Record) -> None:
 @compiled
 def turn_heading(s: Record) -> None:
     """
-    Apply P <- F P F' for the rotation of the level frame while the x gyro clips; call it before `move`.
+    Apply P <- F P F' for the rotation of the level frame while the x gyro clips; call this before `move`.
 
-    An error of the missing rate turns the tool about its axis and with it the heading. The heading is free and has no
-    error state. Instead the level frame turns under the velocity and displacement of the circling sensor: velocity' =
-    velocity - turn [down x mean velocity], and the same for the displacement.
+    An error of the missing rate rotates the tool about its axis and thereby its heading. The heading is free and has no
+    error state. Instead the level frame rotates relative to velocity and displacement of the circling sensor: velocity'
+    = velocity - turn [down x mean velocity], and the same for the displacement.
     """
     T = s.sums.time
     vx, vy = s.vel[0] + s.sums.position[0] / T, s.vel[1] + s.sums.position[1] / T
@@ -167,7 +167,7 @@ def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float
 @compiled
 def propagate(P: Array, sums: Sums, size: int) -> None:
     """
-    Propagate the covariance, P <- F P F', over the sums since the last update, equation (3); the caller adds the noise.
+    Propagate the covariance, P <- F P F', over the interval of the sums (equation (3)); the caller adds the noise.
 
     tilt' = tilt - int(C) bias - int(C e_x w_x) scale - int(C e_yz w_x) askew;
     velocity' = velocity + [mean of both tilts x] force + T down;
@@ -180,9 +180,9 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
 @compiled
 def carry_columns(P: Array, sums: Sums, columns: int, clipped: bool) -> None:
     """
-    Apply P <- F P to the first columns of P, shape (STEADY or ERRORS, at least `columns`).
+    Apply P <- F P to the first `columns` columns of P, which has STEADY or ERRORS rows.
 
-    clipped means that the x gyro clips, so that the rows MISSING and SLOPE of all errors count.
+    clipped: whether the x gyro clips; then F includes the errors MISSING and SLOPE.
     """
     T = sums.time
     h = 0.5 * T
@@ -192,7 +192,7 @@ def carry_columns(P: Array, sums: Sums, columns: int, clipped: bool) -> None:
     c0, c1 = c[0], c[1]
     k00, k01, k10, k11 = sums.askew[0, 0], sums.askew[0, 1], sums.askew[1, 0], sums.askew[1, 1]
     if not clipped:
-        # Vibration has no mean, so only gravity acts reliably through the tilt over the whole interval.
+        # The mean of vibration is zero, so use only gravity for the effect of a tilt over the interval.
         fx, fy, fz = 0.0, 0.0, -h * STANDARD_GRAVITY
     for j in range(columns):
         x, y = P[TILT, j], P[TILT + 1, j]

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Noise of the bounded filter: the motion of the tool decides how precisely its displacement is known to be zero.
+Noise of the bounded filter: the motion of the tool determines the noise of the measured zero displacement.
 
-The displacement behind three high-passes (`SWING_TIME`), along and across the hole, measures the vibration. It sets the
+The displacement after three high-passes (`SWING_TIME`), along and across the hole, measures the vibration. It sets the
 white noise and the random walk of the displacement; the random walk is a white velocity. Force that is white down to
-low frequencies is not bounded by a velocity and becomes noise of the velocity. It shows equally in the difference of
-neighbouring samples, across the hole, and vertically, where tilt has no first-order effect.
+low frequencies does not have a bounded velocity, so it becomes noise of the velocity. Such force has the same density
+in differences of neighbouring samples, across the hole, and vertically, where tilt has no first-order effect.
 """
 
 from __future__ import annotations
@@ -21,22 +21,26 @@ from mwd_sensors.core.compiled import compiled
 SWING_TIME = 0.5  # s, time constant of the three high-passes
 SWING_MEMORY = 2.1  # s, averaging time of the displacement
 START_DISPLACEMENT = 0.1  # m, displacement assumed at a start
-ROTATING = 3.0  # rad/s, mean rate about the axis above which the sensor circles with its lever arm
-WALK_PER_DISPLACEMENT = 2.7  # random walk of the resting point per observed displacement, 1/sqrt(s)
-FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force above which it may be aliased vibration
-FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 2.0, 0.5  # s, averaging time for deciding that; shorter after a start
-FOLDED_YOUNG = 1.0  # s since a start, while the high-passes have not settled
-FREQUENT = 6.0  # shocks in 10 s (`clipping.SHOCK_MEMORY`) above which white force comes from them, not from aliasing
-WHITE_SHARE = 0.16  # share of the density shown by the displacement that is taken as noise: not all of it is white
-ROTARY_NOISE = 0.00005  # gyro noise per rate about the axis, whose scale is a state
-CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
-LONG_STEP = 1.6  # factor on the usual step of the stamps above which samples are missing
+ROTATING = 3.0  # rad/s, mean rate about the axis above which the circle of the lever arm is removed
+WALK_PER_DISPLACEMENT = 2.7  # ratio of the random walk of the resting point to the observed displacement, 1/sqrt(s)
+FOLDED_LEAST = 0.6  # (m/s^2)^2 s, smallest density of the force that may be aliased vibration
+# Averaging time of the displacement that shows aliasing: FOLDED_MEMORY, s, but after a start at most FOLDED_FIRST, s,
+# plus FOLDED_AGE times the time since the start.
+FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 2.0, 0.5
+FOLDED_YOUNG = 1.0  # s, time after a start in which the high-passes have not settled
+FREQUENT = 6.0  # largest number of shocks (in `clipping.SHOCK_MEMORY`) at which white force may come from aliasing
+WHITE_SHARE = 0.16  # share of the density from the displacement that is used as noise, because not all of it is white
+ROTARY_NOISE = 0.00005  # gyro noise in proportion to the rate about the axis, 1/sqrt(Hz)
+CROSS_TURN = 5.0  # rad/s, 1 sigma of the rate that is lost while a cross-axis gyro clips
+LONG_STEP = 1.6  # if a step of the stamps is above this multiple of the usual step, samples are missing
 DOWN_WALK = 1e-4  # m/s^2/sqrt(s), random walk of the vertical force error
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
-RATE_MEMORY = 5.0  # s, time constant of the averages of squared rate changes between samples
+RATE_MEMORY = 5.0  # s, averaging time of the squared changes of the rates between updates
 TURNING_MEMORY = 10.0  # s, averaging time of the rate about the axis
 FORCE_MEMORY = 3.0  # s, averaging time of the force that shows a lost attitude
-ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0  # share of displacement; (m/s^2)^2 s; s since a start
+# Smallest values at which vibration is reported as aliased: share of the displacement that white force explains;
+# density of the force, (m/s^2)^2 s; and time since a start, s.
+ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0
 
 
 @compiled
@@ -44,7 +48,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
     """
     Add attitude noise from errors proportional to the rates, from clipping and from missing samples.
 
-    flag means that the unit reports a cross-axis gyro beyond its range in this sample.
+    dt: step, s; w, f: rate, rad/s, and force, m/s^2; flag: whether the unit reports clipping of a cross-axis gyro.
     """
     sums, motion, rotary = s.sums, s.motion, w[0] + s.missing
     sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * rotary * rotary) * dt
@@ -53,7 +57,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
     if dt > 0.0:
         motion.rough += dt / (min(SWING_MEMORY, s.settled) + dt) * (df2 * dt / 6.0 - motion.rough)
-    # Rates and forces during missing samples are known only roughly.
+    # If samples are missing, add noise for the unknown rates and forces in between.
     if dt > LONG_STEP * s.period and s.period > 0.0:
         rate = abs(w[0] - s.last_w[0]) + abs(w[1] - s.last_w[1]) + abs(w[2] - s.last_w[2]) + 0.05
         sums.turn += (0.5 * rate * dt) ** 2
@@ -63,7 +67,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
 
 @compiled
 def follow_motion(s: Record, w: Array) -> None:
-    """Follow displacement, drift, tool axis and rates w over one update interval."""
+    """Update the averages of force, displacement and rates with one update interval; w: latest rates, rad/s."""
     T, motion = s.sums.time, s.motion
     keep = math.exp(-T / SWING_TIME)
     along, total = 0.0, 0.0
@@ -77,7 +81,7 @@ def follow_motion(s: Record, w: Array) -> None:
         moved = motion.velocity[j] * T + s.sums.position[j] - 0.5 * slow * T * T
         motion.position[j] = keep * (motion.position[j] + moved)
         motion.velocity[j] = keep * (motion.velocity[j] + s.sums.velocity[j] - slow * T)
-        # The circle of the lever arm, passed through the same high-passes, is not vibration.
+        # The circle of the lever arm is not vibration: high-pass it in the same way, to subtract it.
         arm = s.C[j, 1] * s.lever[0] + s.C[j, 2] * s.lever[1]
         for n in range(3):
             motion.arm[j, n] += (1.0 - keep) * (arm - motion.arm[j, n])
@@ -95,7 +99,7 @@ def follow_motion(s: Record, w: Array) -> None:
         motion.along += share * (along - motion.along)
         motion.across += share * (across - motion.across)
     if s.settled < FOLDED_YOUNG:
-        # Until then the force is assumed to be white.
+        # Assume white force until the high-passes have settled.
         motion.folded = motion.folded_aside = explained(s)
     # The tool vibrates along and across its hole; white force is equal in all directions.
     motion.white = min(motion.across, explained(s))
@@ -110,24 +114,25 @@ def follow_motion(s: Record, w: Array) -> None:
 
 @compiled
 def explained(s: Record) -> float:
-    """Return the displacement, m^2, that white force with the density of neighbouring samples would cause, eq. (6)."""
-    # White force of density 1 gives a displacement variance of time^3 / 16 behind the three high-passes.
+    """Return the mean square displacement, m^2, that white force of density `rough` causes, eq. (6)."""
+    # White force of density 1 gives a displacement variance of time^3 / 16 after the three high-passes.
     return SWING_TIME**3 / 16.0 * s.motion.rough
 
 
 @compiled
 def shaken_by_shocks(s: Record) -> bool:
-    """Return whether shocks are frequent; the velocity that they hide looks like aliased vibration."""
+    """Return whether shocks are frequent; the velocity lost in clipped shocks looks like aliased vibration."""
     return bool(s.shocks > FREQUENT)
 
 
 @compiled
 def whole(s: Record) -> float:
     """
-    Return the share, 0 to 1, of the density shown by neighbouring samples that is counted as aliased vibration.
+    Return the share, 0 to 1, of the density from neighbouring samples that counts as aliased vibration.
 
-    It counts if shocks are rare and the displacement of the last 20 s is most of what neighbouring samples explain. A
-    density that followed the displacement within seconds would at times be too small by chance, and the gain too large.
+    The share is above 0 if shocks are rare and the displacement of the last 20 s is a large part of the displacement
+    that this density explains. A shorter averaging time would at times give a density too small by chance, and a gain
+    too large.
     """
     if s.motion.rough < FOLDED_LEAST or shaken_by_shocks(s):
         return 0.0
@@ -136,7 +141,7 @@ def whole(s: Record) -> float:
 
 @compiled
 def aliased(s: Record) -> bool:
-    """Return whether vibration is aliased by point sampling: white force explains the displacement, shocks do not."""
+    """Return whether point sampling aliases vibration: white force, and not shocks, explains the displacement."""
     white = s.motion.white > ALIASED_SHARE * explained(s) and s.motion.rough > ALIASED_LEAST
     return bool(white and s.settled > ALIASED_AFTER and not shaken_by_shocks(s))
 
@@ -146,7 +151,7 @@ def _displacement(s: Record) -> tuple[float, float]:
     motion = s.motion
     along, across = max(motion.along - motion.white, 0.0), max(motion.across - motion.white, 0.0)
     if s.clipping.sign != 0.0:
-        # With an uncertain roll the two directions cannot be separated.
+        # While the roll is uncertain, displacements along and across the hole cannot be separated.
         along = across = max(along, across)
     return along, across
 

@@ -19,7 +19,7 @@ from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Record, U
 from mwd_sensors.core.compiled import compiled
 
 SURE = 3.0  # samples count as points if the logarithm of the odds for points exceeds this
-LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, which scales their weight in the odds
+LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, by which their weight in the odds is divided
 
 
 def in_words(found: str) -> str:
@@ -59,7 +59,7 @@ def propagate(s: Record, rate: float) -> None:
 
 @compiled
 def compare(s: Record, axis: int, entry: Update) -> None:
-    """Add the last innovation, along a tool axis, to the odds, and apply its correction to the effect."""
+    """Update the odds with the last innovation, along a tool axis; apply its correction to the effect of points."""
     if not _integrated(s):
         return
     effect, expected = s.meaning.effect, 0.0
@@ -73,7 +73,7 @@ def compare(s: Record, axis: int, entry: Update) -> None:
 
 @compiled
 def follow(s: Record) -> None:
-    """Take the samples as points from here on if that is much more probable, and correct the state by its effect."""
+    """Process samples as points from here on if points are much more probable, and correct the state for the change."""
     meaning = s.meaning
     if meaning.odds < SURE or not _integrated(s):
         return
@@ -82,6 +82,6 @@ def follow(s: Record) -> None:
     measurement.correct(s, STEADY)
     meaning.sampled = meaning.changed = True
     meaning.coning = 1.0
-    # Earlier innovations belong to the other meaning.
+    # Discard the statistics of earlier innovations, which belong to integrated samples.
     s.epoch += 1
     forget_density(s)

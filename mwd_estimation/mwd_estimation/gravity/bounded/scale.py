@@ -2,11 +2,12 @@
 """
 Covariance scale of the bounded filter: compare its tilt corrections with their expected variance.
 
-The noises are inflated, because motion is not white and gains depend only on ratios. An update corrects the tilt by a
-variance equal to the decrease of the covariance, if the covariance is right. The corrections are low-passed with the
-filter's own time constant, in which noise adds as much as the variance of the tilt. Their power, weighted as in
-equation (10), is the factor on the covariance. Errors that no innovation shows are added: calibration, a cone of the
-cross-axis gyros while the tool rotates, and travel along a curve.
+The noises of the filter are inflated, because motion is not white, and gains depend only on ratios of the noises. If
+the covariance is right, the variance of a tilt correction is the decrease of the covariance in the update. The
+corrections are low-passed with the time constant of the filter, which is the time in which noise adds the variance of
+the tilt. The power of the corrections, weighted as in equation (10), is the factor on the covariance. Errors that no
+innovation shows are added: calibration errors, a cone of the cross-axis gyros while the tool rotates, and travel along
+a curve.
 """
 
 from __future__ import annotations
@@ -19,23 +20,26 @@ from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
-OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time constant
-OWN_AGE = 0.25  # growth of its upper limit per time since the start, when corrections are larger than in steady state
-# Least expected variance of a correction relative to what an interval adds to the tilt; and after clipping, the
-# relative decrease of the inclination's variance above which corrections are evaluated.
+OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, lower and upper limit of the time constant of the filter
+# After a start, corrections are larger than in steady state: the upper limit of the time constant grows from OWN_LEAST
+# by this share of the time since the start.
+OWN_AGE = 0.25
+# Smallest expected variance of a correction, and smallest decrease of the inclination variance at which corrections are
+# evaluated after clipping; both as a share of the variance that an interval adds to the tilt.
 LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
-SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, averaging time of the power, plus this many times the filter's own time constant
+# Averaging time of the power: SCALE_TIME, s, plus SCALE_OWN times the time constant of the filter.
+SCALE_TIME, SCALE_OWN = 4.0, 3.0
 # After a start the averaging time is at most SCALE_YOUNG plus the square of (time since the start / SCALE_SETTLED), s.
-# This forgets the corrections of the first ten seconds, which find the sensor errors, but not the later ones. The power
-# must average several of the filter's own time constants: with only two, the reciprocal of the scale, and with it the
-# ratio of error to sigma, has no finite mean.
+# Thus the corrections of the first ten seconds, which find the sensor errors, lose their weight, but later ones keep
+# it. The power must average several time constants of the filter: with only two, the reciprocal of the scale, and with
+# it the ratio of error to sigma, has no finite mean.
 SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # s, averaging time of the usual innovation
-ROTATING = 1.5  # rad/s, mean rate about the axis above which errors fixed in the tool cannot be followed
-BIAS_SHARE = 0.4  # tool's sigma of gyro bias and misalignment over the filter's, which is inflated 2.5 times
-LEAST_PRIOR = 1e-18  # least variance, for sensors that are declared to have no error
-CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, averaging time of the axis; rad/s, faster than any hole turns the tool
+ROTATING = 1.5  # rad/s, mean rate about the axis at which errors fixed in the tool have half of their full weight
+BIAS_SHARE = 0.4  # ratio of the tool's sigma of gyro bias and misalignment to that of the filter (inflated 2.5 times)
+LEAST_PRIOR = 1e-18  # smallest prior variance, for sensors whose settings state no error
+CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rate at which a hole turns the tool, rad/s
 
 
 @compiled
@@ -50,18 +54,21 @@ def tilts(s: Record) -> tuple[float, float]:
 
 @compiled
 def follow_corrections(s: Record, turn: float, along: float, across: float) -> None:
-    """Follow the scales over one update; along, across: tilt variances before it; turn: variance added to each."""
+    """
+    Update the scales with the corrections of one update.
+
+    along, across: tilt variances before the measurements, rad^2; turn: variance that the interval added to each, rad^2.
+    """
     found = s.innovations
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
     if s.clipping.sign == 0.0:
-        # An inclination that was set aside during clipping is not corrected at first; this says nothing about the
-        # scale.
+        # Ignore the inclination while it is hardly corrected after clipping, when its covariance was set aside.
         if along - tilt > SHARE_AFTER_CLIP * turn or not s.clipping.seen:
             _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
-    # Noise taken fully from neighbouring samples is not inflated, so the scale is at least that share. Corrections that
-    # were small compared with such a noise say nothing about the covariance once the noise is gone.
+    # Noise from differences of neighbouring samples is not inflated, so the scale is at least the share of this noise.
+    # Small corrections during such noise must not lower the scale for the time after the noise.
     whole = noise.whole(s)
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):
@@ -70,7 +77,11 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
 
 @compiled
 def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
-    """Follow the power of the corrections about the axis (nx, ny), equation (8); expected: their variance, rad^2."""
+    """
+    Update the power of the corrections about the level axis (nx, ny), equation (8).
+
+    expected: expected variance of a correction, rad^2; updates: time constant of the filter, in updates.
+    """
     T = s.sums.time
     own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
@@ -92,9 +103,9 @@ def _cone(p: Params, s: Record, rotating: float) -> float:
     """
     Return the variance of the axis about which the tool seems to rotate, mean of y and z, rad^2.
 
-    Cross-axis gyros with misalignment or bias see the tool rotate about a wrong axis. A constant speed hides much of
-    this error, and no innovation shows it. The part of P that still comes from the error at switch-on is scaled to the
-    tool's sigma; the rest of P is noise of the estimate and gets the scale of inclination.
+    With misalignment or bias of the cross-axis gyros, the measured axis of rotation is wrong. At constant speed no
+    innovation shows most of this error. The part of P that still comes from the error at switch-on is scaled to the
+    tool's sigma; the rest of P is noise of the estimate and is multiplied by the scale of the inclination.
     """
     P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
     scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)
@@ -114,7 +125,7 @@ def _cone(p: Params, s: Record, rotating: float) -> float:
 
 @compiled
 def _heading_rate(s: Record) -> float:
-    """Return the variance of the rate about the vertical due to the gyro bias, (rad/s)^2."""
+    """Return the variance of the rate about the vertical from the gyro bias, (rad/s)^2."""
     total = 0.0
     for j in range(3):
         for m in range(3):
@@ -124,15 +135,16 @@ def _heading_rate(s: Record) -> float:
 
 @compiled
 def floors(p: Params, s: Record) -> tuple[float, float]:
-    """Return the variances that no innovation shows, of inclination and of tilt across the hole, rad^2, eq. (11)."""
+    """Return the variances of inclination and of tilt across the hole that no innovation shows, rad^2, eq. (11)."""
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
     along, aside = accelerometer_errors.variances(p, s, *hole_direction(s))
     askew = rotating * _cone(p, s, rotating)
-    # The centripetal force of the sensor's circle is across the axis. A wrong axis of rotation puts a share of it along
-    # the axis, where rotation does not average it out; it acts on the inclination with the sine of inclination.
+    # The centripetal force of the sensor's circle is across the axis. If the axis of rotation is wrong, part of this
+    # force is along the axis, where rotation does not average it out; it tilts the inclination in proportion to its
+    # sine.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
     along += askew * (1.0 + pull2 * across2)
     aside += askew * upright2
@@ -149,9 +161,9 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 @compiled
 def _doubt(s: Record) -> tuple[float, float]:
     """
-    Return the variances due to the meaning of the samples, of inclination and of tilt across the hole, rad^2.
+    Return the variances of inclination and of tilt across the hole from the unknown meaning of the samples, rad^2.
 
-    With the probability w that they are points, the effect e of this on the tilt has the variance w (1 - w) e^2.
+    If the samples are points with the probability w, and points change the tilt by e, the variance is w (1 - w) e^2.
     """
     dx, dy = hole_direction(s)
     share = 1.0 / (2.0 + 2.0 * math.cosh(min(s.meaning.odds, 0.0)))

@@ -22,17 +22,19 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# Order of the errors (true minus estimate): tilt about level x and y; velocity and displacement in level axes (x, y,
-# down); gyro bias in tool axes; scale of the x gyro; share of the x rate that the y and z gyros read; lever arm along y
-# and z; vertical force; and, while the x gyro clips, the rate it misses and the slope of that rate.
+# First index of each error (true minus estimate): tilt about level x and y, rad; velocity and displacement in level
+# axes (x, y, down); gyro bias in tool axes; scale of the x gyro; share of the x rate that the y and z gyros read; lever
+# arm along y and z; vertical force; and, while the x gyro clips, the missing part of its rate, and the slope of this
+# part.
 TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 16, 17, 18
-# Errors of the accelerometers: bias and row of the error matrix of each axis.
+# Number of errors of the accelerometers: for each axis, the bias and a row of the matrix of scale and misalignment.
 ACCEL = 12
-STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
-TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, more than a magnetic sample waits
+STEADY, ERRORS = 17, 19  # number of errors in use at all times, and number of all errors (while the x gyro clips)
+TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, longer than a magnetic sample waits
 RECENT = 100  # number of updates kept: 3 s, in which a step of the gyro bias shows
-STATED = 7.0  # logarithm of the odds that samples are integrated if the settings state it: 1100 to 1
-DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
+STATED = 7.0  # logarithm of the odds that samples are integrated if the settings state so: 1100 to 1
+# 1 sigma of the difference of measured from local gravity, m/s^2: spread on Earth, scale of an uncalibrated sensor.
+DOWN_SIGMA = 0.05
 
 
 class Sums:
@@ -64,27 +66,27 @@ class Motion:
     force: Annotated[Array, 3]
     """Mean specific force over some seconds, level axes, m/s^2."""
     force_time: float
-    """Time since that mean was started, at a start or after a data gap, s."""
+    """Time since the average of `force` began, at a start or after a data gap, s."""
     slow_acceleration: Annotated[Array, 3]
     """Low-passed acceleration, which the first high-pass removes, m/s^2."""
     velocity: Annotated[Array, 3]
-    """Velocity behind two high-passes, m/s."""
+    """Velocity after two high-passes, m/s."""
     position: Annotated[Array, 3]
-    """Displacement behind three high-passes, m."""
+    """Displacement after three high-passes, m."""
     arm: Annotated[Array, 3, 3]
-    """What each of the same three high-passes removes from the lever arm in level axes, m."""
+    """Low-passed part of the lever arm in level axes that each of the three high-passes removes, m."""
     along: float
     """Mean square displacement along the hole, m^2."""
     across: float
     """Mean square displacement across the hole, m^2."""
     white: float
-    """Part of both that white force explains, m^2."""
+    """Part of `along` and of `across` that white force explains, m^2."""
     folded_aside: float
     """Mean square displacement across the hole over a longer time, m^2."""
     folded: float
-    """Mean square displacement that white force would cause over that time, from neighbouring samples, m^2."""
+    """Mean square displacement that white force of density `rough` causes, averaged like `folded_aside`, m^2."""
     rough: float
-    """Density of the force if it is white, from differences of neighbouring samples, (m/s^2)^2 s."""
+    """Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s."""
 
 
 class Scale:
@@ -93,7 +95,7 @@ class Scale:
     low: Annotated[Array, 3, 2]
     """Corrections over their expected sigma, low-passed one to three times with the filter's own time constant."""
     power: float
-    """Power of the corrections by equation (8), expected 1: the scale."""
+    """Power of the corrections by equation (8); it is the scale, and its expected value is 1."""
 
 
 class Innovations:
@@ -104,15 +106,15 @@ class Innovations:
     across: Scale
     """Scale across the hole, for toolface."""
     usual: float
-    """Usual square of one innovation."""
+    """Running mean of the squared innovation over its variance."""
     slow: Annotated[Array, 3]
-    """Low-passed innovation over its sigma, by tool axis."""
+    """Low-passed ratio of innovation to sigma, for each tool axis."""
     density: Annotated[Array, 3]
-    """Spectral density of the innovations at low frequencies, by tool axis; 1 if they are as large as expected."""
+    """Spectral density of the innovations at low frequencies, for each tool axis; 1 if they have the expected size."""
 
 
 class Clipping:
-    """State while the x gyro is beyond its range."""
+    """State while the x gyro is at the end of its range."""
 
     sign: float
     """Sign of the clipped rate; 0 if it is not clipped."""
@@ -125,7 +127,7 @@ class Clipping:
     slope: float
     """Low-passed slope of the x rate before clipping, rad/s^2."""
     curve: float
-    """Low-passed change of that slope, rad/s^3."""
+    """Low-passed rate of change of `slope`, rad/s^3."""
     kept: Annotated[Array, MISSING - BIAS, MISSING - BIAS]
     """Covariance of the sensor errors, set aside during clipping."""
 
@@ -136,14 +138,14 @@ class Turn:
     stamp_ns: int
     """Stamp of the sample, ns."""
     turn: float
-    """`Record.turn` at that sample, rad."""
+    """Value of `Record.turn` at the sample, rad."""
 
 
 class AccelerometerErrors:
     """Influence of the errors of the accelerometers on the level frame (`accelerometer_errors`)."""
 
     influence: Annotated[Array, 2, ACCEL]
-    """Change of the mean force along horizontal x and y per unit of each error (`ACCEL`); m/s^2 except for biases."""
+    """Change of the mean force along level x and y per unit of each of the ACCEL errors; m/s^2 (1 for biases)."""
     age: float
     """Time over which the influence was averaged, s."""
 
@@ -158,10 +160,11 @@ class Field:
     """State of the estimate of the roll from the magnetic field."""
 
     turns: TurnRing
+    """Rotation about the axis at the last samples."""
     stamp_ns: int
     """Stamp of the newest magnetic sample that may be used, ns."""
     b_t: Annotated[Array, 3]
-    """Field of this newest sample in tool axes, T."""
+    """Field of the newest magnetic sample that may be used, in tool axes, T."""
     last_ns: int
     """Stamp of the last magnetic sample that was compared with the roll, ns."""
     since_ns: int
@@ -171,7 +174,7 @@ class Field:
     angle: float
     """Angle from the field to gravity across the axis, rad."""
     variance: float
-    """Variance of that angle, rad^2; 0 if the angle is not known."""
+    """Variance of `angle`, rad^2; 0 if the angle is unknown."""
     strength: float
     """Mean strength of the field across the axis, T."""
 
@@ -184,11 +187,11 @@ class Meaning:
     coning: float
     """Share of the coning term, see `Params.coning`."""
     effect: Annotated[Array, STEADY, 1]
-    """Errors that the state has at present if the samples are points although integrated ones are assumed."""
+    """Present errors of the state if the samples are points while integrated samples are assumed."""
     odds: float
-    """Logarithm of the odds of points against integrated samples."""
+    """Natural logarithm of the odds of points against integrated samples."""
     changed: bool
-    """Whether the meaning is another one than the settings state."""
+    """Whether the meaning differs from the one in the settings."""
 
 
 class Update:
@@ -199,6 +202,7 @@ class Update:
     epoch: int
     """Epoch of the update (`Record.epoch`); -1 while the x gyro clips."""
     sums: Sums
+    """Sums over the interval that ends with the update."""
     measured: Annotated[Array, 3, STEADY]
     """Rows of the measurement matrix H, one for each tool axis."""
     gain: Annotated[Array, 3, STEADY]
@@ -208,15 +212,15 @@ class Update:
     spread: Annotated[Array, 3]
     """Variances of the innovations, m^2."""
     evidence: Annotated[Array, 3]
-    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch of `bias_step`."""
+    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `bias_step`."""
     correction: Annotated[Array, 2]
     """Tilt applied to the attitude, rad."""
     tilt: Annotated[Array, 2, STEADY]
     """Covariance of the tilt with all errors after the measurements."""
     factors: Annotated[Array, 2]
-    """Factors on the covariance, along and across the hole."""
+    """Factors on the tilt variance, along and across the hole."""
     floors: Annotated[Array, 2]
-    """Variances to add, rad^2."""
+    """Variances that are added to the tilt, along and across the hole, rad^2."""
 
 
 class RecentUpdates(Ring):
@@ -229,9 +233,9 @@ class Record:
     """State of the filter that the kernels change."""
 
     q: Annotated[Array, 4]
-    """Quaternion tool to level (x, y, z, w); the heading is arbitrary."""
+    """Quaternion from tool to level axes (x, y, z, w); the heading is arbitrary."""
     C: Annotated[Array, 3, 3]
-    """The same rotation as a matrix."""
+    """Rotation matrix from tool to level axes."""
     vel: Annotated[Array, 3]
     """Velocity of the sensor, level axes (x, y, down), m/s."""
     pos: Annotated[Array, 3]
@@ -243,11 +247,11 @@ class Record:
     askew: Annotated[Array, 2]
     """Share of the x rate that the y and z gyros read."""
     lever: Annotated[Array, 2]
-    """Sensor position relative to the resting point, y and z, m. Its axial part is not observable."""
+    """Position of the sensor relative to the resting point, y and z, m. The axial component is not observable."""
     down: float
-    """Error of the vertical force: gravity's magnitude and the accelerometers' scale, m/s^2."""
+    """Error of the vertical force, from the magnitude of gravity and the scale of the accelerometers, m/s^2."""
     missing: float
-    """Rate that a clipping x gyro does not show, rad/s."""
+    """Part of the x rate that a clipping gyro does not measure, rad/s."""
     slope: float
     """Slope of the missing rate, rad/s^2."""
     P: Annotated[Array, ERRORS, ERRORS]
@@ -259,7 +263,7 @@ class Record:
     innovation: float
     """Innovation of the last measurement, m."""
     spread: float
-    """Variance of that innovation, m^2."""
+    """Variance of the innovation of the last measurement, m^2."""
     sums: Sums
     motion: Motion
     innovations: Innovations
@@ -297,11 +301,11 @@ class Record:
     tick_w: Annotated[Array, 3]
     """Rates at the last update, rad/s."""
     period: float
-    """Usual step of the stamps, s."""
+    """Usual step between stamps, s."""
     turning: float
     """Mean magnitude of the rate about the axis, rad/s."""
     slow_axis: Annotated[Array, 2]
-    """Low-passed level direction of the tool axis."""
+    """Low-passed horizontal components (level x, y) of the unit vector along the tool axis."""
     rate_walk: Annotated[Array, 2]
     """Growth rate of the variance of the rates along and across the axis, (rad/s)^2/s."""
     power: float
@@ -331,7 +335,7 @@ class State:
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample that the data show although the settings state another; empty if there is none."""
+        """Meaning of a sample according to the data, if it differs from the settings; empty if it does not differ."""
         return "points" if self.record[0]["meaning"]["changed"] else ""
 
     def keep_meaning(self, other: State) -> None:
@@ -370,7 +374,7 @@ def forget(p: Params, s: Record) -> None:
 
 @compiled
 def forget_density(s: Record) -> None:
-    """Expect innovations of the size of their sigmas from here on, because new errors were just added to P."""
+    """Reset the statistics of the innovations, because new errors were just added to P."""
     s.innovations.slow[:] = 0.0
     s.innovations.density[:] = 1.0
     s.surprise = 0.0
