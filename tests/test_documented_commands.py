@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each command that README, documents and help texts print exists as it is printed; none is run."""
 
+import itertools
 import re
 import shlex
 
@@ -122,6 +123,29 @@ def test_the_examples_of_the_help_texts_are_commands():
     faults = [f"{names}: {line}: {reason}" for names, line in lines if (reason := wrong(line, whole=True))]
     assert not faults, "\n".join(faults)
     assert len(lines) > 40
+
+
+TUTORIALS = sorted(ROOT.glob("docs/tutorials/*.md"))
+
+
+def test_files_that_the_commands_of_a_tutorial_read_are_there():
+    """A file is in the repository, or an earlier command writes it, or the page says what it is."""
+    missing, read = [], 0
+    for page in TUTORIALS:
+        text = page.read_text(encoding="utf-8")
+        described, written = set(re.findall(r"`([\w./-]+)`", text)), []
+        for line in fenced(text):
+            words = shlex.split(line, comments=True)
+            for before, word in itertools.pairwise(words):
+                name = word.rpartition(":=")[2]
+                if before in ("-o", "--output", ">"):
+                    written.append(word)
+                elif re.search(r"[a-z]\.(csv|yaml|json|las|mcap)$", name):
+                    read += 1
+                    known = name in described or (ROOT / name).exists() or name.startswith(tuple(written))
+                    missing += [] if known else [f"{page.name}: {line}: {name}"]
+    assert not missing, "\n".join(missing)
+    assert read > 10
 
 
 def test_parameters_and_types_that_are_printed_exist():
