@@ -241,6 +241,38 @@ def test_without_a_magnetometer_there_is_no_azimuth_but_everything_else():
     assert output.surveys[0].station.verdict == "reject"
 
 
+def _chattering_plug(imu, mag, seconds):
+    """The magnetometer is away for three seconds of each six."""
+    return imu, mag[np.floor(seconds / 3.0) % 2.0 == 0.0]
+
+
+def _returning_gyro(imu, mag, seconds):
+    """The gyro comes back six seconds into the survey."""
+    imu["angular_velocity"][seconds < 26.0] = np.nan
+    return imu, mag
+
+
+@pytest.mark.slow(4)
+@pytest.mark.fault_case(19, 20)
+@pytest.mark.parametrize("broken", [_chattering_plug, _returning_gyro])
+def test_a_sensor_that_comes_and_goes_is_named_and_leaves_no_accepted_survey_nor_a_false_angle(broken):
+    imu, mag = _samples(seconds=40.0, rate=10.0, still_after=20.0)
+    imu, mag = broken(imu, mag, (imu["stamp_ns"] - START) * 1e-9)
+    pipeline, outputs, given = Pipeline(EstimatorSettings(), REFERENCE), [], 0
+    for block in np.split(imu, range(50, len(imu), 50)):
+        until = int(np.searchsorted(mag["stamp_ns"], block["stamp_ns"][-1], side="right"))
+        pipeline.push_mag(mag[given:until])
+        outputs.append(pipeline.push_imu(block))
+        given = until
+    attitude = _joined(outputs, "attitude")
+    for name, truth in (("inclination", 0.8), ("azimuth", 1.9)):
+        known = np.isfinite(attitude[name])
+        off = np.abs(wrap_pi(attitude[name][known] - truth))
+        assert np.mean(off > 3.0 * attitude[f"sigma_{name}"][known]) < 0.02
+    assert any(fault.code in (FaultCode.SILENT, FaultCode.INVALID) for output in outputs for fault in output.health)
+    assert "accept" not in [survey.station.verdict for output in outputs for survey in output.surveys]
+
+
 @pytest.mark.fault_case(3)
 def test_what_comes_out_is_finite_or_unknown_together_with_its_sigma():
     imu, mag = _samples(seconds=6.0)
