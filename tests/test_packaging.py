@@ -87,7 +87,7 @@ def test_every_locked_package_has_one_version_and_its_hashes(lock):
 def test_locked_packages_are_installed_with_their_hashes_required():
     users = [path for path in (ROOT / ".ci" / "setup", ROOT / "Makefile") if path.exists()]
     text = "".join(path.read_text() for path in users)
-    installs = re.findall(r'"install",.*?"-r"|pip install .* -r ', text, re.DOTALL)
+    installs = re.findall(r'"install",.*?"-r"|pip install .*? -r ', text, re.DOTALL)
     assert len(installs) == 3
     assert all("--require-hashes" in words for words in installs)
 
