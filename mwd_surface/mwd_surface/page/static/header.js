@@ -99,7 +99,7 @@ function linkPills(streams, now, silent, link, over) {
   const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => t`no ${STREAM_NAMES[name].toLowerCase()}` + (stream(name) === "none" ? "" : ` ${units.age(now - streams[name].at)}`);
   if (silent) return [["system", "reject", t("link lost")]];
-  if (over) return [["system", "idle", t("no more data: the run is over")]];
+  if (over) return [["system", "idle", t("run is over")]];
   const pills = down.map((name) => ["system", "doubtful", word(name)]);
   if (link) return [...pills, telemetryPill(link, now)];
   return pills.length ? pills : [["system", "good", t("link")]];
