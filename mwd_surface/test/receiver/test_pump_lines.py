@@ -54,7 +54,7 @@ def test_counted_strokes_follow_a_hunting_pump():
     blind = noise() + pumps - pump_noise(noise() + pumps, KNOWN)
     left = noise() + pumps - pump_noise(noise() + pumps, KNOWN, angles=angle[None, :])
     assert np.std(left - noise()) < 0.02 * np.std(pumps)
-    assert np.std(left - noise()) < 0.1 * np.std(blind - noise())
+    assert np.std(left - noise()) < 0.15 * np.std(blind - noise())
 
 
 def test_strokes_that_are_not_in_the_pressure_take_nothing_out():
