@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.resampling import interpolate
 
 STEPS_PER_TU = 8
@@ -210,23 +211,28 @@ def _without_jitter(time: Array, turns: Array) -> Array:
     """
     if len(time) < _LEAST:
         return time
-    tried = [_local_line(time, turns, sigma) for sigma in _SMOOTHED]
-    errors = [float(np.median(np.abs(time - others))) for _, others in tried]
-    return np.maximum.accumulate(tried[int(np.argmin(errors))][0])
+    tried = np.empty((len(_SMOOTHED), 2, len(time)))
+    for sigma, (smoothed, others) in zip(_SMOOTHED, tried, strict=True):
+        _local_line(time, turns, sigma, smoothed, others)
+    errors = np.median(np.abs(time - tried[:, 1]), axis=1)
+    return np.maximum.accumulate(tried[int(np.argmin(errors)), 0])
 
 
-def _local_line(time: Array, turns: Array, sigma: float) -> tuple[Array, Array]:
-    """Return each time on the Gaussian-weighted line through all times near it, and through those times without it."""
+@compiled
+def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others: Array) -> None:
+    """Fill each time on the Gaussian-weighted line through all times near it, and through those times without it."""
     reach = math.ceil(2.5 * sigma)
-    near = np.arange(len(time))[:, None] + np.arange(-reach, reach + 1)
-    at = np.clip(near, 0, len(time) - 1)
-    x = turns[at] - turns[:, None]
-    weight = np.where(near == at, np.exp(-0.5 * (x / sigma) ** 2), 0.0)
-    y = time[at] - time[:, None]
-    both = []
-    for own in (1.0, 0.0):
-        weight[:, reach] = own
-        s0, s1, s2 = (np.sum(weight * x**k, axis=1) for k in range(3))
-        t0, t1 = np.sum(weight * y, axis=1), np.sum(weight * x * y, axis=1)
-        both.append(time + (s2 * t0 - s1 * t1) / np.maximum(s0 * s2 - s1 * s1, 1e-12))
-    return both[0], both[1]
+    for k in range(len(time)):
+        s0 = s1 = s2 = t0 = t1 = 0.0
+        for j in range(max(k - reach, 0), min(k + reach + 1, len(time))):
+            if j != k:
+                x, y = turns[j] - turns[k], time[j] - time[k]
+                g = math.exp(-0.5 * (x / sigma) ** 2)
+                s0 += g
+                s1 += g * x
+                s2 += g * x * x
+                t0 += g * y
+                t1 += g * x * y
+        # The time itself is at 0 with weight 1: it adds to the sum of the weights only.
+        others[k] = time[k] + (s2 * t0 - s1 * t1) / max(s0 * s2 - s1 * s1, 1e-12)
+        smoothed[k] = time[k] + (s2 * t0 - s1 * t1) / max((s0 + 1.0) * s2 - s1 * s1, 1e-12)
