@@ -31,8 +31,9 @@ _STROKE = 0.03  # width of the outlines of bold texts where there is no bold wei
 _TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
 # Heading of a table, and the least of a table that stays with its headings: two lines of titles and three rows.
 _SHEET, _BEGINNING = 7.0, 21.0
-_ROWS = (4.2, 3.7)  # heights of the rows of a table: usual, and closer where the last rows would be alone on a page
-_ALONE = 4  # rows
+# Heights of the rows of a table: the usual one first, then those that leave no few rows alone on a last page.
+_ROWS = (4.2, 4.0, 3.7, 4.6, 5.0, 5.4)
+_ALONE = 12  # rows
 _SMALLER = 0.6  # least size of a drawing, of its usual one, that keeps it on the page of its heading
 _SENTENCE = 9.2  # height of a sentence of two lines, mm
 _NARROW = 134.0
