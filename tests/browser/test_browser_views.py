@@ -34,6 +34,29 @@ def test_every_tab_fills_the_page_by_its_address(browser, size):
             assert width <= inner, name
 
 
+LINE_HEIGHT = """const range = document.createRange();
+range.selectNodeContents(document.querySelector(arguments[0]));
+return range.getBoundingClientRect().height;"""
+
+
+@pytest.mark.parametrize("size", SIZES[:2])
+def test_lists_that_fill_a_large_screen_have_larger_letters(browser, size):
+    """Letters of the same cell beside the other panels, and on the whole page without a sideways scroll."""
+    with rig_on(browser, size) as rig:
+        for name, cell in (("surveys", ".surveys tbody td"), ("alarms", ".alarms strong")):
+            show(browser, rig, size)
+            if name != "surveys":
+                tab(browser, name)
+            beside = browser.execute_script(LINE_HEIGHT, f"#tab-{name} {cell}")
+            show(browser, rig, size, path=f"?view={name}")
+            filled = browser.execute_script(LINE_HEIGHT, f"#tab-{name} {cell}")
+            assert filled > 1.2 * beside, name
+            wide, inner = browser.execute_script(
+                "const t = document.getElementById(arguments[0]); return [t.scrollWidth, t.clientWidth]", f"tab-{name}"
+            )
+            assert wide <= inner, name
+
+
 def test_button_key_and_the_browser_s_back_button_lead_into_a_full_tab_and_out(browser):
     with rig_on(browser):
         tab(browser, "path")

@@ -32,8 +32,10 @@ _TITLE, _HEADING, _CAPTION = 5.0, 8.0, 6.0
 # Heights, mm: heading of a table, and the part of a table that is kept on the page of its heading (two lines of titles
 # and three rows).
 _SHEET, _BEGINNING = 7.0, 21.0
-_ROWS = (4.2, 3.7)  # heights of table rows, mm: usual, and smaller if few rows would be alone on the last page
-_ALONE = 4  # largest number of rows that count as few
+# Heights of the rows of a table, mm: the usual height, then heights tried in turn if few rows would be alone on the
+# last page.
+_ROWS = (4.2, 4.0, 3.7, 4.6, 5.0, 5.4)
+_ALONE = 12  # largest number of rows that count as few
 _SMALLER = 0.6  # smallest scale of a drawing with which it is kept on the page of its heading
 _SENTENCE = 9.2  # height of a sentence of two lines, mm
 _NARROW = 134.0  # width of one of two drawings side by side, mm

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_pdf import report_pdf
 from mwd_surface.exports.report_section import Drawing, Section
+from mwd_surface.exports.survey_table import survey_table
 
 pytestmark = pytest.mark.slow
 
@@ -56,8 +57,6 @@ def test_a_long_list_flows_over_pages_and_repeats_its_titles():
     whole = example.surveys()
     for k in range(13, 90):
         whole = whole.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
-    from mwd_surface.exports.survey_table import survey_table
-
     reader = pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(whole, example.MADE))))
     texts = [page.extract_text() for page in reader.pages]
     assert sum("Inc" in t and "TVD" in t for t in texts) >= 3
@@ -88,3 +87,41 @@ def test_a_drawing_lies_whole_on_the_page_of_its_heading(table, height_to_width,
         if headed:
             first = number
     assert (first, pytest.approx(height_to_width, rel=0.01)) in places
+
+
+_FOOT_MM = 12.0  # margin with the page number
+
+
+def filled(page):
+    """Return the share of a page, between its margins, down to its lowest text, line or drawing."""
+    height, foot = float(page.mediabox.height), _FOOT_MM * 72.0 / 25.4
+    lowest = [height]
+
+    def operand(operator, operands, current, text):
+        if operator == b"Do":
+            lowest.append(current[5])
+        elif operator in (b"l", b"m", b"re"):
+            lowest.append(current[5] + float(operands[1]))
+
+    def word(text, current, matrix, *_):
+        if text.strip():
+            lowest.append(current[5] + matrix[5])
+
+    page.extract_text(visitor_operand_before=operand, visitor_text=word)
+    return (height - min(y for y in lowest if y > foot)) / (height - 2.0 * foot)
+
+
+# As many stations as the demonstration has in both languages, then long lists.
+@pytest.mark.slow(8)
+@pytest.mark.parametrize(("stations", "language"), [(4, "en"), (4, "zh_CN"), (12, "en"), (42, "zh_CN"), (60, "en")])
+def test_no_page_is_nearly_empty(stations, language):
+    surveys = example.surveys()
+    surveys = dataclasses.replace(surveys, well=dataclasses.replace(surveys.well, language=language))
+    surveys = surveys.with_records(surveys.records[:stations])
+    for k in range(13, stations + 1):
+        surveys = surveys.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
+    pages = pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(surveys, example.MADE)))).pages
+    shares = [filled(page) for page in pages]
+    # The last page ends where the report does.
+    assert min(shares[:-1]) > 0.35, shares
+    assert shares[-1] > 0.15, shares
