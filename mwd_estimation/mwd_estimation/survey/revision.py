@@ -113,7 +113,7 @@ def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
 
 def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
     for one in seek.values():
-        model.take(one)
+        model.learn(one)
 
 
 @dataclasses.dataclass(frozen=True)

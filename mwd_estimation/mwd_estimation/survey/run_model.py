@@ -22,10 +22,9 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
 from mwd_estimation.survey.measurement import Measured, Readings
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
-from mwd_estimation.survey.posterior.evidence import Evidence
 from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.posterior.run_filter import RunFilter, State
+from mwd_estimation.survey.posterior.run_filter import Predicted, RunFilter, State
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.turning_string import Across, Turning
@@ -56,6 +55,18 @@ class _Last(NamedTuple):
     row: Row  #: record of the station, with the last gyro azimuth of its seek
     began_ns: int | None  #: stamp at which its seek began, ns; None without a seek
     before: State  #: state of the model before this station
+
+
+class _Read(NamedTuple):
+    """Reading of a station by the filters of its run."""
+
+    model: RunFilter
+    one: Row
+    evidence: Predicted
+    doubts: tuple[float, float]  #: `RunFilter.gyro_doubts` before the station
+    turn: float  #: from the north of the filters to that of the station, rad
+    repeats: int | None
+    agreed: bool  #: whether gyro and field had agreed before the station
 
 
 class Taken(NamedTuple):
@@ -120,6 +131,15 @@ class RunModel:
 
         learn: whether the model uses this station for later stations.
         """
+        read = self._read(taken, learn)
+        return None if read is None else self._finding(read)
+
+    def learn(self, taken: Taken) -> None:
+        """Take a station in only for those after it."""
+        self._read(taken, learn=True)
+
+    def _read(self, taken: Taken, learn: bool) -> _Read | None:
+        """Return the evidence of a station, after learning from it; None where nothing says anything of the azimuth."""
         measured, hours, gyro, turning, hazard, age = taken
         readings, station = measured.readings, measured.station
         if readings is None:
@@ -153,12 +173,12 @@ class RunModel:
             model.learn(one, evidence)
         if seek is not None and self._last is not None:
             self._learn_last(model, self._last, one if learn and math.isfinite(one["gyro"]) else seek.row)
-        turn = station.north_correction - self._north(measured)
-        found = self._finding(model, one, evidence, doubts, turn, repeats)
-        outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
-        right = float(model.by_gyro_state(evidence)[:, 0].sum())
-        self._agreed |= learn and found.of_gyro is not None and right > 1.0 - _AGREES and outside < _AGREES
-        return found
+        agreed = self._agreed
+        if learn and one["has_field"] and math.isfinite(one["gyro"]):
+            outside = model.probabilities(evidence.by_kind)[Hypothesis.EXTERNAL]
+            right = float(model.by_gyro_state(evidence)[:, 0].sum())
+            self._agreed |= right > 1.0 - _AGREES and outside < _AGREES
+        return _Read(model, one, evidence, doubts, station.north_correction - self._north(measured), repeats, agreed)
 
     def _hazard_at(self, hours: float) -> float:
         """Return the cumulative hazard of a change of the string at a station that follows the last one."""
@@ -269,16 +289,9 @@ class RunModel:
         first = self._seen.setdefault(readings, self._count)
         return None if first == self._count else first
 
-    def _finding(
-        self,
-        model: RunFilter,
-        one: Row,
-        evidence: Evidence,
-        doubts: tuple[float, float],
-        turn: float,
-        repeats: int | None,
-    ) -> Finding:
-        doubted, shown = doubts
+    @staticmethod
+    def _finding(read: _Read) -> Finding:
+        model, one, evidence, (doubted, shown), turn, repeats, agreed = read
         right, stepped, wrong = model.by_gyro_state(evidence).T
         width = circle.widths(evidence.angles)
         mass, by_gyro, gyro_wrong, parts = right + stepped + wrong, 0.0, 0.0, None
@@ -308,7 +321,7 @@ class RunModel:
             by_gyro=by_gyro,
             gyro_wrong=gyro_wrong,
             of_gyro=parts,
-            gyro_agreed=self._agreed,
+            gyro_agreed=agreed,
             axial=(axial[0] * field_model.UT, axial[1] * field_model.UT),
             mount=mount,
             repeats=repeats,

@@ -81,6 +81,14 @@ class State:
         )
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Predicted(Evidence):
+    """Evidence of a station, with the filters that predicted its readings, from which the filters learn."""
+
+    branched: State  #: the filters, with a second one for each if the string may have changed
+    terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for all these filters
+
+
 class RunFilter:
     """
     Stations of one tool in one assembly.
@@ -189,14 +197,14 @@ class RunFilter:
         left = branched.covariance - gain @ np.linalg.solve(S, np.swapaxes(gain, 1, 2))
         self._join((weight / weight.sum())[:, None], mean[:, None], left[:, None])
 
-    def evidence(self, one: Row, state: State | None = None) -> Evidence:
+    def evidence(self, one: Row, state: State | None = None) -> Predicted:
         """Return the evidence of a station, a record of `field_model.GEOMETRY`, given the present state or `state`."""
         state = self._branched(self.state if state is None else state)
-        r, S, _ = self._terms(one, state)
+        terms = r, S, _ = self._terms(one, state)
         angles, prior = circle.coarse(), self._log_prior(state)
         every = np.arange(len(prior))
         log, misfit = self._logs(one, r, S, state, angles, prior)
-        first = Evidence(angles, log, every, len(prior), 0.0)
+        first = Evidence(angles, log, every, len(prior))
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
         # Filters of negligible probability are left out. The coarse angles are among the fine ones.
         at = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
@@ -208,7 +216,8 @@ class RunFilter:
         whole[is_coarse], whole[~is_coarse] = log[:, at], fine
         self._add_turned(one, (r, S), state, angles, prior, whole)
         least = min(float(misfit[:, at].min()), float(more.min(initial=math.inf)))
-        return Evidence(angles, whole, at, len(misfit[0]), least if one["has_field"] else 0.0)
+        least = least if one["has_field"] else 0.0
+        return Predicted(angles, whole, at, len(misfit[0]), least, branched=state, terms=terms)
 
     def by_gyro_state(self, evidence: Evidence) -> Array:
         """
@@ -221,11 +230,10 @@ class RunFilter:
         right, stepped, wrong = evidence.by_angle.T
         return np.stack([np.maximum(right - drifts, 0.0), stepped + drifts, wrong], axis=1)
 
-    def learn(self, one: Row, evidence: Evidence) -> None:
+    def learn(self, one: Row, evidence: Predicted) -> None:
         """Take over what a station shows of the shared errors; evidence: as `evidence` of the state as it is."""
         state = self.state = self._of_filters(self.state)
-        branched = self._branched(state)
-        r, S, M = self._terms(one, branched)
+        branched, (r, S, M) = evidence.branched, evidence.terms
         of_branch, at = evidence.by_kind.sum(axis=1), evidence.filters
         # Do not update a filter, or its second version, whose share of the probability of both is negligible.
         both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
