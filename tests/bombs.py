@@ -25,7 +25,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead
+from mwd_surface.bags.mcap.records import MAGIC, ChunkHead, McapChannel
 from mwd_surface.bags.mcap.writer import channel_record, chunk_prefix, header_record, packed_record
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
@@ -67,7 +67,7 @@ def _chunks(path: Path, count: int) -> None:
     plain = packed_record(0x80, bytes(MANY - 9))
     packed = zstandard.ZstdCompressor(level=1).compress(plain)
     chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(packed), 0)) + packed
-    channel = channel_record(Channel(1, 0, "/a", "cdr", {}))
+    channel = channel_record(McapChannel(1, 0, "/a", "cdr", {}))
     path.write_bytes(MAGIC + header_record("x") + channel + chunk * count)
 
 

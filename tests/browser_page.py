@@ -20,7 +20,7 @@ from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceField
+from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceFieldState
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
@@ -91,7 +91,7 @@ class Rig:
 
     def publish(self):
         now = time.monotonic()
-        reference = ReferenceField(declination=-0.014, convergence=-0.0157, source="WMM2025 (pygeomag)")
+        reference = ReferenceFieldState(declination=-0.014, convergence=-0.0157, source="WMM2025 (pygeomag)")
         self.state.show(now, well=self.list.well, reference_given=reference, surveys=self.list)
         path = self.list.definitive(bit_depth=1220.0)
         self.state.show(now, path=path, covariance=np.tile(np.diag([9.0, 4.0, 1.0]), (len(path.md), 1, 1)))

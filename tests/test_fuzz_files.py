@@ -22,7 +22,7 @@ from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibrat
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.input_files import load_yaml
 from mwd_sensors.drivers import mtdata2, probe_protocol
-from mwd_sensors.drivers.readings import Reading
+from mwd_sensors.drivers.readings import UnitSample
 from mwd_sensors.simulator import scenario
 from mwd_sensors.telemetry import tool_configuration
 from mwd_surface.bags.bag_metadata import MetadataError
@@ -142,7 +142,7 @@ def test_a_burst():
 @st.composite
 def packets(draw):
     """Packets of an MTi whose content was damaged and whose sum is right; some of them cut."""
-    motion = Reading("imu/data_raw", 0, (0.1, 0.2, 0.3, -7.0, 0.0, 7.0))
+    motion = UnitSample("imu/data_raw", 0, (0.1, 0.2, 0.3, -7.0, 0.0, 7.0))
     whole = [mtdata2.packet(motion, 0.01, 100 * k, k)[4:-1] for k in range(2)]
     contents = draw(st.lists(damaged(whole), min_size=1, max_size=4))
     stream = b"".join(mtdata2.message(mtdata2.MTDATA2, content[:2000]) for content in contents)
@@ -158,7 +158,7 @@ def test_the_packets_of_a_unit(data):
 
 @pytest.mark.parametrize("text", [False, True], ids=["binary", "text"])
 def test_the_line_of_a_probe(text):
-    reading = Reading("imu/data_raw", 10**18, (0.1, 0.2, 0.3, -7.0, 0.0, 7.0))
+    reading = UnitSample("imu/data_raw", 10**18, (0.1, 0.2, 0.3, -7.0, 0.0, 7.0))
     lines = [probe_protocol.sample(reading, 1, text), probe_protocol.command("start", 2, text, 10**18)]
 
     @given(data=attacks(*lines))

@@ -2,6 +2,7 @@
 """The dependency rules: kernels import no ROS, packages and rooms depend one way, every module says what it is for."""
 
 import ast
+import collections
 import functools
 import graphlib
 import xml.etree.ElementTree as ElementTree
@@ -185,3 +186,12 @@ def test_test_files_have_unique_names():
     names = [path.name for path in ROOT.glob("*/test/**/test_*.py")]
     names += [path.name for path in (ROOT / "tests").rglob("test_*.py")]
     assert len(names) == len(set(names)), sorted({name for name in names if names.count(name) > 1})
+
+
+def test_classes_have_unique_names():
+    places = collections.defaultdict(list)
+    for path in MODULES:
+        for node in ast.walk(_tree(path)):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(_module(path))
+    assert {name: modules for name, modules in places.items() if len(modules) > 1} == {}

@@ -16,7 +16,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.downhole.log_sampler import rate
 from mwd_estimation.gravity.bounded import filter as bounded
-from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import initial
 from mwd_estimation.magnetic.axial_correction import axial_correction
 from mwd_estimation.pipeline.external_field import with_external
@@ -25,11 +25,11 @@ from mwd_estimation.survey.station import StationSettings, station
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.dipole import dipole_field
 from mwd_sensors.core.frames import mat_nt
-from mwd_sensors.simulator.mud_line import Well, responses
-from mwd_sensors.telemetry.downlink import Downlink, Frame, levels, programme
+from mwd_sensors.simulator.mud_line import WellGeometry, responses
+from mwd_sensors.telemetry.downlink import Downlink, DownlinkFrame, levels, programme
 from mwd_sensors.telemetry.pulse_position import encode, packets
 from mwd_surface.receiver import sonde_locate, surface_readings
-from mwd_surface.receiver.pulse.transmission import Evidence, Presence
+from mwd_surface.receiver.pulse.transmission import Presence, PulseEvidence
 from mwd_surface.surveys.check_shots import check_shots
 from mwd_surface.surveys.multi_station_analysis import analyse
 from mwd_surface.uncertainty.collar_spacing import azimuth_error
@@ -158,7 +158,7 @@ def bounded_gravity_filter() -> Iterator[str]:
     force += 0.05 * noise.normal(size=(n, 3))
     gyro = np.array([4.0 * math.pi, 0.0, 0.0]) + math.radians(0.05) * noise.normal(size=(n, 3)) + math.radians(0.1)
     stamps = (np.arange(1, n + 1) * 1e9 / rate).astype(np.int64)
-    found = bounded.run(Params(), initial(Params()), stamps, gyro, force)
+    found = bounded.run(BoundedParams(), initial(BoundedParams()), stamps, gyro, force)
     for down in (-force, found.g_t):
         angle = np.degrees(np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0]))[3000:]
         yield f"{math.sqrt(np.mean((angle - 60.0) ** 2)):.2g} deg"
@@ -198,7 +198,7 @@ def dense_trajectory() -> Iterator[str]:
 
 def mud_channel() -> Iterator[str]:
     for depth in (1000.0, 3000.0, 5000.0):
-        gain = np.abs(responses(Well(depth_m=depth), np.array([0.5, 1.0, 2.25]))[0])
+        gain = np.abs(responses(WellGeometry(depth_m=depth), np.array([0.5, 1.0, 2.25]))[0])
         yield f"| {depth:.0f} | " + " | ".join(f"{20.0 * math.log10(value):.0f}" for value in gain) + " |"
 
 
@@ -209,13 +209,13 @@ def pulse_receiver() -> Iterator[str]:
     yield f"{pulses.length} TU"
     for evidence, confirmed in ((9.0, True), (8.0, False)):
         presence = Presence(14.0)
-        presence.judge(Evidence(evidence, evidence, 3, 1))
+        presence.judge(PulseEvidence(evidence, evidence, 3, 1))
         assert presence.confirmed == confirmed
         yield f"{2.0 * evidence:.0f}"
 
 
 def downlink() -> Iterator[str]:
-    frame, settings = Frame(3, 1, 2), Downlink()
+    frame, settings = DownlinkFrame(3, 1, 2), Downlink()
     yield f"{frame.echo}"
     yield ", ".join(map(str, levels(frame, settings)))
     yield f"{programme(frame, settings).duration_s:.0f} s"
@@ -272,7 +272,7 @@ def coil_link() -> Iterator[str]:
     field = dipole_field(points - np.array([24.0, 21.5, 3.9]), 5.0 * axis).real
     field += np.hypot(1e-11, 0.02 * np.linalg.norm(field, axis=1))[:, None] * noise.normal(size=field.shape)
     read = sonde_locate.SurfaceReadings(points, field, np.full(9, np.nan))
-    known = sonde_locate.Known(surface_readings.calibrated("3,18.5"), pitch=pitch, azimuth=azimuth)
+    known = sonde_locate.SondeFacts(surface_readings.calibrated("3,18.5"), pitch=pitch, azimuth=azimuth)
     yield from surface_readings.lines(sonde_locate.locate(read, known), surface_readings.SentAttitude())[:4]
 
 

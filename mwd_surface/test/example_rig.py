@@ -18,8 +18,8 @@ from mwd_sensors.core import wire
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Request, Sender
-from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
+from mwd_surface.control.status import ControlRequest, Sender
+from mwd_surface.live.inputs import InputState, InputTable, Role, StampClock
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values
@@ -29,9 +29,9 @@ NOW = 5000.0
 NOW_NS = START + 95_000 * S
 INPUTS = InputTable(
     (
-        InputState("sonde", Clock.TOOL, 0.25, 1.0, 0.1),
-        InputState("rig_floor", Clock.RIG, -1.5, 2.0, 1.0, Role.IN_FORCE, 1, 650.25),
-        InputState("rig_wits", Clock.HOST, 0.0, 1.0, 1.0, Role.STANDBY, 3, 652.0, "rig_floor is used"),
+        InputState("sonde", StampClock.TOOL, 0.25, 1.0, 0.1),
+        InputState("rig_floor", StampClock.RIG, -1.5, 2.0, 1.0, Role.IN_FORCE, 1, 650.25),
+        InputState("rig_wits", StampClock.HOST, 0.0, 1.0, 1.0, Role.STANDBY, 3, 652.0, "rig_floor is used"),
     ),
     "rig_floor",
     1.0,
@@ -126,7 +126,7 @@ def control(now):
     """A controller that rotates the string and pumps."""
     authority = ControlAuthority(ControlSettings(enabled=True, grant="automatic"), first=70_000)
     sender = Sender("Modbus", "connection 1")
-    lease = authority.request(Request(sender, "modbus 5", priority=9), now).lease
+    lease = authority.request(ControlRequest(sender, "modbus 5", priority=9), now).lease
     authority.command(SetPoint(Mode.PUMP, lease, 1, flow_rate=0.03), now, sender)
     authority.command(SetPoint(Mode.ROTATE, lease, 2, rotary_speed=2.0), now, sender)
     # The ramp makes up for no more than its longest step at a time.

@@ -11,7 +11,7 @@ from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch
 
 S = 10**9
 START = 1_778_767_020 * S + 123_456_789
@@ -125,8 +125,10 @@ def stretches():
         slid = 9.0 if k % 2 else 0.0
         if slid:
             face = math.radians(359.7 if k < 4 else 8.0)
-            found.append(Stretch(SLIDE, top, top + slid, begin, begin + 900 * S, face, 0.93, magnetic=k == 1))
-        found.append(Stretch(ROTATE, top + slid, top + 30.0, begin + 900 * S, begin + 1700 * S, rotary_speed=12.5))
+            found.append(DrilledStretch(SLIDE, top, top + slid, begin, begin + 900 * S, face, 0.93, magnetic=k == 1))
+        found.append(
+            DrilledStretch(ROTATE, top + slid, top + 30.0, begin + 900 * S, begin + 1700 * S, rotary_speed=12.5)
+        )
     return tuple(found)
 
 

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import decode
@@ -21,7 +21,7 @@ TOOLS = {"0.8": ToolConfiguration(), "0.5": ToolConfiguration(pulse_width_s=0.5)
 def simulated(width="0.8", depth=3000.0, seconds=420.0, seed=1, clock=0.0):
     """Run of a tool of that pulse width in a well with two pumps."""
     tool = TOOLS[width]
-    channel = MudChannel(well=Well(depth_m=depth), flow_off_s=((-100.0, FLOW_ON),))
+    channel = MudChannel(well=WellGeometry(depth_m=depth), flow_off_s=((-100.0, FLOW_ON),))
     return link_run(channel, transmit(tool, ((FLOW_ON, seconds),), seed, clock), seconds, seed)
 
 

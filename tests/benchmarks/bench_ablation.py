@@ -141,7 +141,7 @@ def measure(name: str, folder: Path) -> Row:
         for constant, value in values.items():
             setattr(importlib.import_module(ROOM + module), constant, value)
     # The place is known, as to the estimator.
-    p = bounded.Params(**{"gravity": bench.GRAVITY, "gravity_sigma": 0.002, **settings})
+    p = bounded.BoundedParams(**{"gravity": bench.GRAVITY, "gravity_sigma": 0.002, **settings})
     row, inside = Row([], [], 0), 0
     for number in range(len(CASES)):
         errors, inclined, turned = [], [], []
@@ -158,7 +158,7 @@ def measure(name: str, folder: Path) -> Row:
         inside += one.inside + other.inside
         row.errors.append(bench.rms(errors))
         row.nees.append((one.nees, other.nees))
-    p = p._replace(gravity=bounded.Params().gravity)
+    p = p._replace(gravity=bounded.BoundedParams().gravity)
     for (t, w, f, down), scored in bench.broad().values():
         row.errors.append(bench.rms(bench.angle(bounded.run(p, bounded.initial(p), t, w, f).g_t, down)[scored]))
     return row._replace(inside=inside)

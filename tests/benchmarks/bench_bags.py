@@ -267,7 +267,7 @@ def parts(bag: Path, method: str, scratch: Path) -> dict[str, float]:
     outputs = run()
 
     def write() -> None:
-        lines = attitude_csv.Lines()
+        lines = attitude_csv.CsvLines()
         with (scratch / "attitude.csv").open("wb") as file:
             for output in outputs:
                 file.write(lines(output.attitude, output.gravity))

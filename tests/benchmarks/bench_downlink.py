@@ -14,9 +14,9 @@ import time
 import numpy as np
 
 from mwd_estimation.downhole.commands import DownlinkDecoder
-from mwd_sensors.simulator.schedule import Phase, Rig, timeline
-from mwd_sensors.simulator.steering import ROTATE, Command, Steering, String
-from mwd_sensors.telemetry.downlink import COMMANDS, FLOW, Downlink, Frame, programme
+from mwd_sensors.simulator.schedule import Rig, SchedulePhase, timeline
+from mwd_sensors.simulator.steering import ROTATE, Steering, SteeringCommand, String
+from mwd_sensors.telemetry.downlink import COMMANDS, FLOW, Downlink, DownlinkFrame, programme
 
 RPM = math.pi / 30.0
 RATE = 500
@@ -34,7 +34,9 @@ def stamps(seconds):
 
 def frames_of(count, random):
     """Commands drawn at random."""
-    return [Frame(k % 7 + 1, int(random.integers(len(COMMANDS))), int(random.integers(16))) for k in range(count)]
+    return [
+        DownlinkFrame(k % 7 + 1, int(random.integers(len(COMMANDS))), int(random.integers(16))) for k in range(count)
+    ]
 
 
 def rotation(frames, rpm, steering, seed):
@@ -46,12 +48,12 @@ def rotation(frames, rpm, steering, seed):
         ordered = programme(frame, downlink)
         shares += [ordered.at(0.2 * k) for k in range(math.ceil(ordered.duration_s / 0.2))] + [1.0] * 150
     seconds = 0.2 * len(shares)
-    line = timeline((Phase(seconds=seconds + 60.0, rpm=rpm),), Rig(), 1000.0, (), random)
+    line = timeline((SchedulePhase(seconds=seconds + 60.0, rpm=rpm),), Rig(), 1000.0, (), random)
     string = String(steering, line, 0.3, RATE, random)
     count = round(0.2 * RATE)
     turned = []
     for k, share in enumerate(shares):
-        string.command(Command(ROTATE, rpm * share * RPM, valid_for=1.0))
+        string.command(SteeringCommand(ROTATE, rpm * share * RPM, valid_for=1.0))
         turned.append(string.advance(k * count, count)[0][1])
     seen = np.concatenate(turned)[::5]
     seen = np.clip(seen + NOISE * random.standard_normal(len(seen)), -CLIP, CLIP)

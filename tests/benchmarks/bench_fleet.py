@@ -24,7 +24,7 @@ import pyarrow.parquet as parquet
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator import scenario
 from mwd_surface.fleet import fleet_dataset, fleet_run
-from mwd_surface.fleet.fleet_task import Outcome, Work, config_text
+from mwd_surface.fleet.fleet_task import FleetWork, Outcome, config_text
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.runs import simulate
 
@@ -151,10 +151,10 @@ def scaling(folder: Path) -> list[str]:
     ]
 
 
-def works(bags: list[Path], folder: Path) -> list[Work]:
+def works(bags: list[Path], folder: Path) -> list[FleetWork]:
     """Tasks whose results nobody reads."""
     text = config_text(EstimatorSettings())
-    return [Work(str(bag), str(folder), text, InputSettings()) for bag in bags]
+    return [FleetWork(str(bag), str(folder), text, InputSettings()) for bag in bags]
 
 
 def robustness(folder: Path, count: int) -> list[str]:

@@ -194,7 +194,7 @@ def ours(name: str, **settings: Any) -> Follow:
 
 def smoothed(t: NDArray[np.int64], w: Array, f: Array) -> Array:
     """The smoother."""
-    return smoother.smooth(gravity_bounded.Params(), t, w, f).g_t
+    return smoother.smooth(gravity_bounded.BoundedParams(), t, w, f).g_t
 
 
 def down_of(q_wxyz: Array) -> Array:

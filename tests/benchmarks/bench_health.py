@@ -176,7 +176,7 @@ def sent(name: str, changes: dict[str, Any], seconds: float) -> Run:
 
 def judged(streams: Streams, reference: tuple[float | None, ...]) -> tuple[health.Step, float]:
     """Step of the whole run, and ns a sample."""
-    params = health.Params()
+    params = health.MonitorParams()
     state = health.initial(*reference)
     imu, mag = streams["imu/data_raw"], streams["imu/mag"]
     gyro, accel = (np.ascontiguousarray(imu[name]) for name in ("angular_velocity", "linear_acceleration"))

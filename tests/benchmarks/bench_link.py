@@ -16,8 +16,8 @@ import numpy as np
 from scipy import signal
 
 import telemetry_limits as limits
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure, Pump
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure, PressureNoise, Pump
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
@@ -41,7 +41,9 @@ def word_limit(channel, tool):
     silent = dataclasses.replace(channel, flow_off_s=())
     stream = Pressure(silent, np.zeros((0, 2)), 99)
     noise = np.concatenate([stream.block() for _ in range(130)])[6000:]
-    quiet = dataclasses.replace(silent, pumps=(), noise=Noise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24))
+    quiet = dataclasses.replace(
+        silent, pumps=(), noise=PressureNoise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24)
+    )
     stream = Pressure(quiet, np.array([[20.0, 20.0 + tool.pulse_width_s]]), 0)
     pulse = np.concatenate([stream.block() for _ in range(8)])
     frequency, density = signal.welch(noise, RATE_HZ, nperseg=8000, detrend="linear")
@@ -104,12 +106,12 @@ def main() -> None:
     print(f"| pulse width, depth | {head}")
     for width, depths in ((0.8, (3000, 5000, 6000)), (0.5, (3000, 4000, 5000)), (0.3, (2000, 3000, 4000))):
         for depth in depths:
-            channel, tool = MudChannel(well=Well(depth_m=float(depth))), tool_of(width)
+            channel, tool = MudChannel(well=WellGeometry(depth_m=float(depth))), tool_of(width)
             rows, speed = case(channel, tool, seeds)
             everything += rows
             line(f"{width:g} s, {depth} m", rows, word_limit(channel, tool), speed)
     print(f"\n| 0.5 s, 3000 m, with | {head}")
-    well, noise = Well(), Noise()
+    well, noise = WellGeometry(), PressureNoise()
     cases = {
         "a leaking valve": MudChannel(pumps=(Pump(1.45, leak=0.15), Pump(1.52))),
         "pumps 0.3 strokes/min apart": MudChannel(pumps=(Pump(1.45), Pump(1.455))),

@@ -20,7 +20,7 @@ from mwd_sensors.simulator.earth_channel import RATE_HZ as EARTH_HZ
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage, earth_run
 from mwd_sensors.simulator.earth_line import Ground, response
 from mwd_sensors.simulator.mud_channel import MudChannel, Pump
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE, frame_bytes
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.receivers import receiver_of
@@ -139,7 +139,7 @@ def carriers(seeds):
         limit = f"{limits.coded_block_error(ebn0_db, BITS, modulation):.4f}"
         line(f"{modulation.upper()}, {ebn0_db:g} dB", found[0], limit, *found[1:])
     print(f"\n| siren of 2 bar, QPSK, 12 Hz | {head}")
-    well = Well()
+    well = WellGeometry()
     for name, rate, channel in (
         ("2.5 symbols/s, 3000 m", 2.5, MudChannel(well=well)),
         ("1.25 symbols/s, 5000 m", 1.25, MudChannel(well=dataclasses.replace(well, depth_m=5000.0))),
@@ -164,7 +164,7 @@ def combinatorial(seeds):
         rows = []
         for seed in range(seeds):
             sent = pulse_tool.transmit(tool, ((FLOW_ON, 420.0),), seed, 0.5 * clock(seed))
-            channel = MudChannel(well=Well(depth_m=5000.0), flow_off_s=((-100.0, FLOW_ON),))
+            channel = MudChannel(well=WellGeometry(depth_m=5000.0), flow_off_s=((-100.0, FLOW_ON),))
             run = pulse_tool.link_run(channel, sent, 420.0, 1000 + seed)
             done, _ = received(tool, run.time_s, run.pressure_pa)
             rows += blocks_of(sent.words, done.words, 4.2)

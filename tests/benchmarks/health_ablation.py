@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor
-from mwd_estimation.health.monitor import Params
+from mwd_estimation.health.monitor import MonitorParams
 from mwd_sensors.simulator.faults import Fault
 
-PARAMS = Params()
+PARAMS = MonitorParams()
 SECONDS = 46.0
 # Scenario and changes; the seeds are used nowhere else.
 CASES = (
@@ -157,7 +157,7 @@ def trials() -> Iterator[Trial]:
                 yield Trial(Run(streams, run.reference), CONVENTIONAL.index(component), start)
 
 
-def outcome(trial: Trial, params: Params = PARAMS, without: int = -1) -> Outcome:
+def outcome(trial: Trial, params: MonitorParams = PARAMS, without: int = -1) -> Outcome:
     """What is named with these parameters, without one check."""
     imu, mag = trial.run.streams["imu/data_raw"], trial.run.streams["imu/mag"]
     state = monitor.initial(*trial.run.reference)

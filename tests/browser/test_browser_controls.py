@@ -11,7 +11,7 @@ from browser_page import TOKEN, By, click, rig_on, sign_in, tab, text, wait
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, Judgement, Request, Sender
+from mwd_surface.control.status import Achieved, ControlJudgement, ControlRequest, Sender
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.well_state import RodCount
 from mwd_surface.surveys.survey_record import Value
@@ -181,7 +181,7 @@ def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the
 def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(browser):
     authority = ControlAuthority(ControlSettings(enabled=True))
     sender = Sender("test", "toolface hold")
-    lease = authority.request(Request(sender, "toolface hold", "holds the toolface"), 0.0).lease
+    lease = authority.request(ControlRequest(sender, "toolface hold", "holds the toolface"), 0.0).lease
     with rig_on(browser) as rig:
         rig.state.show(time.monotonic(), control=authority.status(0.0))
         rig.push()
@@ -192,9 +192,9 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
         tab(browser, "steering")
         click(browser, "#grant-control")
         wait(browser, lambda: rig.calls)
-        decision = {"decision": int(Judgement.GRANT), "operator_name": "A. Berg", "number": lease}
+        decision = {"decision": int(ControlJudgement.GRANT), "operator_name": "A. Berg", "number": lease}
         assert rig.calls == [("judge_control", decision)]
-        authority.judge(Judgement.GRANT, "A. Berg", 0.0, number=lease)
+        authority.judge(ControlJudgement.GRANT, "A. Berg", 0.0, number=lease)
         authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=math.pi), 0.0, sender)
         authority.on_rig(Achieved(speed=math.pi, torque=8000.0), 0.0)
         # The ramp makes up for no more than its longest step at a time.
@@ -209,7 +209,7 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
         assert "sliding: hold, rotating: release" in shown
         click(browser, "#abort-control")
         wait(browser, lambda: len(rig.calls) == 2)
-        assert rig.calls[1][1]["decision"] == Judgement.ABORT
+        assert rig.calls[1][1]["decision"] == ControlJudgement.ABORT
 
 
 def test_the_advice_is_shown_with_what_it_follows_from(browser):

@@ -13,7 +13,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import ReferenceField
+from mwd_surface.live.well_state import ReferenceFieldState
 from mwd_surface.trajectory.plan import Offset
 
 pytestmark = pytest.mark.slow(0.1)
@@ -131,7 +131,7 @@ def test_a_still_gyro_reads_zero_turns(browser):
 def test_the_datum_names_what_is_not_given_and_where_the_sensor_sits(browser):
     with rig_on(browser) as rig:
         well = dataclasses.replace(rig.list.well, sensor_to_bit=14.25)
-        field = ReferenceField(declination=0.02, source="typed in")
+        field = ReferenceFieldState(declination=0.02, source="typed in")
         rig.state.show(time.monotonic(), well=well, reference_given=field)
         rig.push()
         wait(browser, lambda: "sensor 14.25 m above bit" in text(browser, "#datum"))

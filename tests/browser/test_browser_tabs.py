@@ -21,7 +21,7 @@ from browser_page import (
     text,
     wait,
 )
-from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
+from mwd_surface.live.inputs import InputState, InputTable, Role, StampClock
 from mwd_surface.live.link_state import LOCKED, SEARCHING, LinkStatus
 
 pytestmark = pytest.mark.slow(0.1)
@@ -120,9 +120,9 @@ def test_the_system_tab_gives_rate_age_and_losses_of_each_stream(browser):
 def test_the_system_tab_gives_clock_offset_age_and_depth_of_each_input(browser):
     table = InputTable(
         (
-            InputState("sonde", Clock.TOOL, -0.25, 1.0, 0.125),
-            InputState("rig_floor", Clock.RIG, 1.5, 1.0, 0.5, Role.IN_FORCE, 1, 1234.5),
-            InputState("rig_wits", Clock.HOST, 0.0, 1.0, 0.5, Role.STANDBY, 3, 1222.5, "rig_floor is used"),
+            InputState("sonde", StampClock.TOOL, -0.25, 1.0, 0.125),
+            InputState("rig_floor", StampClock.RIG, 1.5, 1.0, 0.5, Role.IN_FORCE, 1, 1234.5),
+            InputState("rig_wits", StampClock.HOST, 0.0, 1.0, 0.5, Role.STANDBY, 3, 1222.5, "rig_floor is used"),
         ),
         "rig_floor",
         0.5,

@@ -8,16 +8,16 @@ import pytest
 
 from browser_page import rig_on, tab, text, wait
 from mwd_sensors.telemetry.log_channels import LogSample
-from mwd_sensors.telemetry.tool_limits import Battery, ExposureLimit, Part, ToolLimits
+from mwd_sensors.telemetry.tool_limits import BatteryLimits, ExposureLimit, ToolLimits, ToolPart
 from mwd_surface.logs.tool_health import HealthLedger
 
 pytestmark = pytest.mark.slow(0.1)
 S = 10**9
 T0 = 1_772_323_200 * S  # 2026-03-01
 LIMITS = ToolLimits(
-    battery=Battery(),
+    battery=BatteryLimits(),
     exposures={"temperature": ExposureLimit(((125.0, 10.0),))},
-    parts={"gamma": Part("GR-0093", "2025-01-15"), "battery": Part("BT-2211")},
+    parts={"gamma": ToolPart("GR-0093", "2025-01-15"), "battery": ToolPart("BT-2211")},
 )
 
 

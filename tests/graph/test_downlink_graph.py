@@ -12,7 +12,7 @@ import pytest
 import running_graph
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.telemetry import tool_configuration
-from mwd_sensors.telemetry.downlink import COMMANDS, Frame, frame_of
+from mwd_sensors.telemetry.downlink import COMMANDS, DownlinkFrame, frame_of
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.downlink.machine import DownlinkState
 from mwd_surface.runs import launch_plan
@@ -143,7 +143,7 @@ def test_the_rig_went_down_to_the_lowest_level_and_came_back(run):
 def test_the_receiver_reads_on_by_the_new_pulse_width(run):
     confirmed = next(message for message in run["DownlinkState"] if message.state == DownlinkState.CONFIRMED)
     echoes = [word for word in run["LinkWord"] if word.name == "DLnk" and word.raw and word.revision]
-    told = [word for word in echoes if frame_of(word.raw) == Frame(confirmed.counter, PULSE_WIDTH, 1)]
+    told = [word for word in echoes if frame_of(word.raw) == DownlinkFrame(confirmed.counter, PULSE_WIDTH, 1)]
     # The tool's table is proven before the command: the first words by the new width are believed at once.
     last = run["LinkWord"][run["LinkWord"].index(told[0]) :]
     last = sorted((word for word in last if word.revision and begin(word) >= begin(told[0])), key=begin)

@@ -12,7 +12,7 @@ import pytest
 import running_graph
 from mwd_sensors.core import gauge_burst
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -62,7 +62,7 @@ def run(tmp_path_factory):
     """Seven minutes of pressure played to receiver and surface within some seconds."""
     folder = tmp_path_factory.mktemp("link")
     (folder / "tool.yaml").write_text(tool_configuration.text(TOOL))
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0),))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0),))
     heard = link_run(channel, transmit(TOOL, ((20.0, 260.0),), 3), 260.0, 3)
     messages = [
         gauge_burst.encode(START_NS + k * 10**9, 0.01, heard.pressure_pa[100 * k : 100 * k + 100]) for k in range(260)

@@ -21,7 +21,7 @@ from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_sensors.core import wire
-from mwd_sensors.drivers.polled_line import Item, Master, Poll, PolledFrame, Unit, reply
+from mwd_sensors.drivers.polled_line import Master, Poll, PolledFrame, PolledLineUnit, ReplyItem, reply
 from mwd_surface.exports.export_csv import definitive_csv, raw_csv
 from mwd_surface.exports.export_las import las
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
@@ -197,7 +197,7 @@ def raw(text):
 def asked(values):
     """Numbers that a host reads on a polled line, in a frame with as many digits as usual ones have."""
     items = tuple(
-        Item(f"survey_{name}", "int32", step, unit=unit)
+        ReplyItem(f"survey_{name}", "int32", step, unit=unit)
         for name, step, unit in (
             ("depth", 0.01, ""),
             ("inclination", 0.01, "deg"),
@@ -209,7 +209,7 @@ def asked(values):
     )
     frame = PolledFrame(polls=(Poll(4, "", items),))
     host = Master(frame)
-    poll = Unit(frame).take(host.due(0.0))
+    poll = PolledLineUnit(frame).take(host.due(0.0))
     (got,) = host.take(reply(frame, poll, usable(values)), 0.0)
     names = ("md", "inclination", "azimuth", "tvd", "b_total", "dip")
     return {name: (got.values[item.quantity], 0.5 * item.line[1]) for name, item in zip(names, items, strict=True)}

@@ -47,7 +47,7 @@ def closed_loop(wanted, seed, silent_from=math.inf):
         command = controller.update(now, reading) if now > TAKES_OVER else None
         if command is not None:
             commands.append((now, command))
-            sonde.command(steering.Command(command.mode, 0.0, command.turn, command.valid_for))
+            sonde.command(steering.SteeringCommand(command.mode, 0.0, command.turn, command.valid_for))
         times.append(now)
         errors.append(error_deg(float(block["truth"]["gravity_toolface"][-1]), wanted))
         if now > silent_from + 10.0:

@@ -11,7 +11,7 @@ from toolface_hold import HoldSettings, Reading, ToolfaceHold
 
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_sensors.simulator.steering import HOLD, Command
+from mwd_sensors.simulator.steering import HOLD, SteeringCommand
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.runs.simulate import SimulatedTool
@@ -61,12 +61,14 @@ class LinkedRun:
         angle, sigma = float(row["gravity_toolface"][0]), float(row["sigma_gravity_toolface"][0])
         command = None
         if SLIDES_S < done <= SLIDES_S + 2.0:
-            command = Command(HOLD, valid_for=3.0)
+            command = SteeringCommand(HOLD, valid_for=3.0)
         elif done > SLIDES_S:
             reading = Reading(done, done, 0, angle, sigma, False) if math.isfinite(sigma) else None
             command = self.controller.update(done, reading)
         if command is not None:
-            self.sonde.command(Command(command.mode, turn=getattr(command, "turn", 0.0), valid_for=command.valid_for))
+            self.sonde.command(
+                SteeringCommand(command.mode, turn=getattr(command, "turn", 0.0), valid_for=command.valid_for)
+            )
         self.rows.append((done, float(block["truth"]["gravity_toolface"][-1]), angle, sigma))
 
 

@@ -31,7 +31,7 @@ class LastMagnetic:
     sigma: float
 
 
-class Stretch(NamedTuple):
+class OneFieldStretch(NamedTuple):
     """Properties shared by all samples of a stretch (a part of a block with one field model)."""
 
     start: int  #: index in the block of the first sample of the stretch
@@ -45,7 +45,7 @@ LAST_MAGNETIC = dtype_of(LastMagnetic)
 
 @compiled
 def write(
-    stretch: Stretch,
+    stretch: OneFieldStretch,
     last: LastMagnetic,
     samples: Samples,
     plain: Samples,
@@ -122,7 +122,7 @@ def _magnetic_toolface(
 
 @compiled
 def _write_attitude(
-    stretch: Stretch,
+    stretch: OneFieldStretch,
     last: LastMagnetic,
     sample: Sample,
     plain: AttitudeRow,

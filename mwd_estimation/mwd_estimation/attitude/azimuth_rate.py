@@ -18,9 +18,9 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     BINS,
     BinSums,
     Error,
-    Params,
+    GyroAzimuthParams,
+    GyroAzimuthState,
     PrecisionRates,
-    State,
 )
 from mwd_estimation.attitude.sample import Sample
 from mwd_estimation.core import ring
@@ -71,7 +71,7 @@ def _spin(sample: Sample) -> float:
 
 
 @compiled
-def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
+def add_sample(p: GyroAzimuthParams, s: GyroAzimuthState, sample: Sample, earth_north: float) -> None:
     """
     Add a sample of the conventional unit to the open bin and to the ring of samples.
 
@@ -109,15 +109,17 @@ def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
 
 
 @compiled
-def gyro_turn_at(s: State, at: int) -> float:
-    """Return `State.gyro_turn` interpolated at a time, ns, rad; before and after the stored samples it is constant."""
+def gyro_turn_at(s: GyroAzimuthState, at: int) -> float:
+    """Return `GyroAzimuthState.gyro_turn`, rad, interpolated at a time, ns; constant outside the stored samples."""
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].gyro_turn + share * s.recent.rows[later].gyro_turn
     return turn
 
 
 @compiled
-def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates, start: int) -> tuple[bool, int]:
+def precision_sums(
+    p: GyroAzimuthParams, s: GyroAzimuthState, sums: BinSums, precision: PrecisionRates, start: int
+) -> tuple[bool, int]:
     """
     Fill `s.precision_sums` for the bin of `sums`; return whether these sums can be used.
 

@@ -25,7 +25,7 @@ from mwd_estimation.attitude import (
     time_alignment,
     time_alignment_state,
 )
-from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, Stretch
+from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, OneFieldStretch
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce
 from mwd_estimation.attitude.gyro_azimuth_filter import GATE
 from mwd_estimation.attitude.gyro_azimuth_state import (
@@ -76,9 +76,9 @@ class AttitudeStream:
 
     def __init__(
         self,
-        alignment: time_alignment_state.Params,
-        interference: interference_state.Params,
-        azimuth: gyro_azimuth_state.Params,
+        alignment: time_alignment_state.TimeAlignmentParams,
+        interference: interference_state.InterferenceParams,
+        azimuth: gyro_azimuth_state.GyroAzimuthParams,
         errors: SensorErrors,
         latitude_deg: float | None,
     ) -> None:
@@ -242,10 +242,10 @@ class AttitudeStream:
         self.propagated = [PropagatedAzimuth(*row) for row in propagated.tolist()]
         return rows
 
-    def _stretch(self, block: Block, start: int, model: MagneticModelInForce) -> Stretch:
+    def _stretch(self, block: Block, start: int, model: MagneticModelInForce) -> OneFieldStretch:
         status = (0 if self._magnetic.has_reference else _NO_REFERENCE) | (_FAULT if block.unusable else 0)
         # If the magnetic azimuth contains wrong values of a sensor, write only azimuths propagated by the gyros.
-        return Stretch(start, model.north, status, block.contaminated or block.unusable & ACCEL != 0)
+        return OneFieldStretch(start, model.north, status, block.contaminated or block.unusable & ACCEL != 0)
 
     def _interference(
         self, events: list[BinEvent], magnetic: Samples, plain: Samples, before: tuple[float, float]

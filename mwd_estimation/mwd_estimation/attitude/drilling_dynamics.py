@@ -34,7 +34,7 @@ _LEAST_SPEED = 0.5  # rad/s; below this speed there is no stick-slip index
 _NONE = np.iinfo(np.int64).min
 
 
-class Params(NamedTuple):
+class DynamicsParams(NamedTuple):
     """Settings of the summary."""
 
     shock_threshold: float = 25.0 * STANDARD_GRAVITY  #: non-gravity acceleration that counts as a shock, m/s^2
@@ -58,7 +58,7 @@ class Slot:
     shocks: int  #: number of shocks that began in the slot
 
 
-class State:
+class DynamicsState:
     """State of the summary."""
 
     index: int  #: index of the open slot; _NONE before the first
@@ -72,7 +72,7 @@ class State:
     status: int  #: status bits of the last sample
 
 
-STATE = dtype_of(State)
+STATE = dtype_of(DynamicsState)
 
 
 def initial() -> Samples:
@@ -82,7 +82,7 @@ def initial() -> Samples:
     return state
 
 
-def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> Samples:
+def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samples) -> Samples:
     """
     Process a block of n samples.
 
@@ -110,7 +110,7 @@ def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> 
 
 
 @compiled
-def _open(s: State, index: int) -> None:
+def _open(s: DynamicsState, index: int) -> None:
     """Clear the sums of a new slot, and make it the open one."""
     slot, s.index = s.slots[index % SLOTS], index
     slot.index, slot.samples, slot.shocks = index, 0, 0
@@ -118,7 +118,7 @@ def _open(s: State, index: int) -> None:
 
 
 @compiled
-def _sticking(s: State, first: int, mean: float) -> float:
+def _sticking(s: DynamicsState, first: int, mean: float) -> float:
     """Return the share of slots from index `first` on with a speed below a tenth of `mean`, the mean speed, rad/s."""
     slots, sticking = 0, 0
     for slot in s.slots:
@@ -129,7 +129,7 @@ def _sticking(s: State, first: int, mean: float) -> float:
 
 
 @compiled
-def _summarise(s: State, row: Samples) -> None:
+def _summarise(s: DynamicsState, row: Samples) -> None:
     """Write the summary of the last PERIODS periods to one output sample; the period of the open slot is the last."""
     periods, count, shocks, least, most = 0, 0, 0, math.inf, -math.inf
     rate, axial2, lateral2, axial_peak2, lateral_peak2, whole_peak2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -170,7 +170,7 @@ def _summarise(s: State, row: Samples) -> None:
 
 
 @compiled
-def _count_shock(p: Params, s: State, stamp: int, whole2: float) -> None:
+def _count_shock(p: DynamicsParams, s: DynamicsState, stamp: int, whole2: float) -> None:
     """
     Count each excursion above the shock threshold once; samples in a row above it are one shock at any sample rate.
 
@@ -199,7 +199,7 @@ def _add(slot: Slot, rate: float, axial2: float, lateral2: float) -> None:
 
 
 @compiled
-def _run(p: Params, s: State, samples: Samples, attitude: Samples, out: Samples) -> int:
+def _run(p: DynamicsParams, s: DynamicsState, samples: Samples, attitude: Samples, out: Samples) -> int:
     """Fill `out` with the summaries of closed periods and return their number; arguments as in `run`."""
     closed = 0
     # End of the open slot, ns, computed once a slot: a division for each sample would cost more than its sums.

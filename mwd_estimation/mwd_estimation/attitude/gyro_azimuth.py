@@ -32,11 +32,11 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     PROPAGATED_AZIMUTH,
     AzimuthRow,
     Error,
+    GyroAzimuthParams,
+    GyroAzimuthState,
     MagneticAzimuth,
-    Params,
     PrecisionRates,
     PropagatedAzimuth,
-    State,
 )
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
@@ -46,7 +46,7 @@ _AIDED = int(Status.GYRO_AIDED)
 
 
 def run(
-    p: Params,
+    p: GyroAzimuthParams,
     state: Samples,
     samples: Samples,
     steps: Samples,
@@ -96,7 +96,7 @@ def propagated_azimuth(state: Samples) -> PropagatedAzimuth:
 
 
 @compiled
-def _write_propagated(s: State, row: Any) -> None:
+def _write_propagated(s: GyroAzimuthState, row: Any) -> None:
     if s.have_station:
         row.station_azimuth, row.station_constant_sigma = s.x[Error.STATION], s.station_constant_sigma
         row.station_sigma = math.sqrt(max(s.P[Error.STATION, Error.STATION], 0.0))
@@ -105,7 +105,7 @@ def _write_propagated(s: State, row: Any) -> None:
 
 
 @compiled
-def _find_sums(s: State, bin_index: int) -> int:
+def _find_sums(s: GyroAzimuthState, bin_index: int) -> int:
     """Return the index in `s.sums` of the sums of a bin; if the bin has no sums, an index with another bin's sums."""
     found = 0
     for j in range(BINS):
@@ -115,7 +115,9 @@ def _find_sums(s: State, bin_index: int) -> int:
 
 
 @compiled
-def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precision_used: int) -> tuple[bool, int]:
+def _step(
+    p: GyroAzimuthParams, s: GyroAzimuthState, step: BinEvent, precision: PrecisionRates, precision_used: int
+) -> tuple[bool, int]:
     """
     Propagate the azimuth through one closed bin.
 
@@ -150,7 +152,7 @@ def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precis
 
 
 @compiled
-def _take_magnetic(p: Params, s: State, measured: MagneticAzimuth) -> None:
+def _take_magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: MagneticAzimuth) -> None:
     """Update the filter with a magnetic azimuth of the last bin, propagated to the end of the bin."""
     sigma = measured.sigma_slow + measured.sigma_held + measured.sigma_noise + measured.sigma_constant
     if math.isfinite(measured.azimuth + sigma) and sigma > 0.0:
@@ -159,7 +161,7 @@ def _take_magnetic(p: Params, s: State, measured: MagneticAzimuth) -> None:
 
 
 @compiled
-def _correct(p: Params, s: State, step: BinEvent, propagated: Any, has_azimuth: bool) -> None:
+def _correct(p: GyroAzimuthParams, s: GyroAzimuthState, step: BinEvent, propagated: Any, has_azimuth: bool) -> None:
     """Apply a north seek and a station at the end of a bin; `propagated` holds the azimuths before the station."""
     if has_azimuth and math.isfinite(step.seek_azimuth) and step.seek_sigma > 0.0:
         kalman_filter.seek(p, s, step.seek_azimuth, step.seek_sigma)
@@ -169,7 +171,7 @@ def _correct(p: Params, s: State, step: BinEvent, propagated: Any, has_azimuth: 
 
 
 @compiled
-def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -> None:
+def _write(p: GyroAzimuthParams, s: GyroAzimuthState, sigma: float, across2: float, row: AzimuthRow) -> None:
     """Write the azimuth of a sample; sigma: of the filter's azimuth, rad; across2: squared sine of the inclination."""
     row.status = np.uint32(0)
     if not s.have_azimuth or not across2 >= p.vertical_sin2:
@@ -189,8 +191,8 @@ def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -
 
 @compiled
 def _run(
-    p: Params,
-    s: State,
+    p: GyroAzimuthParams,
+    s: GyroAzimuthState,
     samples: Samples,
     steps: Samples,
     magnetic: Samples,

@@ -18,9 +18,9 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     STATES,
     BinSums,
     Error,
+    GyroAzimuthParams,
+    GyroAzimuthState,
     MagneticAzimuth,
-    Params,
-    State,
 )
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.bounded.bias_step import BIAS_STEP
@@ -50,7 +50,7 @@ _DISTURBED = int(Status.MAG_DISTURBED)
 
 
 @compiled
-def begin(p: Params, s: State) -> None:
+def begin(p: GyroAzimuthParams, s: GyroAzimuthState) -> None:
     """Restart the filter; keep the estimated leakage, because it does not depend on the azimuth."""
     for i in range(STATES):
         known = Error.LEAKAGE <= i < Error.DRIFT and s.P[i, i] > 0.0
@@ -73,7 +73,7 @@ def begin(p: Params, s: State) -> None:
 
 
 @compiled
-def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
+def _update(s: GyroAzimuthState, ph: Array, innovation: float, variance: float) -> None:
     """
     Update the states with one measured number; the station's azimuth has no gain.
 
@@ -87,7 +87,7 @@ def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
 
 
 @compiled
-def correct(s: State, azimuth: float, slow: float, constant: float, variance: float, extra: float) -> bool:
+def correct(s: GyroAzimuthState, azimuth: float, slow: float, constant: float, variance: float, extra: float) -> bool:
     """
     Update with an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
 
@@ -106,14 +106,14 @@ def correct(s: State, azimuth: float, slow: float, constant: float, variance: fl
 
 
 @compiled
-def _innovation(s: State, azimuth: float, slow: float, constant: float) -> float:
+def _innovation(s: GyroAzimuthState, azimuth: float, slow: float, constant: float) -> float:
     """Return the azimuth minus the predicted one, rad in [-pi, pi)."""
     x = s.x
     return wrap_angle(azimuth - x[Error.AZIMUTH] - slow * x[Error.SLOW_ERROR] - constant * x[Error.CONSTANT_ERROR])
 
 
 @compiled
-def fade_slow_error(s: State, share: float) -> None:
+def fade_slow_error(s: GyroAzimuthState, share: float) -> None:
     """Replace part of the slow magnetic error by a new, independent error; share: part that is kept, 0 to 1."""
     s.x[Error.SLOW_ERROR] *= share
     for j in range(STATES):
@@ -124,14 +124,14 @@ def fade_slow_error(s: State, share: float) -> None:
 
 
 @compiled
-def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
+def propagate(p: GyroAzimuthParams, s: GyroAzimuthState, sums: BinSums, unit: int) -> None:
     """
     Propagate the azimuth and the station's azimuth through one bin with the sums of one unit.
 
     azimuth += turn - bias . across - leakage . leakage sums - lag * lag sum - drift time - earth_down time
                + earth_north cos(azimuth) earth,
-    with the names of `BinSums` and `Params`. It is the integral over the bin of the azimuth rate of the hole axis,
-    (w - w_ie) . (d - (d.x) x) / sin^2(I).
+    with the names of `BinSums` and `GyroAzimuthParams`. It is the integral over the bin of the azimuth rate of the hole
+    axis, (w - w_ie) . (d - (d.x) x) / sin^2(I).
     """
     slopes, rows = np.zeros((2, STATES)), np.zeros((2, STATES))
     turn = sums.turn - p.earth_down * sums.time
@@ -172,7 +172,7 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
 
 
 @compiled
-def open_bias(s: State, sums: BinSums) -> None:
+def open_bias(s: GyroAzimuthState, sums: BinSums) -> None:
     """
     Increase the bias variances of the conventional unit if the gravity estimate found a step of the biases in this bin.
 
@@ -193,7 +193,7 @@ def open_bias(s: State, sums: BinSums) -> None:
 
 
 @compiled
-def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
+def estimate_leakage(p: GyroAzimuthParams, s: GyroAzimuthState, sums: BinSums, unit: int) -> None:
     """
     Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool rotated.
 
@@ -217,7 +217,7 @@ def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
 
 
 @compiled
-def _follow_innovations(p: Params, s: State, dt: float) -> None:
+def _follow_innovations(p: GyroAzimuthParams, s: GyroAzimuthState, dt: float) -> None:
     """
     Update the mean innovation of good magnetic azimuths; increase the bias variances if the mean is too large.
 
@@ -232,7 +232,7 @@ def _follow_innovations(p: Params, s: State, dt: float) -> None:
 
 
 @compiled
-def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
+def _scale_of_slow_error(s: GyroAzimuthState, measured: MagneticAzimuth) -> float:
     """Return the factor of the state SLOW_ERROR in a magnetic azimuth, rad; rescale the state if sigma has changed."""
     slow = measured.sigma_slow
     kept = s.have_azimuth and s.slow_sigma > 0.0 and slow > 0.0
@@ -249,7 +249,9 @@ def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
 
 
 @compiled
-def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: float, variance: float) -> None:
+def _first_azimuth(
+    p: GyroAzimuthParams, s: GyroAzimuthState, azimuth: float, slow: float, constant: float, variance: float
+) -> None:
     """
     Start the filter at a magnetic azimuth; the error of the state is minus the errors of this magnetic azimuth.
 
@@ -264,7 +266,7 @@ def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: f
 
 
 @compiled
-def _doubt(s: State, innovation: float) -> float:
+def _doubt(s: GyroAzimuthState, innovation: float) -> float:
     """
     Return the variance, rad^2, to add to the azimuth because a good magnetic azimuth differs by `innovation`, rad.
 
@@ -277,13 +279,13 @@ def _doubt(s: State, innovation: float) -> float:
 
 
 @compiled
-def azimuth_sigma(s: State) -> float:
+def azimuth_sigma(s: GyroAzimuthState) -> float:
     """Return 1 sigma of the azimuth, rad."""
     return math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH] + s.doubt, 0.0))
 
 
 @compiled
-def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> None:
+def magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: MagneticAzimuth, azimuth: float) -> None:
     """Process a magnetic azimuth; azimuth is `measured.azimuth` propagated to the end of the bin, rad."""
     held, white, constant = measured.sigma_held, measured.sigma_noise, measured.sigma_constant
     variance, extra = held * held + white * white, held * held * (p.held_repeats - 1.0)
@@ -331,7 +333,7 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
 
 
 @compiled
-def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
+def seek(p: GyroAzimuthParams, s: GyroAzimuthState, azimuth: float, sigma: float) -> None:
     """
     Process the azimuth of a north seek and its 1 sigma, rad; if it disagrees, the azimuth restarts from it.
 
@@ -356,7 +358,7 @@ def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
 
 
 @compiled
-def station(s: State, accepted: StationAzimuth) -> None:
+def station(s: GyroAzimuthState, accepted: StationAzimuth) -> None:
     """
     Begin to propagate the azimuth of an accepted station.
 

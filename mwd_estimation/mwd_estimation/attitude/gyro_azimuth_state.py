@@ -25,9 +25,9 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RA
 from mwd_sensors.core.records import dtype_of
 
 
-class ErrorOrder(NamedTuple):
+class GyroAzimuthErrors(NamedTuple):
     """
-    Index of the first entry of each quantity in `State.x` and `State.P`; there are STATES entries.
+    Index of the first entry of each quantity in x and P of `GyroAzimuthState`; there are STATES entries.
 
     BIAS and LEAKAGE have y and z of unit 0, then of unit 1; DRIFT and LAG have one entry for each unit.
     """
@@ -42,7 +42,7 @@ class ErrorOrder(NamedTuple):
     LAG: int = 14
 
 
-Error = ErrorOrder()
+Error = GyroAzimuthErrors()
 STATES = 16
 BINS = 4  # bins whose sums are kept: the open one, those waiting for other streams, and one spare
 # Number of samples kept for pairing with other streams: 1.6 s at 5 kHz. They take most of the 1.4 MB of a state.
@@ -88,7 +88,7 @@ def gyro_unit(
     )
 
 
-class Params(NamedTuple):
+class GyroAzimuthParams(NamedTuple):
     """Settings of the gyro-propagated azimuth."""
 
     #: Conventional unit, then precision unit; the defaults are an MTi-1 and a tactical MEMS unit.
@@ -102,7 +102,7 @@ class Params(NamedTuple):
     earth_north: float = 0.0
     earth_down: float = 0.0
     #: Number of magnetic azimuths that share the error of the vertical: those within twice its correlation time.
-    held_repeats: float = 2.0 * _HELD_S / (time_alignment_state.Params().interval_ns * 1e-9)
+    held_repeats: float = 2.0 * _HELD_S / (time_alignment_state.TimeAlignmentParams().interval_ns * 1e-9)
     slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth, s
     reset_time_s: float = 60.0  #: time of rejecting good magnetic azimuths after which the next one is accepted, s
     mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth above which the azimuth is called gyro-aided, s
@@ -112,7 +112,7 @@ class Params(NamedTuple):
     max_sigma: float = math.radians(45.0)  #: an azimuth with a larger sigma is not published, rad
 
 
-def at_latitude(params: Params, latitude_deg: float | None) -> Params:
+def at_latitude(params: GyroAzimuthParams, latitude_deg: float | None) -> GyroAzimuthParams:
     """Return the settings with the Earth's rotation at a latitude; if it is None, the rotation counts as drift."""
     if latitude_deg is None:
         drifting = tuple(unit._replace(drift=math.hypot(unit.drift, EARTH_RATE)) for unit in params.units)
@@ -132,7 +132,7 @@ class BinSums:
     noise: float  #: integral of 1 / across^2, s
     tilt: float  #: integral of the squared error of the azimuth rate from 1 sigma of tilt of the vertical, rad^2/s
     gap: float  #: duration of data gaps, s
-    gyro_turn: float  #: `State.gyro_turn` at the end of the bin, rad
+    gyro_turn: float  #: `GyroAzimuthState.gyro_turn` at the end of the bin, rad
     vertical: bool  #: whether the hole was vertical in the bin
     leakage: Annotated[Array, 2]  #: integral of w_x d_y and w_x d_z over across^2, rad: rotation per leakage
     spin: float  #: integral of w_x, rad
@@ -147,7 +147,7 @@ class GyroRing(Ring):
     rows: Annotated[MutableSequence[Sample], RING]
 
 
-class State:
+class GyroAzimuthState:
     """State of the gyro-propagated azimuth."""
 
     #: `last_ns`, `bins_opened`: stamp of the last sample, ns, and number of bins opened since the start.
@@ -238,7 +238,7 @@ class PrecisionRates(NamedTuple):
     rate_t: Array
 
 
-STATE, BIN_SUMS = dtype_of(State), dtype_of(BinSums)
+STATE, BIN_SUMS = dtype_of(GyroAzimuthState), dtype_of(BinSums)
 MAGNETIC_AZIMUTH, BIN_EVENT = dtype_of(MagneticAzimuth), dtype_of(BinEvent)
 PROPAGATED_AZIMUTH, AZIMUTH_ROW = dtype_of(PropagatedAzimuth), dtype_of(AzimuthRow)
 

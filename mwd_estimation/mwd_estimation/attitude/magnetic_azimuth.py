@@ -61,7 +61,7 @@ class MagneticAzimuths:
         Set to True to withdraw the earlier azimuths; the next one then restarts the propagated azimuth.
     """
 
-    def __init__(self, params: interference_state.Params, errors: SensorErrors) -> None:
+    def __init__(self, params: interference_state.InterferenceParams, errors: SensorErrors) -> None:
         self._params, self._errors = params, errors
         self.withdrawn = self._new_start = False
         self.set_reference(None)

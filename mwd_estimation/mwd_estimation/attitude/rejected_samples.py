@@ -33,13 +33,13 @@ _MAX_DISTANCE_NS = 100_000_000  # largest distance from the last used sample, ns
 _MEMORY_NS = 1_000_000_000  # averaging time of the usual change of a rate, ns, limited by the samples kept
 
 
-class State(ring.Ring):
+class RejectedState(ring.Ring):
     """Ring buffer of the last used samples."""
 
     rows: Annotated[MutableSequence[Sample], _RING]
 
 
-STATE = dtype_of(State)
+STATE = dtype_of(RejectedState)
 
 
 def initial() -> Samples:
@@ -64,7 +64,7 @@ def run(state: Samples, samples: Samples) -> None:
 
 
 @compiled
-def _keep(s: State, sample: Sample) -> None:
+def _keep(s: RejectedState, sample: Sample) -> None:
     """Store a used sample; if it follows a data gap, drop the earlier ones."""
     if sample.status & _GAP != 0:
         s.length = 0
@@ -72,7 +72,7 @@ def _keep(s: State, sample: Sample) -> None:
 
 
 @compiled
-def _changes(s: State, near: int) -> tuple[float, float]:
+def _changes(s: RejectedState, near: int) -> tuple[float, float]:
     """
     Return the squared angular accelerations along and across the axis, (rad/s^2)^2; NaN if unknown.
 
@@ -102,7 +102,7 @@ def _changes(s: State, near: int) -> tuple[float, float]:
 
 
 @compiled
-def _nearest(s: State, stamp: int) -> tuple[int, float]:
+def _nearest(s: RejectedState, stamp: int) -> tuple[int, float]:
     """
     Return the ring index of the used sample to propagate from, and the step before this sample, s.
 
@@ -116,7 +116,7 @@ def _nearest(s: State, stamp: int) -> tuple[int, float]:
 
 
 @compiled
-def _propagate(s: State, sample: Sample) -> None:
+def _propagate(s: RejectedState, sample: Sample) -> None:
     """Rotate gravity to the stamp of a rejected sample; if impossible, mark its toolface as unknown."""
     sample.rate_x, down = math.nan, sample.down
     if not math.isfinite(down[0] + down[1] + down[2]):
@@ -153,7 +153,7 @@ def _propagate(s: State, sample: Sample) -> None:
 
 
 @compiled
-def _run(s: State, samples: Samples) -> None:
+def _run(s: RejectedState, samples: Samples) -> None:
     for i in range(len(samples)):
         if samples[i].status & _REJECTED == 0:
             _keep(s, samples[i])

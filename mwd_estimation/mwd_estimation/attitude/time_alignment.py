@@ -22,8 +22,8 @@ from mwd_estimation.attitude.time_alignment_state import (
     FieldModel,
     MagBlock,
     Pair,
-    Params,
-    State,
+    TimeAlignmentParams,
+    TimeAlignmentState,
 )
 from mwd_estimation.core import ring
 from mwd_estimation.core.magnetic_geometry import raw_azimuth_sample
@@ -46,7 +46,9 @@ def restart_smoothing(state: Samples) -> None:
     state["restart"] = True
 
 
-def run(p: Params, state: Samples, model: FieldModel, samples: Samples, mag: MagBlock) -> tuple[Samples, Samples, int]:
+def run(
+    p: TimeAlignmentParams, state: Samples, model: FieldModel, samples: Samples, mag: MagBlock
+) -> tuple[Samples, Samples, int]:
     """
     Compute the attitude of a block of samples.
 
@@ -85,7 +87,7 @@ def _wrap(angle: float) -> float:
 
 
 @compiled
-def _turn_at(s: State, at: int) -> float:
+def _turn_at(s: TimeAlignmentState, at: int) -> float:
     """Return the rotation about the axis at a time, ns, in rad."""
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].turn + share * s.recent.rows[later].turn
@@ -93,7 +95,7 @@ def _turn_at(s: State, at: int) -> float:
 
 
 @compiled
-def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
+def _gravity_at(s: TimeAlignmentState, at: int, down: Array) -> tuple[float, float]:
     """Fill the vector down at a time, ns, shape (3,), not normalised; return its length and the axial rotation, rad."""
     earlier, later, share = ring.around(s.recent, at)
     first, second = s.recent.rows[earlier], s.recent.rows[later]
@@ -111,7 +113,7 @@ def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
 
 
 @compiled
-def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bool:
+def _take_mag(p: TimeAlignmentParams, s: TimeAlignmentState, model: FieldModel, at: int, pair: Pair) -> bool:
     """
     Pair one magnetic sample with gravity at its stamp, and update the smoothed azimuth and magnetic toolface.
 
@@ -141,7 +143,7 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
 
 
 @compiled
-def _smooth(p: Params, s: State, at: int, pair: Pair, toolface: float) -> None:
+def _smooth(p: TimeAlignmentParams, s: TimeAlignmentState, at: int, pair: Pair, toolface: float) -> None:
     """
     Update the smoothed azimuth, toolface and tilt sigma with a pair.
 
@@ -161,7 +163,9 @@ def _smooth(p: Params, s: State, at: int, pair: Pair, toolface: float) -> None:
 
 
 @compiled
-def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosine: float, tilt: float) -> float:
+def _sigma_azimuth(
+    model: FieldModel, s: TimeAlignmentState, axial: float, sine: float, cosine: float, tilt: float
+) -> float:
     """
     Return 1 sigma of a magnetic azimuth, rad, from interference, tilt (in the vertical field) and north correction.
 
@@ -179,7 +183,7 @@ def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosin
 
 
 @compiled
-def _turned(s: State, tilt: float) -> float:
+def _turned(s: TimeAlignmentState, tilt: float) -> float:
     """
     Return the variance, rad^2, of the rotation of the horizontal field that a tilt, rad, causes.
 
@@ -192,7 +196,7 @@ def _turned(s: State, tilt: float) -> float:
 
 
 @compiled
-def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
+def _sigma_magnetic_toolface(model: FieldModel, s: TimeAlignmentState, tilt: float) -> float:
     """Return 1 sigma of the magnetic toolface, rad: as of the azimuth, but without its tilt term near the vertical."""
     turned = _turned(s, tilt) if s.horizontal > 0.0 else 1.0
     if turned >= 1.0:
@@ -202,7 +206,7 @@ def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
 
 
 @compiled
-def _keep(s: State, sample: Sample) -> None:
+def _keep(s: TimeAlignmentState, sample: Sample) -> None:
     """Store a sample with known gravity if its stamp advances, and integrate the rotation about the axis."""
     step = (sample.stamp_ns - s.last_ns) * 1e-9
     if s.recent.length > 0 and step <= 0.0:
@@ -214,7 +218,7 @@ def _keep(s: State, sample: Sample) -> None:
 
 
 @compiled
-def _hand_on(s: State, model: FieldModel, at: int, pair: Pair) -> None:
+def _hand_on(s: TimeAlignmentState, model: FieldModel, at: int, pair: Pair) -> None:
     """Complete a selected pair with its stamp and the sigma of its azimuth."""
     cosine = pair.g_t[0]
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
@@ -224,7 +228,7 @@ def _hand_on(s: State, model: FieldModel, at: int, pair: Pair) -> None:
 
 
 @compiled
-def _follow_vertical(p: Params, s: State, inclination: float) -> None:
+def _follow_vertical(p: TimeAlignmentParams, s: TimeAlignmentState, inclination: float) -> None:
     from_vertical = min(inclination, math.pi - inclination)
     if not s.near_vertical and from_vertical < p.vertical_enter:
         s.near_vertical = True
@@ -233,7 +237,14 @@ def _follow_vertical(p: Params, s: State, inclination: float) -> None:
 
 
 @compiled
-def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: float, row: AttitudeRow) -> None:
+def _write(
+    p: TimeAlignmentParams,
+    s: TimeAlignmentState,
+    model: FieldModel,
+    sample: Sample,
+    across_axis: float,
+    row: AttitudeRow,
+) -> None:
     """Write the row of a sample; across_axis: axial interference across the azimuth in a horizontal hole, T."""
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
@@ -277,7 +288,13 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
 
 @compiled
 def _run(
-    p: Params, s: State, model: FieldModel, samples: Samples, mag: MagBlock, rows: Samples, pairs: Samples
+    p: TimeAlignmentParams,
+    s: TimeAlignmentState,
+    model: FieldModel,
+    samples: Samples,
+    mag: MagBlock,
+    rows: Samples,
+    pairs: Samples,
 ) -> tuple[int, int]:
     """Fill `rows` and `pairs`; return the numbers of magnetic samples used and of pairs; arguments as in `run`."""
     used, handed_on = 0, 0

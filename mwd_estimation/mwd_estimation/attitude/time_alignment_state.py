@@ -17,7 +17,7 @@ from mwd_sensors.core.records import dtype_of
 RING = 1024  # number of gravity samples kept for pairing: 0.2 s at 5 kHz
 
 
-class Params(NamedTuple):
+class TimeAlignmentParams(NamedTuple):
     """Settings of the time alignment."""
 
     mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity, ns
@@ -49,7 +49,7 @@ class GravityRing(Ring):
     rows: Annotated[MutableSequence[Sample], RING]
 
 
-class State:
+class TimeAlignmentState:
     """State of the time alignment."""
 
     recent: GravityRing  #: last samples with known gravity
@@ -118,7 +118,7 @@ class MagBlock(NamedTuple):
     b_t: Array
 
 
-STATE, ATTITUDE_ROW, PAIR = dtype_of(State), dtype_of(AttitudeRow), dtype_of(Pair)
+STATE, ATTITUDE_ROW, PAIR = dtype_of(TimeAlignmentState), dtype_of(AttitudeRow), dtype_of(Pair)
 
 
 def initial() -> Samples:

@@ -27,14 +27,14 @@ MEMORY = 300.0  # time constant with which the longest cycle decays while the st
 _ROTATING, _REJECTED, _UNSETTLED = int(Status.ROTATING), int(Status.REJECTED), int(Status.TOOLFACE_UNSETTLED)
 
 
-class Params(NamedTuple):
+class DwellParams(NamedTuple):
     """Settings of the decision."""
 
     dwell: float = 5.0  #: smallest time without rotation before a toolface can be used, s
     cycles: float = 1.5  #: smallest time without rotation, as a multiple of the longest recent stick-slip cycle
 
 
-class Record:
+class DwellRecord:
     """State that is carried from one block of samples to the next."""
 
     last_ns: int  #: stamp of the last sample used, ns; 0 before the first
@@ -46,10 +46,10 @@ class Record:
     longest: float  #: longest recent stick-slip cycle, s
 
 
-RECORD = dtype_of(Record)
+RECORD = dtype_of(DwellRecord)
 
 
-def run(params: Params, state: Samples, stamps: Stamps, track: Track) -> None:
+def run(params: DwellParams, state: Samples, stamps: Stamps, track: Track) -> None:
     """
     Set the status bit TOOLFACE_UNSETTLED in a track of n samples, in place.
 
@@ -67,7 +67,7 @@ def run(params: Params, state: Samples, stamps: Stamps, track: Track) -> None:
 
 
 @compiled
-def _run(p: Params, s: Record, stamps: Stamps, rotary_speed: Array, status: NDArray[Any]) -> None:
+def _run(p: DwellParams, s: DwellRecord, stamps: Stamps, rotary_speed: Array, status: NDArray[Any]) -> None:
     for i in range(len(stamps)):
         if status[i] & _REJECTED == 0 and stamps[i] > s.last_ns:
             _follow(s, stamps[i], abs(rotary_speed[i]), status[i] & _ROTATING != 0)
@@ -77,7 +77,7 @@ def _run(p: Params, s: Record, stamps: Stamps, rotary_speed: Array, status: NDAr
 
 
 @compiled
-def _follow(s: Record, stamp: int, speed: float, turning: bool) -> None:
+def _follow(s: DwellRecord, stamp: int, speed: float, turning: bool) -> None:
     """Follow rotation and pauses over one sample; speed in rad/s."""
     if turning and not s.turning:
         s.cycle = (stamp - s.begun_ns) * 1e-9 if s.turned_ns != 0 else 0.0

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
-from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, FaultUnit, SensorFault
 from mwd_sensors.core.mount import PRESETS
 
 # Units other than SI that a sensor may send, in the order of their numbers.
@@ -73,13 +73,15 @@ def _few(fault: SensorFault) -> tuple[int, ...]:
 
 
 def _sensors(fault: SensorFault) -> str:
-    if fault.code == FaultCode.STAMPS or (fault.code == FaultCode.SILENT and fault.unit != Unit.CONVENTIONAL):
-        return "gyro/accelerometer" if fault.unit == Unit.CONVENTIONAL else "precision unit"
+    if fault.code == FaultCode.STAMPS or (fault.code == FaultCode.SILENT and fault.unit != FaultUnit.CONVENTIONAL):
+        return "gyro/accelerometer" if fault.unit == FaultUnit.CONVENTIONAL else "precision unit"
     names = [SENSORS[s] for s in fault.sensors]
     if fault.code == FaultCode.FRAME and not any(_few(fault)):
         names = list(SENSORS[1:])
     precise = [f"precision {sensor}" for sensor in names]
-    return "/".join({Unit.CONVENTIONAL: names, Unit.PRECISION: precise, Unit.EITHER: names + precise}[fault.unit])
+    return "/".join(
+        {FaultUnit.CONVENTIONAL: names, FaultUnit.PRECISION: precise, FaultUnit.EITHER: names + precise}[fault.unit]
+    )
 
 
 def _axis(fault: SensorFault) -> str:
@@ -97,7 +99,7 @@ def _confidence(fault: SensorFault) -> float:
     sure = (0.8 if fault.code == FaultCode.FRAME else 0.95) / count if count else _DESCRIPTIONS[fault.code].confidence
     if fault.code == FaultCode.SIGN:
         sure /= len(fault.sensors)
-    return 0.5 * sure if fault.unit == Unit.EITHER else sure
+    return 0.5 * sure if fault.unit == FaultUnit.EITHER else sure
 
 
 def _stuck(fault: SensorFault, sensor: str) -> tuple[str, str]:
@@ -106,7 +108,9 @@ def _stuck(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 
 def _of(fault: SensorFault) -> str:
-    return {Unit.CONVENTIONAL: "", Unit.PRECISION: "precision ", Unit.EITHER: "one of the two units: "}[fault.unit]
+    return {FaultUnit.CONVENTIONAL: "", FaultUnit.PRECISION: "precision ", FaultUnit.EITHER: "one of the two units: "}[
+        fault.unit
+    ]
 
 
 def _not_provided(fault: SensorFault, sensor: str) -> tuple[str, str]:
@@ -145,7 +149,7 @@ def _unit(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 
 def _silent(fault: SensorFault, sensor: str) -> tuple[str, str]:
-    return f"{sensor if fault.unit == Unit.CONVENTIONAL else 'precision unit'} no longer sends samples", _CABLE
+    return f"{sensor if fault.unit == FaultUnit.CONVENTIONAL else 'precision unit'} no longer sends samples", _CABLE
 
 
 def _rate(fault: SensorFault, _: str) -> tuple[str, str]:

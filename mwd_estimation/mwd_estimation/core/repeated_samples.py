@@ -39,7 +39,7 @@ _BACK_NS = 2_000_000_000
 _MIX = -7046029254386353131  # 2^64 divided by the golden ratio, as a signed number
 
 
-class State:
+class RepeatedState:
     """Hashes of the last messages of a topic, in a table with a chain for each bucket."""
 
     count: int  #: number of messages so far
@@ -56,7 +56,7 @@ class State:
     thirds: int  #: number of the last WATCHED messages that are the third one, or a later one, with the same readings
 
 
-STATE = dtype_of(State)
+STATE = dtype_of(RepeatedState)
 
 
 class RepeatedSamples:
@@ -129,7 +129,7 @@ def _numbers(samples: Samples) -> Array:
 
 
 @compiled
-def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
+def _judge(s: RepeatedState, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
     """Fill `kind`, shape (n,), with _FRESH, _COPY or _SUSPECT for each sample; numbers: readings, shape (n, k)."""
     bits = numbers.view(np.int64)
     for k in range(len(bits)):
@@ -173,7 +173,7 @@ def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDAr
 
 
 @compiled
-def _forget(s: State) -> None:
+def _forget(s: RepeatedState) -> None:
     """Forget all messages; keep the verdict on the topic."""
     s.count = s.suspected = s.seconds = s.thirds = 0
     s.newest[:] = 0

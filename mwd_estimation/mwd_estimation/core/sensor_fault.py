@@ -16,7 +16,7 @@ GYRO, ACCEL, MAG, PRECISION = 1, 2, 4, 8
 SENSORS = ("gyro", "accelerometer", "magnetometer")
 
 
-class Unit(enum.IntEnum):
+class FaultUnit(enum.IntEnum):
     """Unit that a fault belongs to; EITHER: one of the two units is faulty, but it is unknown which one."""
 
     CONVENTIONAL = 0
@@ -75,7 +75,7 @@ class SensorFault:
     """A sensor fault, or the end of one."""
 
     code: FaultCode
-    unit: Unit
+    unit: FaultUnit
     place: int  #: row of the check: three times the sensor (0 gyro, 1 accelerometer, 2 magnetometer), plus the axis
     #: `value`, `limit`: value found, and limit for a healthy sensor, in SI units; checks that count samples use the
     #: share of the samples, 0 to 1.
@@ -100,7 +100,7 @@ class SensorFault:
     @property
     def check(self) -> int:
         """Number of the check; a fault keeps it when it is narrowed down or cleared."""
-        return 1000 * int(self.unit != Unit.CONVENTIONAL) + 9 * int(self.code) + self.place
+        return 1000 * int(self.unit != FaultUnit.CONVENTIONAL) + 9 * int(self.code) + self.place
 
     @property
     def mappings(self) -> tuple[int, int, int]:

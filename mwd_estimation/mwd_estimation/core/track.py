@@ -39,7 +39,7 @@ _STILL, _SLIDING, _ROTATING = int(Status.STILL), int(Status.SLIDING), int(Status
 _NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
 
 
-class Clock:
+class TrackClock:
     """Stamps of the samples admitted so far; zeros before the first."""
 
     last_ns: int  #: stamp of the last admitted sample, ns
@@ -50,7 +50,7 @@ class Clock:
     backward_count: int
 
 
-class Motion:
+class TrackMotion:
     """Rotary speed and decaying peaks; zeros before the first sample."""
 
     rotary_speed: float  #: low-passed rate about the tool axis, rad/s
@@ -60,7 +60,7 @@ class Motion:
     peak_force: float
 
 
-CLOCK, MOTION = dtype_of(Clock), dtype_of(Motion)
+CLOCK, MOTION = dtype_of(TrackClock), dtype_of(TrackMotion)
 
 
 @compiled
@@ -121,11 +121,11 @@ def sample_arrays(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) ->
 
 
 @compiled
-def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
+def admit(clock: TrackClock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
     """
     Check one sample, update the clock, and return FIRST, NEXT, AFTER_GAP or REJECTED.
 
-    clock : record of `Clock`; stamp, gap_ns : ns; w, f, shape (3,) : rate, rad/s, and force, m/s^2.
+    clock : record of `TrackClock`; stamp, gap_ns : ns; w, f, shape (3,) : rate, rad/s, and force, m/s^2.
 
     A sample without force on any axis is rejected, because a real accelerometer shows gravity or at least noise. A
     stamp that does not advance is rejected too. But if more than BACKWARD_LIMIT stamps advance after a jump back, the
@@ -155,7 +155,7 @@ def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
 
 @compiled
 def take(
-    clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int, gyro_range: float, accel_range: float
+    clock: TrackClock, stamp: int, w: Vector, f: Vector, gap_ns: int, gyro_range: float, accel_range: float
 ) -> tuple[int, float, int]:
     """
     Check one sample for any gravity method, and return its step in time and its status bits.
@@ -182,7 +182,7 @@ def take(
 
 
 @compiled
-def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> int:
+def follow_motion(motion: TrackMotion, dt: float, w: Vector, non_gravity: float) -> int:
     """
     Update rotary speed and peaks with one sample; return STILL, SLIDING or ROTATING of `Status`.
 
@@ -202,7 +202,7 @@ def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> i
 
 
 @compiled
-def write_row(out: Track, i: int, across: float, sigma: float, motion: Motion, bits: int) -> None:
+def write_row(out: Track, i: int, across: float, sigma: float, motion: TrackMotion, bits: int) -> None:
     """
     Fill row i of all columns except `g_t` and `gyro_step`.
 

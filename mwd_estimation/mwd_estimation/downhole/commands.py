@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.telemetry import tool_commands
-from mwd_sensors.telemetry.downlink import HEAD, LEVELS, TAIL, Downlink, Frame, decode
+from mwd_sensors.telemetry.downlink import HEAD, LEVELS, TAIL, Downlink, DownlinkFrame, decode
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 
@@ -91,7 +91,7 @@ _GAP = 10
 class ReceivedCommand(NamedTuple):
     """A command, and the stamp of its end, ns."""
 
-    frame: Frame
+    frame: DownlinkFrame
     stamp_ns: int
 
 

@@ -19,7 +19,7 @@ from mwd_sensors.telemetry import meanings
 _NORTH = {int(north): north.name.lower() for north in North}
 
 
-class Reading(NamedTuple):
+class StampedValue(NamedTuple):
     """Value and 1 sigma, SI, NaN if unknown; and stamp of the measurement, ns."""
 
     value: float
@@ -27,7 +27,7 @@ class Reading(NamedTuple):
     stamp_ns: int
 
 
-Readings = dict[str, Reading]
+Readings = dict[str, StampedValue]
 
 
 def to_magnetic(north: str, reference: Reference | None) -> float | None:
@@ -45,20 +45,20 @@ def of_attitude(row: Samples, reference: Reference | None) -> Readings:
     stamp, status = int(row["stamp_ns"]), int(row["status"])
     found: Readings = {}
     if math.isfinite(row["sigma_inclination"]):
-        found[meanings.CONTINUOUS_INCLINATION] = Reading(
+        found[meanings.CONTINUOUS_INCLINATION] = StampedValue(
             float(row["inclination"]), float(row["sigma_inclination"]), stamp
         )
     turn = to_magnetic(_NORTH.get(int(row["north"]), ""), reference)
     if math.isfinite(row["sigma_azimuth"]) and turn is not None:
         azimuth = (float(row["azimuth"]) + turn) % math.tau
-        found[meanings.CONTINUOUS_AZIMUTH] = Reading(azimuth, float(row["sigma_azimuth"]), stamp)
+        found[meanings.CONTINUOUS_AZIMUTH] = StampedValue(azimuth, float(row["sigma_azimuth"]), stamp)
     if math.isfinite(row["sigma_gravity_toolface"]):
-        found[meanings.GRAVITY_TOOLFACE] = Reading(
+        found[meanings.GRAVITY_TOOLFACE] = StampedValue(
             float(row["gravity_toolface"]), float(row["sigma_gravity_toolface"]), stamp
         )
     if math.isfinite(row["sigma_magnetic_toolface"]) and turn is not None:
         angle = (float(row["magnetic_toolface"]) + turn) % math.tau
-        found[meanings.MAGNETIC_TOOLFACE] = Reading(angle, float(row["sigma_magnetic_toolface"]), stamp)
+        found[meanings.MAGNETIC_TOOLFACE] = StampedValue(angle, float(row["sigma_magnetic_toolface"]), stamp)
     # Near vertical there is no high side, so the toolface is measured from magnetic north.
     automatic = meanings.MAGNETIC_TOOLFACE if status & Status.NEAR_VERTICAL else meanings.GRAVITY_TOOLFACE
     if automatic in found:
@@ -75,7 +75,7 @@ def of_dynamics(row: Samples) -> Readings:
         meanings.LATERAL_PEAK: "lateral_peak",
         meanings.AXIAL_PEAK: "axial_peak",
     }
-    return {quantity: Reading(float(row[field]), math.nan, stamp) for quantity, field in fields.items()}
+    return {quantity: StampedValue(float(row[field]), math.nan, stamp) for quantity, field in fields.items()}
 
 
 def of_survey(survey: DecidedSurvey) -> Readings:
@@ -86,7 +86,7 @@ def of_survey(survey: DecidedSurvey) -> Readings:
 
     def put(quantity: str, value: float | None, sigma: float) -> None:
         if value is not None and math.isfinite(value):
-            found[quantity] = Reading(float(value), sigma, stamp)
+            found[quantity] = StampedValue(float(value), sigma, stamp)
 
     sigma_inclination = math.sqrt(max(float(variance[0, 0]), 0.0))
     put(meanings.INCLINATION, station.inclination, sigma_inclination)

@@ -25,7 +25,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole import readings
 from mwd_estimation.downhole.commands import Commands
-from mwd_estimation.downhole.readings import Reading, Readings
+from mwd_estimation.downhole.readings import Readings, StampedValue
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.core.arrays import Samples
@@ -47,7 +47,7 @@ _KEPT_LOGS = 60  # number of running means of the log channels that are kept, on
 Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
-class Kind(enum.IntEnum):
+class PartKind(enum.IntEnum):
     """Kinds of parts of a transmission, with the numbers of mwd_msgs/Transmission."""
 
     SYNC = 0
@@ -70,14 +70,14 @@ class TransmitterState(enum.StrEnum):
 class Sent:
     """A sync, header or word that was transmitted."""
 
-    kind: Kind
+    kind: PartKind
     frame: int  #: number of the pass through a sequence, from 0
     sequence: int  #: number of the sequence
     name: str  #: name of the word; empty for a sync or header
     #: `raw`, `bits`: code without parity, and number of its bits.
     raw: int
     bits: int
-    reading: Reading | None  #: measurement, SI; None if there is none
+    reading: StampedValue | None  #: measurement, SI; None if there is none
     start_ns: int  #: start of the transmission, clock of the tool, ns
     duration_s: float  #: duration of the transmission, s
     edges_s: tuple[float, ...]  #: start of each pulse, counted from `start_ns`, s
@@ -89,12 +89,12 @@ class Sent:
 class _Part(NamedTuple):
     """Next part to transmit: kind, number of the sequence, and words (none for a sync)."""
 
-    kind: Kind
+    kind: PartKind
     number: int
     group: Group
 
 
-_KINDS = {"survey": Kind.SURVEY, "toolface": Kind.TOOLFACE}
+_KINDS = {"survey": PartKind.SURVEY, "toolface": PartKind.TOOLFACE}
 
 
 class Transmitter:
@@ -171,7 +171,7 @@ class Transmitter:
                 # Readings are in SI, or in the unit of the word if the quantity has no SI unit.
                 unit = self.tool.table[word].unit
                 factor = meanings.factor(unit) / channel.factor(unit)
-                found[word] = Reading(value * factor, sigma * factor, sample.stamp_ns)
+                found[word] = StampedValue(value * factor, sigma * factor, sample.stamp_ns)
         self._logs.append((known_ns, found))
 
     def advance(self, attitude: Samples, reference: Reference | None) -> list[Sent]:
@@ -288,10 +288,10 @@ class Transmitter:
         """Yield sync, header and survey, then the toolface sequence, if there is one, until the tool is muted."""
         number = self._number
         if self.tool.code in PULSE_CODES:
-            yield _Part(Kind.SYNC, number, Group("", number, 0, ()))
+            yield _Part(PartKind.SYNC, number, Group("", number, 0, ()))
             if self.tool.header_bits:
                 header = SequenceItem("", self.tool.header_bits, False)
-                yield _Part(Kind.HEADER, number, Group("", number, 0, (header,)))
+                yield _Part(PartKind.HEADER, number, Group("", number, 0, (header,)))
         if with_survey:
             self._choose_survey()
             yield from self._pass("survey", number)
@@ -326,18 +326,18 @@ class Transmitter:
         names = [item.name for item in group.items]
         measured = [self._reading(kind, name) if name else None for name in names]
         codes = tuple(
-            number if kind == Kind.HEADER else self._code(item, reading)
+            number if kind == PartKind.HEADER else self._code(item, reading)
             for item, reading in zip(group.items, measured, strict=True)
         )
         # Sync and header get the number of the pass that follows them.
-        frame = self._frame if kind in (Kind.SURVEY, Kind.TOOLFACE) else self._frame + 1
-        if kind == Kind.SYNC:
+        frame = self._frame if kind in (PartKind.SURVEY, PartKind.TOOLFACE) else self._frame + 1
+        if kind == PartKind.SYNC:
             signal = on_air.sync(self.tool)
         else:
             signal = on_air.signal(self.tool, group, self.tool.sent(group.items, codes), frame)
         self._next_ns = start + round(signal.period_s * NANOSECONDS)
         time = (start, signal.duration_s, signal.edges_s, self.tool)
-        if kind == Kind.SYNC:
+        if kind == PartKind.SYNC:
             return [Sent(kind, frame, number, "", 0, 0, None, *time)]
         sent = [
             Sent(kind, frame, number, item.name, code or 0, item.bits, reading, *time)
@@ -346,17 +346,17 @@ class Transmitter:
         sent[0] = dataclasses.replace(sent[0], phases=signal.phases, octets=signal.octets)
         return sent
 
-    def _reading(self, kind: Kind, name: str) -> Reading | None:
+    def _reading(self, kind: PartKind, name: str) -> StampedValue | None:
         quantity = meanings.meaning_of(name)
         if name in self._logged_words:
             row = _newest(self._logs, self._next_ns) if self._logs else None
             return None if row is None else row[1].get(name)
         if quantity == meanings.DOWNLINK:
-            return Reading(float(self._commands.echo), 0.0, self._next_ns)
+            return StampedValue(float(self._commands.echo), 0.0, self._next_ns)
         of_now = self._slow | self._current
-        return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
+        return (self._survey | of_now if kind == PartKind.TOOLFACE else of_now | self._survey).get(quantity)
 
-    def _code(self, item: SequenceItem, reading: Reading | None) -> int | None:
+    def _code(self, item: SequenceItem, reading: StampedValue | None) -> int | None:
         """Return the code of a reading; None if there is none (the tool then sends a code that is not a reading)."""
         if reading is None:
             return None
@@ -426,8 +426,8 @@ class ContinuousSurvey:
             length = min(math.hypot(sin, cos) / count, 1.0)
             spread = math.sqrt(max(-2.0 * math.log(max(length, 1e-12)), 0.0))
             stated = math.hypot(sigmas / count, spread / math.sqrt(count))
-            found[value] = Reading(math.atan2(sin, cos) % math.tau, stated, middle)
-            found[sigma] = Reading(stated, math.nan, middle)
+            found[value] = StampedValue(math.atan2(sin, cos) % math.tau, stated, middle)
+            found[sigma] = StampedValue(stated, math.nan, middle)
             noise += stated
         if noise < self._least:
             self._least, self._best = noise, found

@@ -25,10 +25,10 @@ from mwd_sensors.core.records import dtype_of
 _INITIALISING = int(Status.INITIALISING)
 
 State = NDArray[np.void]
-"""One record with the fields of `Record`, shape (1,); a run can continue from a copy."""
+"""One record with the fields of `AccelerometerRecord`, shape (1,); a run can continue from a copy."""
 
 
-class Params(NamedTuple):
+class AccelerometerParams(NamedTuple):
     """Settings of the accelerometer-only method."""
 
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
@@ -37,11 +37,11 @@ class Params(NamedTuple):
     sigma_floor: float = 0.003  #: smallest sigma, rad
 
 
-class Record:
-    """State of the method; averages of the force are over the time `Params.memory`."""
+class AccelerometerRecord:
+    """State of the method; averages of the force are over the time `AccelerometerParams.memory`."""
 
-    clock: track.Clock
-    motion: track.Motion
+    clock: track.TrackClock
+    motion: track.TrackMotion
     down: Annotated[Array, 3]
     """Last direction down, unit vector."""
     mean: Annotated[Array, 3]
@@ -52,17 +52,17 @@ class Record:
     """Mean square of the difference between the force's magnitude and gravity, (m/s^2)^2."""
 
 
-RECORD = dtype_of(Record)
+RECORD = dtype_of(AccelerometerRecord)
 
 
-def initial(params: Params) -> State:  # noqa: ARG001  (every method has this signature)
+def initial(params: AccelerometerParams) -> State:  # noqa: ARG001  (every method has this signature)
     """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
     return state
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+def run(params: AccelerometerParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
     Return minus the direction of the specific force, sample by sample; arguments and errors as for `fuzzy_mahony.run`.
 
@@ -76,7 +76,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
 
 @compiled
-def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
+def _run(p: AccelerometerParams, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         # The gyro is not used, so its clipping is ignored.
@@ -106,7 +106,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 
 @compiled
-def _tilts(p: Params, s: Any, across: float) -> tuple[float, float]:
+def _tilts(p: AccelerometerParams, s: Any, across: float) -> tuple[float, float]:
     """
     Return 1 sigma of the direction down in the vertical plane of the axis and across that plane, rad, at most pi.
 
@@ -131,7 +131,7 @@ def _tilts(p: Params, s: Any, across: float) -> tuple[float, float]:
 
 
 @compiled
-def _disturbance(p: Params, s: Any) -> float:
+def _disturbance(p: AccelerometerParams, s: Any) -> float:
     """
     Return the mean square of the forces other than gravity over the averaging time, (m/s^2)^2.
 

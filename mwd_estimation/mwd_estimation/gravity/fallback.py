@@ -20,7 +20,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import AT_RANGE, Track
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
-from mwd_estimation.gravity.bounded.state import State
+from mwd_estimation.gravity.bounded.state import BoundedState
 from mwd_estimation.gravity.methods import Method
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -42,7 +42,9 @@ class GravityWithFallback:
         Magnetic samples that wait for the method.
     """
 
-    def __init__(self, method: Method, params: Any, remaining: accelerometer_only.Params, mag: MagneticSamples) -> None:
+    def __init__(
+        self, method: Method, params: Any, remaining: accelerometer_only.AccelerometerParams, mag: MagneticSamples
+    ) -> None:
         self._method, self._params, self._remaining = method, params, remaining
         self._state = method.initial(params)
         self._remaining_state = accelerometer_only.initial(remaining)
@@ -52,7 +54,7 @@ class GravityWithFallback:
     @property
     def innovations(self) -> list[Innovation]:
         """Innovations that concern inclination and toolface; empty for a method that has none."""
-        if not isinstance(self._state, State):
+        if not isinstance(self._state, BoundedState):
             return []
         found = self._state.record[0]["innovations"]
         return [
@@ -62,8 +64,8 @@ class GravityWithFallback:
 
     @property
     def samples_are(self) -> str:
-        """See `State.samples_are`; empty for a method that does not check the meaning of samples."""
-        return self._state.samples_are if isinstance(self._state, State) else ""
+        """See `BoundedState.samples_are`; empty for a method that does not check the meaning of samples."""
+        return self._state.samples_are if isinstance(self._state, BoundedState) else ""
 
     def run(
         self,
@@ -106,7 +108,7 @@ class GravityWithFallback:
             return found
         if before:
             found, self._state = self._state, self._method.initial(self._params)
-            if isinstance(found, State):
+            if isinstance(found, BoundedState):
                 self._state.keep_meaning(found)
         if followed is not None:
             return followed

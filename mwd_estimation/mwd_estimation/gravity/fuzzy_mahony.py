@@ -28,7 +28,7 @@ from mwd_sensors.core.records import dtype_of
 # Change of k_p, 1/s, by S3 table 1 and eq (12). Rows: rotary speed small, medium, large; columns: non-gravity
 # acceleration small, medium, large.
 RULES: Array = np.array([[0.06, 0.03, -0.03], [0.0, 0.0, -0.03], [0.0, -0.03, -0.06]])
-WINDOW_MOST = 512  # largest value of `Params.window`
+WINDOW_MOST = 512  # largest value of `MahonyParams.window`
 RPM = 60.0 / (2.0 * math.pi)  # r/min in one rad/s
 # Correlation time of the disturbance that is assumed during a start, s.
 _ALIKE = 0.03
@@ -39,10 +39,10 @@ _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 _INITIALISING = int(Status.INITIALISING)
 
 State = NDArray[np.void]
-"""One record with the fields of `Record`, shape (1,); a run can continue from a copy."""
+"""One record with the fields of `MahonyRecord`, shape (1,); a run can continue from a copy."""
 
 
-class Params(NamedTuple):
+class MahonyParams(NamedTuple):
     """Settings of the S3 method; with `fuzzy` False it is the plain PI filter (Mahony)."""
 
     #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 does not estimate the gyro bias.
@@ -60,12 +60,12 @@ class Params(NamedTuple):
     sigma_floor: float = 0.003  #: smallest sigma, rad
 
 
-class Record:
+class MahonyRecord:
     """State of the filter."""
 
     #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
-    clock: track.Clock
-    motion: track.Motion
+    clock: track.TrackClock
+    motion: track.TrackMotion
     down: Annotated[Array, 3]  #: unit vector down, tool axes
     integral: Annotated[Array, 3]  #: integral correction of the rates, rad/s
     last_angle: Annotated[Array, 3]  #: rotation angle of the previous sample, rad
@@ -88,10 +88,10 @@ class Record:
     ring_at: int
 
 
-RECORD = dtype_of(Record)
+RECORD = dtype_of(MahonyRecord)
 
 
-def initial(params: Params) -> State:  # noqa: ARG001  (every method has this signature)
+def initial(params: MahonyParams) -> State:  # noqa: ARG001  (every method has this signature)
     """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
@@ -99,7 +99,7 @@ def initial(params: Params) -> State:  # noqa: ARG001  (every method has this si
     return state
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+def run(params: MahonyParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
     Follow gravity through a block of samples.
 
@@ -158,7 +158,7 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float) -> float:
 
 
 @compiled
-def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
+def _run(p: MahonyParams, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, p.gyro_range, p.accel_range)
@@ -187,7 +187,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 
 @compiled
-def _begin(p: Params, s: Any) -> None:
+def _begin(p: MahonyParams, s: Any) -> None:
     """Begin the average of a start; the integral, which is a gyro bias, is kept over a gap."""
     for c in range(3):
         s.last_angle[c] = s.mean[c] = s.slow_error[c] = 0.0
@@ -197,7 +197,7 @@ def _begin(p: Params, s: Any) -> None:
 
 
 @compiled
-def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, float]) -> None:
+def _average(p: MahonyParams, s: Any, dt: float, u: Vector, turn: tuple[float, float, float]) -> None:
     """Average the force, rotated by the gyro, so that vibration averages out and rotation has no effect."""
     mx, my, mz = in_turned_axes(s.mean[0], s.mean[1], s.mean[2], turn[0], turn[1], turn[2])
     step = max(dt, 1e-3)
@@ -217,7 +217,7 @@ def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, 
 
 
 @compiled
-def _proportional_gain(p: Params, s: Any) -> float:
+def _proportional_gain(p: MahonyParams, s: Any) -> float:
     """Return the present gain k_p, 1/s; the ring must already contain the non-gravity acceleration of the sample."""
     if not p.fuzzy:
         return p.k_p
@@ -228,7 +228,7 @@ def _proportional_gain(p: Params, s: Any) -> float:
 
 
 @compiled
-def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]) -> None:
+def _correct(p: MahonyParams, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]) -> None:
     """
     Propagate gravity by the raw gyro, and correct it by its error against the accelerometer (S3 figure 4).
 

@@ -32,10 +32,10 @@ _INITIALISING = int(Status.INITIALISING)
 _SQUARE_TIME, _SCALE_LEAST, _SCALE_MOST = 5.0, 0.1, 100.0
 
 State = NDArray[np.void]
-"""One record with the fields of `Record`, shape (1,); a run can continue from a copy."""
+"""One record with the fields of `LigorioRecord`, shape (1,); a run can continue from a copy."""
 
 
-class Params(NamedTuple):
+class LigorioParams(NamedTuple):
     """Settings of the linear Kalman extraction."""
 
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
@@ -56,12 +56,12 @@ class Params(NamedTuple):
     sigma_floor: float = 0.003  #: smallest sigma, rad
 
 
-class Record:
+class LigorioRecord:
     """State of the filter."""
 
     #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
-    clock: track.Clock
-    motion: track.Motion
+    clock: track.TrackClock
+    motion: track.TrackMotion
     #: `gravity`, `acceleration`: shape (3,); gravity and acceleration of the tool, tool axes, m/s^2.
     gravity: Annotated[Array, 3]
     acceleration: Annotated[Array, 3]
@@ -75,10 +75,10 @@ class Record:
     square: float  #: mean square of the innovations divided by the square expected from the covariance
 
 
-RECORD = dtype_of(Record)
+RECORD = dtype_of(LigorioRecord)
 
 
-def initial(params: Params) -> State:
+def initial(params: LigorioParams) -> State:
     """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["gravity"] = np.nan
@@ -87,7 +87,7 @@ def initial(params: Params) -> State:
     return state
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+def run(params: LigorioParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """Follow gravity through a block of samples; arguments and errors as for `fuzzy_mahony.run`."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
@@ -96,7 +96,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
 
 @compiled
-def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
+def _run(p: LigorioParams, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, p.gyro_range, p.accel_range)
@@ -117,7 +117,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 
 @compiled
-def _begin(p: Params, s: Any, f: Vector) -> None:
+def _begin(p: LigorioParams, s: Any, f: Vector) -> None:
     """Set gravity to minus the first force, scaled to the length of gravity; the unknown acceleration is its error."""
     scale = p.gravity / math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     for c in range(3):
@@ -130,7 +130,7 @@ def _begin(p: Params, s: Any, f: Vector) -> None:
 
 
 @compiled
-def _step(p: Params, s: Any, dt: float, w: Vector, f: Vector) -> float:
+def _step(p: LigorioParams, s: Any, dt: float, w: Vector, f: Vector) -> float:
     """Predict over dt, s, and update with one force; return the non-gravity acceleration, m/s^2."""
     s.age += dt
     bx, by, bz = (w[0] + s.bias[0]) * dt, (w[1] + s.bias[1]) * dt, (w[2] + s.bias[2]) * dt

@@ -36,12 +36,12 @@ class Method:
     """Whether `run` accepts clip flags (`core.clip_flags`) and magnetic samples as its last arguments."""
 
 
-_MAHONY = functools.partial(fuzzy_mahony.Params, fuzzy=False)
+_MAHONY = functools.partial(fuzzy_mahony.MahonyParams, fuzzy=False)
 _ALL = (
     Method(
         "bounded",
         "velocity-bounded error-state Kalman filter",
-        bounded.Params,
+        bounded.BoundedParams,
         bounded.initial,
         bounded.run,
         uses_field=True,
@@ -49,7 +49,7 @@ _ALL = (
     Method(
         "s3",
         "rotation-vector recursion, PI correction, fuzzy gain (S3)",
-        fuzzy_mahony.Params,
+        fuzzy_mahony.MahonyParams,
         fuzzy_mahony.initial,
         fuzzy_mahony.run,
     ),
@@ -63,14 +63,14 @@ _ALL = (
     Method(
         "kalman",
         "linear Kalman extraction with a Gauss-Markov acceleration (Ligorio type)",
-        ligorio_kalman.Params,
+        ligorio_kalman.LigorioParams,
         ligorio_kalman.initial,
         ligorio_kalman.run,
     ),
     Method(
         "raw",
         "direction of the accelerometer alone",
-        accelerometer_only.Params,
+        accelerometer_only.AccelerometerParams,
         accelerometer_only.initial,
         accelerometer_only.run,
     ),

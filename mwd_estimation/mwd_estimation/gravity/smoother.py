@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import information
-from mwd_estimation.gravity.bounded.filter import Params
+from mwd_estimation.gravity.bounded.filter import BoundedParams
 from mwd_estimation.gravity.bounded.state import STEADY, TILT, UPDATE
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -27,7 +27,7 @@ BLOCK = 3 * AHEAD  # number of samples in one backward pass
 _NO_UPDATES = np.zeros(0, UPDATE)
 
 
-def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+def smooth(params: BoundedParams, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
     Return the gravity of a whole recording, smoothed with at least AHEAD later samples, if there are that many.
 
@@ -57,7 +57,7 @@ class Smoother:
     The result does not depend on how the samples are cut into blocks. Settings and errors as for `smooth`.
     """
 
-    def __init__(self, params: Params) -> None:
+    def __init__(self, params: BoundedParams) -> None:
         self.params = params
         self._state = bounded.initial(params)
         self._waiting: list[_Forward] = []

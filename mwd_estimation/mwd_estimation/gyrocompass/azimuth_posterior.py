@@ -24,7 +24,7 @@ _NARROW, _ALIKE = 0.1, 1.4
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class MixturePart:
     """Gaussian of the horizontal Earth rate, and of an angle that is added to the azimuth found on the circle."""
 
     log_weight: float  #: log evidence of this part relative to the other parts
@@ -52,14 +52,14 @@ class OnCircle:
 
 def part(
     log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0, misfit: float = 0.0
-) -> Part:
+) -> MixturePart:
     """
     Return the part for a Gaussian of filter states.
 
     Parameters
     ----------
     log_weight, shift, misfit : float
-        See `Part`.
+        See `MixturePart`.
     earth : ndarray, shape (2,)
         Mean of the horizontal Earth rate, rad/s.
     P : ndarray, shape (n, n)
@@ -72,13 +72,13 @@ def part(
     S = np.asarray(P[at, at])
     cross: Array = np.asarray(np.linalg.solve(S, P[at] @ right), dtype=float)
     own = max(float(right @ P @ right) - float(cross @ S @ cross), 0.0)
-    return Part(log_weight, np.asarray(earth), S, cross, own, shift, misfit)
+    return MixturePart(log_weight, np.asarray(earth), S, cross, own, shift, misfit)
 
 
 class _Cost:
     """The parts as functions of the angle on the circle: squared distances, in sigmas, and log likelihoods."""
 
-    def __init__(self, parts: Sequence[Part], horizontal: float) -> None:
+    def __init__(self, parts: Sequence[MixturePart], horizontal: float) -> None:
         self.inverses = [np.linalg.inv(one.S) for one in parts]
         self._offsets = np.array(
             [float(np.linalg.slogdet(one.S)[1]) - 2.0 * one.log_weight for one in parts], dtype=float
@@ -127,7 +127,7 @@ class _Cost:
         return angle, 0.5 * ((np.roll(angle, -1) - np.roll(angle, 1)) % (2.0 * math.pi))
 
 
-def along(parts: Sequence[Part], horizontal: float) -> tuple[Array, Array, Array]:
+def along(parts: Sequence[MixturePart], horizontal: float) -> tuple[Array, Array, Array]:
     """
     Evaluate each part along the circle.
 
@@ -149,14 +149,14 @@ def along(parts: Sequence[Part], horizontal: float) -> tuple[Array, Array, Array
     return angle, share / whole[:, None], np.log(whole) - 0.5 * least[:, 0]
 
 
-def log_evidence(parts: Sequence[Part], horizontal: float) -> float:
+def log_evidence(parts: Sequence[MixturePart], horizontal: float) -> float:
     """Return the log evidence of all parts together on the circle, up to a constant that all latitudes share."""
     log_weight = along(parts, horizontal)[2]
     most = float(log_weight.max())
     return most + math.log(float(np.exp(log_weight - most).sum()))
 
 
-def posterior(parts: Sequence[Part], horizontal: float, expected: float | None = None) -> OnCircle:
+def posterior(parts: Sequence[MixturePart], horizontal: float, expected: float | None = None) -> OnCircle:
     """
     Return mean and sigma of the azimuth, given the length of the horizontal Earth rate.
 

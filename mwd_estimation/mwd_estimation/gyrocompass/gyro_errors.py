@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mwd_estimation.gyrocompass.azimuth_posterior import Part, along, part
+from mwd_estimation.gyrocompass.azimuth_posterior import MixturePart, along, part
 from mwd_estimation.gyrocompass.seek_params import G_SCALES, LEAST_BIAS, SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
@@ -216,7 +216,7 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
     return Joined(0.5 * log, mean * unit, S * np.outer(unit, unit), np.zeros(len(log)))
 
 
-def parts(errors: GyroErrors, found: Joined) -> list[Part]:
+def parts(errors: GyroErrors, found: Joined) -> list[MixturePart]:
     """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
     heading = np.eye(_HEADING + 1)[_HEADING]
     return [

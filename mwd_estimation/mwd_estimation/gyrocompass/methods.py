@@ -99,7 +99,7 @@ class StaticSeek:
         scribe_azimuth = math.atan2(scribe[1], scribe[0])
         return Solution(reason, S1, found.azimuth, found.sigma, found.inclination, scribe_azimuth, self.elapsed, limit)
 
-    def _refusal(self, found: static_ekf.North) -> Reason | None:
+    def _refusal(self, found: static_ekf.StaticNorth) -> Reason | None:
         params = self.params
         pole = polar(params.latitude_deg)
         if pole is not None:

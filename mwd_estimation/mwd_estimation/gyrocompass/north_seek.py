@@ -27,7 +27,7 @@ from mwd_estimation.gyrocompass.seek_filter import advance
 from mwd_estimation.gyrocompass.seek_measurement import frame
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
 from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA, Fit, motion, polar, refusal
-from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, Phase, State, estimate
+from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, SeekPhase, SeekState, estimate
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
@@ -40,9 +40,9 @@ _FOUND = 3.0
 _ANOTHER_ATTITUDE = math.radians(15.0)
 
 
-def initial() -> State:
+def initial() -> SeekState:
     """Return the state before the first sample."""
-    state = cast(State, np.zeros(1, STATE)[0])
+    state = cast(SeekState, np.zeros(1, STATE)[0])
     state.mat[:] = np.eye(3)
     return state
 
@@ -84,7 +84,7 @@ def dual_unit(
 
 def run(
     params: SeekParams,
-    state: State,
+    state: SeekState,
     stamp_ns: ArrayLike,
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
@@ -115,7 +115,7 @@ def run(
     advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel, flags)
 
 
-def solution(params: SeekParams, state: State, errors: GyroErrors | None = None) -> Solution:
+def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = None) -> Solution:
     """
     Return the azimuth so far, or the reason why there is none; it may be called at any time.
 
@@ -125,7 +125,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     pole = polar(params.latitude_deg)
     if pole is not None:
         return Solution(pole, params.mode)
-    if state.phase != Phase.SEEKING:
+    if state.phase != SeekPhase.SEEKING:
         return Solution(Reason(ReasonCode.SEEK_LEVELLING, float(state.level_time), params.shortest), params.mode)
     p = kernel_params(params)
     method = _method(state)
@@ -168,7 +168,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     )
 
 
-def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
+def _hole_axis(state: SeekState, method: str) -> tuple[float, float, Array]:
     """
     Return inclination and heading of the hole axis in the level frame, rad, and the derivative of the heading.
 
@@ -194,7 +194,7 @@ def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
     return min(p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3))), math.pi)
 
 
-def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -> GyroErrors:
+def learnt(params: SeekParams, state: SeekState, errors: GyroErrors | None = None) -> GyroErrors:
     """
     Return the gyro errors known at the end of a seek for which `teaches` is true.
 
@@ -205,7 +205,7 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
     return gyro_errors.learnt(now, joined.at(p.down), p.horizontal)
 
 
-def teaches(params: SeekParams, state: State, before: State | None) -> bool:
+def teaches(params: SeekParams, state: SeekState, before: SeekState | None) -> bool:
     """
     Return whether a seek gives new information about the gyro biases; before: last seek that did, or None.
 
@@ -214,7 +214,7 @@ def teaches(params: SeekParams, state: State, before: State | None) -> bool:
     approximation by Gaussians of arcs would only add its errors again.
     """
     method = _method(state)
-    if state.phase != Phase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):
+    if state.phase != SeekPhase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):
         return False
     if before is None or method != "still":
         return True
@@ -223,15 +223,15 @@ def teaches(params: SeekParams, state: State, before: State | None) -> bool:
     return max(turned, tilted) > _ANOTHER_ATTITUDE
 
 
-def _inclination(state: State) -> float:
+def _inclination(state: SeekState) -> float:
     return math.acos(min(max(float(state.mat[2, 0]), -1.0), 1.0))
 
 
-def _toolface(state: State) -> float:
+def _toolface(state: SeekState) -> float:
     return math.atan2(float(state.mat[2, 1]), float(state.mat[2, 2]))
 
 
-def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
+def _sought(p: KernelParams, state: SeekState, right: Array) -> gyro_errors.Sought:
     """
     Return Earth rate, gyro errors and heading of a seek, with their covariance and with the prior of the gyro errors.
 
@@ -257,13 +257,13 @@ def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
     return gyro_errors.Sought(mean, rows @ state.P @ rows.T, prior)
 
 
-def errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> GyroErrors:
+def errors_now(params: SeekParams, state: SeekState, errors: GyroErrors | None) -> GyroErrors:
     """Return the gyro errors known before a seek, propagated to its end."""
     begun = gyro_errors.stated(params) if errors is None else errors
     return gyro_errors.after(begun, params, float(state.level_time + state.elapsed))
 
 
-def _method(state: State) -> str:
+def _method(state: SeekState) -> str:
     if state.turn_time > state.still_time:
         return "rotating"
     return "two_position" if state.positions > 1 and state.turn_time > 0.0 else "still"

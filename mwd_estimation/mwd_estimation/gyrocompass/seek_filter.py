@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.gyrocompass.seek_measurement import LYING_VELOCITY, measure
-from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, Phase, State, Sums, Work
+from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, SeekPhase, SeekState, SeekSums, SeekWork
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, STANDARD_GRAVITY
@@ -45,7 +45,7 @@ _EARTH_RATES = 3.0
 
 
 @compiled
-def sample(s: State, half: Array, dt: float, w: Array, f: Array) -> None:
+def sample(s: SeekState, half: Array, dt: float, w: Array, f: Array) -> None:
     """
     Propagate attitude and velocity by one sample, and add the sample to the integrals of the block, in place.
 
@@ -101,7 +101,7 @@ def sample(s: State, half: Array, dt: float, w: Array, f: Array) -> None:
 
 
 @compiled
-def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) -> None:
+def _lose(p: KernelParams, s: SeekState, dt: float, w: Array, f: Array, flags: int) -> None:
     """
     Count a sample in which a gyro clipped, and add variance for the part that clipping gyros or accelerometers lose.
 
@@ -117,7 +117,7 @@ def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) 
 
 
 @compiled
-def transition(s: State, phi: Array) -> None:
+def transition(s: SeekState, phi: Array) -> None:
     """Fill phi, shape (5, 37): derivative of attitude and velocity errors after the block by the errors before it."""
     sums = s.sums
     t = sums.time
@@ -152,7 +152,7 @@ def transition(s: State, phi: Array) -> None:
 
 
 @compiled
-def _predict(p: KernelParams, s: State, work: Work) -> None:
+def _predict(p: KernelParams, s: SeekState, work: SeekWork) -> None:
     P, t, mat = s.P, s.sums.time, s.sums.mat
     propagate_covariance(P, work.phi, work.rows)
     # White noise: isotropic with the density of y and z, plus the excess of the x gyro along the tool axis.
@@ -169,7 +169,7 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
 
 
 @compiled
-def _drift(s: State, i: int, t: float) -> None:
+def _drift(s: SeekState, i: int, t: float) -> None:
     """Change the bias of a gyro by its ramp at the end of a block, with its covariance."""
     P, bias, ramp = s.P, Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
     s.gyro_bias[i] += s.bias_ramp[i] * t
@@ -180,7 +180,7 @@ def _drift(s: State, i: int, t: float) -> None:
 
 
 @compiled
-def _begin(p: KernelParams, s: State, work: Work) -> None:
+def _begin(p: KernelParams, s: SeekState, work: SeekWork) -> None:
     """Level the frame by the mean force, with the heading of the tool axis, and set the start covariance."""
     level, mat, sums = work.level, s.mat, s.sums
     for i in range(3):
@@ -214,7 +214,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
 
 
 @compiled
-def _begin_instrument(p: KernelParams, s: State) -> None:
+def _begin_instrument(p: KernelParams, s: SeekState) -> None:
     """Set the errors of the instrument to the values and sigmas of the parameters."""
     P = s.P
     s.scale_x, s.lag, s.lead = 0.0, p.lag, p.lead
@@ -236,7 +236,7 @@ def _begin_instrument(p: KernelParams, s: State) -> None:
 
 
 @compiled
-def clear(sums: Sums) -> None:
+def clear(sums: SeekSums) -> None:
     """Clear the sums for a new block."""
     sums.time = sums.turn = sums.lost_turn = sums.lost_velocity = 0.0
     for i in range(3):
@@ -252,7 +252,7 @@ def clear(sums: Sums) -> None:
 
 
 @compiled
-def reset(s: State) -> None:
+def reset(s: SeekState) -> None:
     """Restart the seek after a data gap, because the motion in the gap is unknown; keep the clock."""
     clear(s.sums)
     for i in range(3):
@@ -264,14 +264,14 @@ def reset(s: State) -> None:
     for i in range(4):
         s.g_sensitivity[i] = 0.0
     s.scale_x = s.lag = s.lead = 0.0
-    s.phase = Phase.LEVELLING
+    s.phase = SeekPhase.LEVELLING
     s.settled = s.seen = s.still_run = s.positions = s.refused_blocks = s.moved = s.samples = s.clipped = 0
     s.level_time = s.elapsed = s.still_time = s.turn_time = 0.0
 
 
 @compiled
 def advance(
-    p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array, clipped: NDArray[np.uint8]
+    p: KernelParams, s: SeekState, work: SeekWork, stamps: Stamps, gyro: Array, accel: Array, clipped: NDArray[np.uint8]
 ) -> None:
     """Process samples as in `north_seek.run`: call `sample` for each, with a Kalman step at the end of each block."""
     for i in range(len(stamps)):
@@ -287,12 +287,12 @@ def advance(
         dt = (stamps[i] - last) * 1e-9
         _lose(p, s, dt, w, f, clipped[i])
         sample(s, work.half, dt, w, f)
-        if s.phase == Phase.LEVELLING:
+        if s.phase == SeekPhase.LEVELLING:
             s.level_time += dt
             if s.level_time < LEVEL_S - 1e-9:
                 continue
             _begin(p, s, work)
-            s.phase = Phase.SETTLING
+            s.phase = SeekPhase.SETTLING
         elif s.sums.time >= _BLOCK_S - 1e-9 or abs(s.sums.turn) > _BLOCK_TURN:
             transition(s, work.phi)
             _predict(p, s, work)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gyrocompass.seek_state import Error, Phase, State, Work
+from mwd_estimation.gyrocompass.seek_state import Error, SeekPhase, SeekState, SeekWork
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left, scalar_update
@@ -38,7 +38,7 @@ _REST_BLOCKS = 2
 
 
 @compiled
-def measure(s: State, work: Work) -> None:
+def measure(s: SeekState, work: SeekWork) -> None:
     """Perform the Kalman step of a block with velocity zero and unchanged hole axis and roll."""
     for j in range(Error.SIZE):
         work.error[j] = 0.0
@@ -47,7 +47,7 @@ def measure(s: State, work: Work) -> None:
         work.h[Error.VELOCITY + i] = 1.0
         innovation, spread = _look(s.P, work, -s.velocity[i])
         scalar_update(s.P, work.error, work.ph, spread + LYING_VELOCITY**2, innovation)
-    if s.phase == Phase.SETTLING:
+    if s.phase == SeekPhase.SETTLING:
         _settle(s)
     else:
         t = s.sums.time
@@ -84,7 +84,7 @@ def _clear(h: Array) -> None:
 
 
 @compiled
-def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
+def _look(P: Array, work: SeekWork, y: float) -> tuple[float, float]:
     """
     Return the innovation of y = h . error after the corrections so far, and its variance from P.
 
@@ -98,11 +98,11 @@ def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
 
 
 @compiled
-def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
+def _hold(s: SeekState, work: SeekWork, which: int, y: float, share: float) -> bool:
     """
     Update with the change y, rad, of an angle that should not change; return False if it is beyond the gate.
 
-    which: index of the angle in `State.scatter`, from which the noise follows; share: weight of this block in the
+    which: index of the angle in `SeekState.scatter`, from which the noise follows; share: weight of this block in the
     scatter.
     """
     innovation, spread = _look(s.P, work, y)
@@ -117,7 +117,7 @@ def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
 
 
 @compiled
-def _settle(s: State) -> None:
+def _settle(s: SeekState) -> None:
     """Add a block to the first scatter of the axis; begin to seek after enough blocks."""
     ax, ay, az = s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
     s.settled += 1
@@ -130,7 +130,7 @@ def _settle(s: State) -> None:
         s.axis_difference2[1] += (px * rx + py * ry) ** 2
     s.last_axis[0], s.last_axis[1], s.last_axis[2] = ax, ay, az
     if s.settled > _SETTLE_BLOCKS:
-        s.phase = Phase.SEEKING
+        s.phase = SeekPhase.SEEKING
         for j in range(2):
             s.scatter[j] = 0.5 * s.axis_difference2[j] / _SETTLE_BLOCKS
         s.scatter[2] = max(s.scatter[0], s.scatter[1])
@@ -138,7 +138,7 @@ def _settle(s: State) -> None:
 
 
 @compiled
-def _hold_axis(s: State, work: Work, share: float) -> None:
+def _hold_axis(s: SeekState, work: SeekWork, share: float) -> None:
     """Update with the hole axis, which does not move except for a wobble once and twice per turn of the scribe line."""
     mat, reference, h = s.mat, s.axis_reference, work.h
     ax, ay, az, zx, zy, zz = mat[0, 0], mat[1, 0], mat[2, 0], mat[0, 2], mat[1, 2], mat[2, 2]
@@ -170,7 +170,7 @@ def _hold_axis(s: State, work: Work, share: float) -> None:
 
 
 @compiled
-def _hold_roll(s: State, work: Work, share: float) -> None:
+def _hold_roll(s: SeekState, work: SeekWork, share: float) -> None:
     """Update with the roll of a resting tool, which does not change; the first roll of each rest is the reference."""
     mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
     zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
@@ -191,7 +191,7 @@ def _hold_roll(s: State, work: Work, share: float) -> None:
 
 
 @compiled
-def _correct(s: State, error: Array) -> None:
+def _correct(s: SeekState, error: Array) -> None:
     """Apply an estimated error, shape (37,), to the estimate."""
     rotate_left(s.mat, error[0], error[1], error[2])
     for j in range(2):

@@ -9,7 +9,7 @@ import math
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.gyrocompass.seek_params import SeekParams
-from mwd_estimation.gyrocompass.seek_state import State
+from mwd_estimation.gyrocompass.seek_state import SeekState
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
@@ -50,7 +50,7 @@ class Fit:
     bias: Array  #: shape (3,); gyro biases, rad/s; 0 for a bias that was not found
 
 
-def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
+def refusal(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None:
     """Return the first reason to refuse an azimuth: motion, attitude, latitude, instrument or sigma; None if none."""
     return (
         motion(params, state, fit.method)
@@ -88,7 +88,7 @@ def vertical_hole(inclination: float) -> Reason | None:
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
 
 
-def motion(params: SeekParams, state: State, method: str) -> Reason | None:
+def motion(params: SeekParams, state: SeekState, method: str) -> Reason | None:
     """Return the refusal for clipped gyros, a short seek, a motion other than the mode, or a moving hole axis."""
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
     clipped = gyro_clipped(params, state.clipped, state.samples)
@@ -137,7 +137,7 @@ def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
     return None
 
 
-def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:
+def _instrument(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None:
     """Return the refusal if an error of the instrument is far outside its stated range."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     x, y, z = (sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)

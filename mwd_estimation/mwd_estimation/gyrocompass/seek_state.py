@@ -17,11 +17,12 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
 
-class ErrorOrder(NamedTuple):
+class SeekErrors(NamedTuple):
     """
     Index of the first entry of each quantity in the error state (true minus estimate), and SIZE, the number of entries.
 
-    ATTITUDE is about the axes of the level frame, rad. Each other quantity has as many entries as in `State`, in the
+    ATTITUDE is about the axes of the level frame, rad. Each other quantity has as many entries as in `SeekState`, in
+    the
     same units: VELOCITY along the two horizontal axes of the level frame, EARTH_RATE along all three, LEAK for the y
     and z gyros.
     """
@@ -43,10 +44,10 @@ class ErrorOrder(NamedTuple):
     SIZE: int = 37
 
 
-Error = ErrorOrder()
+Error = SeekErrors()
 
 
-class Phase(enum.IntEnum):
+class SeekPhase(enum.IntEnum):
     """Phase of a seek: averaging the force, measuring the scatter of the hole axis, seeking."""
 
     LEVELLING = 0
@@ -81,7 +82,7 @@ class KernelParams(NamedTuple):
     gyro_range: float  #: rate above which a sample counts as clipped, rad/s
 
 
-class Sums:
+class SeekSums:
     """Integrals over one block, from which `seek_filter.transition` is computed."""
 
     #: `time`, `turn`: duration, s, and rotation about the tool axis, rad.
@@ -102,10 +103,10 @@ class Sums:
     lead: Annotated[Array, 2]
 
 
-class State:
+class SeekState:
     """State of the filter."""
 
-    clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
+    clock: track.TrackClock  #: clock for `mwd_estimation.core.track.admit`
     mat: Annotated[Array, 3, 3]  #: rotation matrix from tool to level axes
     #: `velocity`, `earth_rate`: shapes (2,) and (3,); horizontal velocity, m/s, and Earth rate, rad/s, in the level
     #: frame, whose third axis points down.
@@ -127,8 +128,8 @@ class State:
     lead: float
     bias_ramp: Annotated[Array, 3]
     P: Annotated[Array, 37, 37]  #: covariance of the error, in the order of `Error`
-    sums: Sums  #: sums of the current block
-    #: `phase`, `settled`, `seen`: value of `Phase`; number of blocks while settling, and number of blocks while
+    sums: SeekSums  #: sums of the current block
+    #: `phase`, `settled`, `seen`: value of `SeekPhase`; number of blocks while settling, and number of blocks while
     #: seeking.
     phase: int
     settled: int
@@ -161,12 +162,12 @@ class State:
 
     if TYPE_CHECKING:
 
-        def copy(self) -> State:
+        def copy(self) -> SeekState:
             """Return an independent copy, like every numpy record."""
             ...
 
 
-class Work:
+class SeekWork:
     """Scratch space of a block."""
 
     half: Annotated[Array, 3, 3]  #: rotation matrix from tool to level axes in the middle of a sample
@@ -183,10 +184,10 @@ class Work:
     ph: Annotated[Array, 37]
 
 
-STATE, WORK = dtype_of(State), dtype_of(Work)
+STATE, WORK = dtype_of(SeekState), dtype_of(SeekWork)
 
 
-def estimate(s: State) -> Array:
+def estimate(s: SeekState) -> Array:
     """Return the estimate in the order of `Error`, shape (37,); the entries of the attitude, a matrix, are zero."""
     instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
     return np.hstack(

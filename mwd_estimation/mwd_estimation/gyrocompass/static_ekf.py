@@ -41,7 +41,7 @@ MOVED_RATIO = 5.0
 """Mean innovation ratio above which the tool has moved."""
 
 
-class ErrorOrder(NamedTuple):
+class StaticErrors(NamedTuple):
     """
     Index of the first axis of each quantity in the error state (S1; true minus estimate); SIZE: number of entries.
 
@@ -56,13 +56,13 @@ class ErrorOrder(NamedTuple):
     SIZE: int = 15
 
 
-Error = ErrorOrder()
+Error = StaticErrors()
 
 
-class State:
+class StaticState:
     """State of the filter."""
 
-    clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
+    clock: track.TrackClock  #: clock for `mwd_estimation.core.track.admit`
     aligned: bool  #: whether the coarse alignment is done
     #: `mean_time`, `rate`, `force`: float, shape (3,), shape (3,); duration of the coarse alignment, s, and integrals
     #: of rate, rad, and force, m/s.
@@ -85,12 +85,12 @@ class State:
 
     if TYPE_CHECKING:
 
-        def copy(self) -> State:
+        def copy(self) -> StaticState:
             """Return an independent copy, like every numpy record."""
             ...
 
 
-class Work:
+class StaticWork:
     """Scratch space of the Kalman step: rows of the transition, their product with P, error, and product P h'."""
 
     phi: Annotated[Array, 9, 15]
@@ -99,10 +99,10 @@ class Work:
     ph: Annotated[Array, 15]
 
 
-STATE, WORK = dtype_of(State), dtype_of(Work)
+STATE, WORK = dtype_of(StaticState), dtype_of(StaticWork)
 
 
-class North(NamedTuple):
+class StaticNorth(NamedTuple):
     """Attitude from true north; NaN, with sigmas of pi, until the coarse alignment is done."""
 
     #: `azimuth`, `sigma`: azimuth of the hole axis and 1 sigma, rad, at most pi.
@@ -113,12 +113,12 @@ class North(NamedTuple):
     toolface: float
 
 
-def initial() -> State:
+def initial() -> StaticState:
     """Return the state before the first sample."""
-    return cast(State, np.zeros(1, STATE)[0])
+    return cast(StaticState, np.zeros(1, STATE)[0])
 
 
-def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> None:
+def run(params: SeekParams, state: StaticState, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> None:
     """
     Process a block of samples of a tool that does not move; call `north` for the azimuth at any time.
 
@@ -141,10 +141,10 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
     _advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
 
 
-def north(state: State) -> North:
+def north(state: StaticState) -> StaticNorth:
     """Return the attitude after the samples so far."""
     if not state.aligned:
-        return North(math.nan, math.pi, math.nan, math.nan)
+        return StaticNorth(math.nan, math.pi, math.nan, math.nan)
     inclination, azimuth, toolface = hole_angles(state.mat)
     # The hole axis is the first column; attitude errors change its azimuth with the variance H P H'.
     P, (an, ae, ad) = state.P, state.mat[:, 0]
@@ -156,11 +156,11 @@ def north(state: State) -> North:
         variance = hn * hn * P[n, n] + he * he * P[e, e] + P[d, d]
         variance += 2.0 * (hn * he * P[n, e] + hn * P[n, d] + he * P[e, d])
         sigma = min(math.pi, math.sqrt(variance))
-    return North(float(wrap_tau(azimuth)), sigma, float(inclination), float(toolface))
+    return StaticNorth(float(wrap_tau(azimuth)), sigma, float(inclination), float(toolface))
 
 
 @compiled
-def propagate(p: KernelParams, s: State, dt: float, w: Array, f: Array) -> None:
+def propagate(p: KernelParams, s: StaticState, dt: float, w: Array, f: Array) -> None:
     """Propagate the estimate by one sample of mean rate w, rad/s, and force f, m/s^2, shape (3,), in place."""
     mat, v = s.mat, s.velocity
     ax, ay, az = f[0] - s.accel_bias[0], f[1] - s.accel_bias[1], f[2] - s.accel_bias[2]
@@ -207,7 +207,7 @@ def transition(p: KernelParams, mat: Array, dt: float, ax: float, ay: float, az:
 
 
 @compiled
-def _predict(p: KernelParams, P: Array, dt: float, w: Work) -> None:
+def _predict(p: KernelParams, P: Array, dt: float, w: StaticWork) -> None:
     propagate_covariance(P, w.phi, w.rows)
     for i in range(3):
         P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * dt
@@ -216,7 +216,7 @@ def _predict(p: KernelParams, P: Array, dt: float, w: Work) -> None:
 
 
 @compiled
-def _correct(s: State, error: Array) -> None:
+def _correct(s: StaticState, error: Array) -> None:
     """Apply an estimated error, shape (15,), to the estimate."""
     rotate_left(s.mat, error[Error.ATTITUDE], error[Error.ATTITUDE + 1], error[Error.ATTITUDE + 2])
     for j in range(3):
@@ -227,7 +227,7 @@ def _correct(s: State, error: Array) -> None:
 
 
 @compiled
-def _not_moved(s: State, w: Work) -> float:
+def _not_moved(s: StaticState, w: StaticWork) -> float:
     """Update with z = 0 - (position, velocity) in six scalar steps, correct the state, return the mean ratio."""
     error, ph = w.error, w.ph
     for j in range(Error.SIZE):
@@ -247,7 +247,7 @@ def _not_moved(s: State, w: Work) -> float:
 
 
 @compiled
-def _align(p: KernelParams, s: State) -> None:
+def _align(p: KernelParams, s: StaticState) -> None:
     """
     Align coarsely: down from the mean force, north from the horizontal part of the mean rate.
 
@@ -294,7 +294,7 @@ def _align(p: KernelParams, s: State) -> None:
 
 
 @compiled
-def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) -> None:
+def _take(p: KernelParams, s: StaticState, work: StaticWork, dt: float, w: Array, f: Array) -> None:
     """Process one sample, in the coarse alignment or as one step of the filter."""
     if not s.aligned:
         s.mean_time += dt
@@ -314,7 +314,7 @@ def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) 
 
 
 @compiled
-def _advance(p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array) -> None:
+def _advance(p: KernelParams, s: StaticState, work: StaticWork, stamps: Stamps, gyro: Array, accel: Array) -> None:
     """Process samples as in `run`."""
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]

@@ -24,7 +24,7 @@ from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
 from mwd_estimation.gyrocompass.seek_filter import GAP_NS
 from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short
-from mwd_estimation.gyrocompass.seek_state import State
+from mwd_estimation.gyrocompass.seek_state import SeekState
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -46,9 +46,9 @@ _REST_BINS = 8
 class _Found:
     """State of a seek in the last still bin."""
 
-    state: State  #: state of the filter
+    state: SeekState  #: state of the filter
     errors: GyroErrors | None  #: gyro errors known at the start of the seek
-    taught: State | None  #: final state of the last seek from which gyro errors were estimated
+    taught: SeekState | None  #: final state of the last seek from which gyro errors were estimated
     last_ns: int  #: stamp of the last sample, ns
 
 
@@ -77,7 +77,7 @@ class GyroStation:
         self._began_ns = 0
         self._turned_s = 0.0
         self._found: _Found | None = None
-        self._taught: State | None = None
+        self._taught: SeekState | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
         # Duration of the seek at which `pending` last computed a solution, s, and the result of `pending`.

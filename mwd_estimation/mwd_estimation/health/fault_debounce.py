@@ -20,8 +20,8 @@ from mwd_estimation.core.sensor_fault import (
     OF_INSTALLATION,
     PRECISION,
     FaultCode,
+    FaultUnit,
     SensorFault,
-    Unit,
 )
 from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.compiled import compiled
@@ -238,12 +238,12 @@ def doubt(left: Indices, bits: int) -> int:
     return doubtful
 
 
-def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> SensorFault:
+def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> SensorFault:
     """Return the fault of a check, or its end at `now_ns`."""
     check = checks[code, place]
     which = tuple(int(v) for v in check.which)
     bits = accused(code, place, check.which)
-    if unit != Unit.CONVENTIONAL:
+    if unit != FaultUnit.CONVENTIONAL:
         bits = PRECISION * int(bool(bits) or code == FaultCode.STAMPS)
     from_start = code in OF_INSTALLATION and bits & int(check.sound) == 0
     return SensorFault(
@@ -260,13 +260,13 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.
     )
 
 
-def take_changes(checks: Any, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
+def take_changes(checks: Any, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> list[SensorFault]:
     """Return the faults that changed since the last call, with `now_ns` as the time of their end."""
     changed = np.argwhere(checks["changed"] > 0)
     checks["changed"] = 0
     return [fault_of(checks, int(code), int(place), now_ns, unit) for code, place in changed]
 
 
-def standing(checks: Any, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
+def standing(checks: Any, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> list[SensorFault]:
     """Return all existing faults."""
     return [fault_of(checks, int(code), int(place), 0, unit) for code, place in np.argwhere(checks["state"] == FAULT)]

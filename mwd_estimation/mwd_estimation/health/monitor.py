@@ -25,7 +25,7 @@ from mwd_estimation.core.track import AT_RANGE, sample_arrays
 from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, rest_check, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
-from mwd_estimation.health.motion_window import PARTS, Consistency, Expected, Samples
+from mwd_estimation.health.motion_window import PARTS, Consistency, ExpectedField, Samples
 from mwd_estimation.health.replayed_samples import judge_replay
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
 from mwd_estimation.health.stream_checks import STREAM, judge_silence, judge_stamp, judge_stream
@@ -46,7 +46,7 @@ _WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUN
 _NEW, _STAMPED, _CLOSED = 0, 1, 2
 
 
-class Params(NamedTuple):
+class MonitorParams(NamedTuple):
     """Parameters of the health checks of the conventional unit and the magnetometer."""
 
     signal: SignalLimits = SignalLimits()
@@ -81,14 +81,14 @@ class Tables(NamedTuple):
 
 
 @dataclasses.dataclass
-class State:
+class MonitorState:
     """State of the monitor, with the samples that have not been evaluated yet."""
 
     tables: Tables
-    expected: Expected
+    expected: ExpectedField
     samples: Samples
 
-    def copy(self) -> State:
+    def copy(self) -> MonitorState:
         """Return an independent copy."""
         return copy.deepcopy(self)
 
@@ -104,7 +104,7 @@ class Step:
     places: list[int]  #: index of the sample in the block at which each change occurred
 
 
-def initial(gravity: float | None = None, total: float | None = None, dip: float | None = None) -> State:
+def initial(gravity: float | None = None, total: float | None = None, dip: float | None = None) -> MonitorState:
     """Return the state before the first sample; reference gravity, m/s^2, field, T, and dip, rad, if known."""
     tables = Tables(
         fault_debounce.blank(),
@@ -116,21 +116,21 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
     )
     empty = np.zeros(0, dtype=np.int64)
     nothing = np.zeros((0, 3))
-    state = State(tables, Expected(0.0, 0.0, 0.0), Samples(empty, nothing, nothing, empty, nothing))
+    state = MonitorState(tables, ExpectedField(0.0, 0.0, 0.0), Samples(empty, nothing, nothing, empty, nothing))
     set_reference(state, gravity, total, dip)
     return state
 
 
-def set_reference(state: State, gravity: float | None, total: float | None, dip: float | None) -> None:
+def set_reference(state: MonitorState, gravity: float | None, total: float | None, dip: float | None) -> None:
     """Use this gravity, m/s^2, total field, T, and dip, rad, as references from now on; None if unknown."""
-    state.expected = Expected(
+    state.expected = ExpectedField(
         STANDARD_GRAVITY if gravity is None else float(gravity),
         math.nan if total is None else float(total),
         math.nan if dip is None else float(dip),
     )
 
 
-def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
+def push_mag(state: MonitorState, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
     """
     Accept all magnetic samples, even wrong ones; call this before the IMU samples of the same time.
 
@@ -149,12 +149,12 @@ def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
     state.samples = held._replace(mag_ns=_joined(held.mag_ns, stamps), mag=_joined(held.mag, field))
 
 
-def push_refused(state: State, refused: NDArray[Any]) -> None:
+def push_refused(state: MonitorState, refused: NDArray[Any]) -> None:
     """Accept refused readings, dtype of `input_gate.REFUSED`, before the IMU samples of the same time."""
     state.tables = state.tables._replace(refused=input_gate.kept(state.tables.refused, refused))
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
+def run(params: MonitorParams, state: MonitorState, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
     """
     Process a block of IMU samples of any length; the state changes in place.
 
@@ -201,7 +201,7 @@ def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([held, more]) if len(held) else more
 
 
-def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
+def _after_bin(state: MonitorState, limits: WindowLimits) -> list[SensorFault]:
     """Evaluate the window if the kernel has requested this; return the faults that changed."""
     tables, stream = state.tables, state.tables.stream[0]
     now = int(stream.end_ns)
@@ -223,19 +223,19 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
     return changes
 
 
-def shift_mag(state: State, late_ns: int) -> None:
+def shift_mag(state: MonitorState, late_ns: int) -> None:
     """Subtract late_ns from the stamps of waiting magnetic samples and refused magnetic readings."""
     state.samples = state.samples._replace(mag_ns=state.samples.mag_ns - late_ns)
     refused = state.tables.refused
     refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= late_ns
 
 
-def faults(state: State) -> list[SensorFault]:
+def faults(state: MonitorState) -> list[SensorFault]:
     """Return all existing faults."""
     return fault_debounce.standing(state.tables.checks)
 
 
-def known(state: State) -> dict[str, int]:
+def known(state: MonitorState) -> dict[str, int]:
     """Return the state of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT."""
     condition = state.tables.checks["state"]
     signs = [int(condition[code, 3]) for code in (FaultCode.SIGN, FaultCode.POINTS_UP)]
@@ -262,7 +262,7 @@ def _spoils(channels: Any, sensor: int) -> int:
 
 
 @compiled
-def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> bool:
+def _due(k: MonitorParams, s: Any, tables: Tables, expected: ExpectedField, full: bool) -> bool:
     """
     Return whether the window must be evaluated.
 
@@ -289,7 +289,7 @@ def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> b
 
 
 @compiled
-def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, broken: bool) -> bool:
+def _close(k: MonitorParams, tables: Tables, expected: ExpectedField, samples: Samples, broken: bool) -> bool:
     """Evaluate the waiting half second; return True if its window must be evaluated or a fault has changed."""
     s, channels, checks = tables.stream[0], tables.channels, tables.checks
     began = s.bin * BIN_NS
@@ -357,7 +357,7 @@ def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int
 
 
 @compiled
-def _ready(k: Params, s: Any, samples: Samples, i: int) -> bool:
+def _ready(k: MonitorParams, s: Any, samples: Samples, i: int) -> bool:
     """Return whether sample i closes the half second: its magnetic samples have arrived, or time went back."""
     stamps, end = samples.stamps, (s.bin + 1) * BIN_NS
     if stamps[i] < s.bin * BIN_NS - BACK_NS or i - s.first >= _MOST_WAITING:
@@ -372,9 +372,9 @@ def _ready(k: Params, s: Any, samples: Samples, i: int) -> bool:
 
 @compiled
 def _run(
-    k: Params,
+    k: MonitorParams,
     tables: Tables,
-    expected: Expected,
+    expected: ExpectedField,
     samples: Samples,
     start: int,
     offset: int,

@@ -91,7 +91,7 @@ class Samples(NamedTuple):
     mag: Array
 
 
-class Expected(NamedTuple):
+class ExpectedField(NamedTuple):
     """Gravity, m/s^2, total field, T, and dip, rad, at the place; NaN if unknown."""
 
     gravity: float
@@ -219,7 +219,7 @@ def _length_noise(carried: CarriedVectors) -> float:
 
 
 @compiled
-def _turns_about_x(expected: Expected, carried: CarriedVectors, seconds: float) -> bool:
+def _turns_about_x(expected: ExpectedField, carried: CarriedVectors, seconds: float) -> bool:
     """Return whether the tool does not rotate, or rotates about x like a tool that is mounted downwards."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
@@ -232,7 +232,7 @@ def _turns_about_x(expected: Expected, carried: CarriedVectors, seconds: float) 
 
 
 @compiled
-def consistent(p: Consistency, expected: Expected, carried: CarriedVectors, seconds: float) -> bool:
+def consistent(p: Consistency, expected: ExpectedField, carried: CarriedVectors, seconds: float) -> bool:
     """Return whether gravity, field and dip of a window are as expected; seconds: length of the window, s."""
     if carried.path > 50.0 * seconds:
         return False

@@ -20,7 +20,7 @@ import numpy as np
 from mwd_estimation.core import input_gate
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.reasons import Reason, ReasonCode
-from mwd_estimation.core.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, FaultCode, FaultUnit, SensorFault
 from mwd_estimation.health import fault_debounce, signal_checks
 from mwd_estimation.health.axis_comparison import (
     AT_ONE_END,
@@ -282,8 +282,8 @@ class PrecisionHealth:
         if not changed:
             return []
         checks = self._records.checks
-        self.faults = [self._named(one) for one in fault_debounce.standing(checks, Unit.PRECISION)]
-        return [self._named(one) for one in fault_debounce.take_changes(checks, end_ns, Unit.PRECISION)]
+        self.faults = [self._named(one) for one in fault_debounce.standing(checks, FaultUnit.PRECISION)]
+        return [self._named(one) for one in fault_debounce.take_changes(checks, end_ns, FaultUnit.PRECISION)]
 
     @property
     def refusal(self) -> Reason | None:
@@ -311,7 +311,7 @@ class PrecisionHealth:
     def _named(self, fault: SensorFault) -> SensorFault:
         """Return the fault, with unit EITHER if the fault is a mismatch or its unit is not proved."""
         if fault.code == FaultCode.MISMATCH:
-            return dataclasses.replace(fault, unit=Unit.EITHER)
+            return dataclasses.replace(fault, unit=FaultUnit.EITHER)
         if not fault.mappings[2]:
             return fault
-        return dataclasses.replace(fault, unit=Unit.EITHER, which=(*fault.mappings[:2], 0))
+        return dataclasses.replace(fault, unit=FaultUnit.EITHER, which=(*fault.mappings[:2], 0))

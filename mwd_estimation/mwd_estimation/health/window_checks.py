@@ -31,7 +31,7 @@ from mwd_estimation.health.motion_window import (
     ROUGHLY_X,
     TURNING,
     UPWARDS,
-    Expected,
+    ExpectedField,
 )
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -111,7 +111,9 @@ class WindowJudge:
         Checks of `fault_debounce`.
     """
 
-    def __init__(self, limits: WindowLimits, expected: Expected, window: Window, samples: Indices, checks: Any) -> None:
+    def __init__(
+        self, limits: WindowLimits, expected: ExpectedField, window: Window, samples: Indices, checks: Any
+    ) -> None:
         self._limits, self._expected, self._window = limits, expected, window
         self._samples, self._checks = samples, checks
         self._force, self._field = MappingEvidence(), MappingEvidence()

@@ -30,10 +30,10 @@ from mwd_estimation.magnetic.interference_state import (
     STATES,
     Error,
     FieldSamples,
-    Innovation,
-    Interference,
-    Params,
-    State,
+    InterferenceEstimate,
+    InterferenceInnovation,
+    InterferenceParams,
+    InterferenceState,
 )
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
@@ -49,7 +49,7 @@ _AZIMUTH_GATE = chi_square.limit(0.001, 1)
 
 
 def initial(
-    params: Params,
+    params: InterferenceParams,
     reference: Reference,
     errors: SensorErrors,
     axial: tuple[float, float] = (0.0, 0.0),
@@ -92,7 +92,7 @@ def initial(
     return state
 
 
-def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
+def run(p: InterferenceParams, state: Samples, samples: FieldSamples) -> Samples:
     """
     Process samples; return for each sample the interference found so far and the azimuth without this interference.
 
@@ -114,7 +114,7 @@ def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     return rows
 
 
-def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
+def aid_azimuth(p: InterferenceParams, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
     """
     Update with a known magnetic azimuth (gyro azimuth minus declination), and field and gravity at the same time.
 
@@ -146,7 +146,7 @@ def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: floa
     return float(ratio)
 
 
-def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
+def _azimuth(s: InterferenceState, g: Array, b: Array) -> tuple[float, float, Array]:
     """
     Return magnetic azimuth, rad, and horizontal field, T, of a sample, and the derivative of the azimuth.
 
@@ -161,7 +161,7 @@ def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
 
 
 @compiled
-def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
+def _directions(s: InterferenceState, g: Array, b: Array, m: InterferenceInnovation) -> None:
     """
     Fill north, east, `clean`, H and V of one sample after subtracting the biases and scale errors of the state.
 
@@ -186,7 +186,7 @@ def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
 
 
 @compiled
-def _slopes(g: Array, m: Innovation) -> None:
+def _slopes(g: Array, m: InterferenceInnovation) -> None:
     """
     Fill the derivatives of the innovations of V and H with respect to the state.
 
@@ -201,7 +201,7 @@ def _slopes(g: Array, m: Innovation) -> None:
 
 
 @compiled
-def _variance_east(s: State, m: Innovation) -> float:
+def _variance_east(s: InterferenceState, m: InterferenceInnovation) -> float:
     """Return the variance of the field towards east from biases and scale errors, T^2."""
     total = 0.0
     for i in range(6):
@@ -213,7 +213,9 @@ def _variance_east(s: State, m: Innovation) -> float:
 
 
 @compiled
-def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation) -> float:
+def _innovate(
+    p: InterferenceParams, s: InterferenceState, samples: FieldSamples, k: int, m: InterferenceInnovation
+) -> float:
     """Fill `m` with the innovation of sample k; return chi-square of the innovation divided by the gate."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
@@ -249,7 +251,7 @@ def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation)
 
 
 @compiled
-def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
+def _learn(p: InterferenceParams, s: InterferenceState, m: InterferenceInnovation, step: float) -> None:
     """Update the state with the innovation (Kalman); step: time since the last sample, s."""
     # A correlated error counts as one measurement in twice its correlation time (exponential correlation), and the
     # error of the second-order term as one measurement in `_BEND_TIME`.
@@ -278,7 +280,7 @@ def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
 
 
 @compiled
-def _reject(p: Params, s: State, step: float) -> bool:
+def _reject(p: InterferenceParams, s: InterferenceState, step: float) -> bool:
     """
     Count the time of rejected samples, and restart the filter from its priors if this time is too long.
 
@@ -297,7 +299,14 @@ def _reject(p: Params, s: State, step: float) -> bool:
 
 
 @compiled
-def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, row: Interference) -> None:
+def _write(
+    p: InterferenceParams,
+    s: InterferenceState,
+    samples: FieldSamples,
+    k: int,
+    m: InterferenceInnovation,
+    row: InterferenceEstimate,
+) -> None:
     """Write the azimuth of sample k, corrected by the state, and its sigmas."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
@@ -314,7 +323,7 @@ def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, ro
 
 
 @compiled
-def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
+def _predict(p: InterferenceParams, s: InterferenceState, stamp_ns: int) -> tuple[float, bool]:
     """Propagate the covariance to a sample; return the time since the last one, s, and whether the stamp advances."""
     first = s.last_ns < 0
     step = 0.0 if first else 1e-9 * (stamp_ns - s.last_ns)
@@ -331,7 +340,9 @@ def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
 
 
 @compiled
-def _run(p: Params, s: State, samples: FieldSamples, m: Innovation, rows: Samples) -> None:
+def _run(
+    p: InterferenceParams, s: InterferenceState, samples: FieldSamples, m: InterferenceInnovation, rows: Samples
+) -> None:
     """Process the samples and fill `rows`; m: scratch record, overwritten by each sample."""
     for k in range(len(samples.stamp_ns)):
         row, finite = rows[k], True

@@ -9,7 +9,7 @@ from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.records import dtype_of
 
 
-class ErrorOrder(NamedTuple):
+class InterferenceErrors(NamedTuple):
     """
     Index of the first entry of each quantity in the error state; there are STATES entries.
 
@@ -22,13 +22,13 @@ class ErrorOrder(NamedTuple):
     VERTICAL: int = 7
 
 
-Error = ErrorOrder()
+Error = InterferenceErrors()
 
 
 STATES = 8
 
 
-class Params(NamedTuple):
+class InterferenceParams(NamedTuple):
     """Priors, noise and gates of the interference filter."""
 
     #: `axial`, `cross_axial`: prior 1 sigma of the axial interference and of the cross-axial bias, T.
@@ -47,7 +47,7 @@ class Params(NamedTuple):
     min_reset_time_s: float = 10.0
 
 
-class State:
+class InterferenceState:
     """State of the interference filter."""
 
     #: `x`, `P`: bias, T, and scale error of the three axes, errors of the reference H and V, T; and their covariance.
@@ -64,7 +64,7 @@ class State:
     learnt_s: float
 
 
-class Interference:
+class InterferenceEstimate:
     """Estimates after a sample."""
 
     #: `bias`, `sigma`: axial, y and z bias, T, and 1 sigma.
@@ -91,7 +91,7 @@ class FieldSamples(NamedTuple):
     sigma_g: Array
 
 
-class Innovation:
+class InterferenceInnovation:
     """Filter innovation of a sample: horizontal and vertical field minus reference, with terms for the azimuth."""
 
     #: `north`, `east`: unit vectors to magnetic north and east, in tool axes.
@@ -119,4 +119,8 @@ class Innovation:
     bend: float  #: variance of the second-order term of H, T^2
 
 
-STATE, INTERFERENCE, INNOVATION = dtype_of(State), dtype_of(Interference), dtype_of(Innovation)
+STATE, INTERFERENCE, INNOVATION = (
+    dtype_of(InterferenceState),
+    dtype_of(InterferenceEstimate),
+    dtype_of(InterferenceInnovation),
+)

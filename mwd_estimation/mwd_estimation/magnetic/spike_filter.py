@@ -24,7 +24,7 @@ _SPREADS = 8.0  # limit as a multiple of the median absolute deviation from the 
 _GAP_NS = 10_000_000_000  # data gap after which the filter restarts, ns
 
 
-class State:
+class SpikeState:
     """State of the spike filter."""
 
     strengths: Annotated[Array, _MEMORY]  #: strengths of the last samples, T, in a ring
@@ -33,7 +33,7 @@ class State:
     last_ns: int  #: stamp of the last sample, ns
 
 
-STATE = dtype_of(State)
+STATE = dtype_of(SpikeState)
 
 
 def initial() -> Samples:
@@ -74,7 +74,7 @@ def _median(values: Array, work: Array) -> float:
 
 
 @compiled
-def _run(s: State, stamps: Stamps, b_t: Array, sound: NDArray[np.bool_]) -> None:
+def _run(s: SpikeState, stamps: Stamps, b_t: Array, sound: NDArray[np.bool_]) -> None:
     work, away = np.empty(_MEMORY), np.empty(_MEMORY)
     for i in range(len(stamps)):
         strength = np.sqrt(b_t[i, 0] ** 2 + b_t[i, 1] ** 2 + b_t[i, 2] ** 2)

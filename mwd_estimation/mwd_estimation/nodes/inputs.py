@@ -198,7 +198,7 @@ class InputTopics:
         return self._transforms_seen, *(self.frames.get(topic) for topic in _UNITS.values())
 
     @property
-    def noise(self) -> dict[str, input_covariance.Noise]:
+    def noise(self) -> dict[str, input_covariance.StatedNoise]:
         """Noise of each vector, as stated by covariances of conventional unit and magnetometer, once it is known."""
         return self._noise.noise
 

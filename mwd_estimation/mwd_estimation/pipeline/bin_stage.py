@@ -20,9 +20,9 @@ from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.observatory import Observatory
 from mwd_estimation.pipeline.output import Output
-from mwd_estimation.pipeline.precision_unit import PrecisionUnit
+from mwd_estimation.pipeline.precision_unit import PrecisionUnitStage
 from mwd_estimation.pipeline.requests import Requests
-from mwd_estimation.pipeline.sensor_watch import Stretch
+from mwd_estimation.pipeline.sensor_watch import UsableStretch
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decided_survey import DecidedSurvey
@@ -92,7 +92,7 @@ class BinStage:
     ) -> None:
         self._field, self._faults, self._numbering = field, faults, numbering
         self.requests = Requests(settings)
-        self.precision = PrecisionUnit(settings)
+        self.precision = PrecisionUnitStage(settings)
         self.streams = SideStreams()
         self.still = StillSurvey(settings.survey)
         self.turning = TurningString()
@@ -103,7 +103,7 @@ class BinStage:
         self._sensors_usable = True
 
     def close_bins(
-        self, stretch: Stretch, later: NDArray[np.bool_], clipped: NDArray[np.uint8], output: Output
+        self, stretch: UsableStretch, later: NDArray[np.bool_], clipped: NDArray[np.uint8], output: Output
     ) -> Bins:
         """
         Close the bins that end within a stretch; add refusals, faults and results of requests to `output`.
@@ -149,7 +149,7 @@ class BinStage:
         """Return the reference, with the external field of the observatory, at the middle of an average."""
         return self._observatory.at(self._field.reference, (average.start_ns + average.end_ns) // 2)
 
-    def _doubt(self, stretch: Stretch, start: int, stop: int) -> None:
+    def _doubt(self, stretch: UsableStretch, start: int, stop: int) -> None:
         suspect = stretch.suspect[start:stop]
         if suspect.any():
             self._faults.doubt(stretch.stamps[start:stop], suspect)

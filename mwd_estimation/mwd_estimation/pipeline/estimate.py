@@ -39,8 +39,8 @@ from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
 from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.pipeline.bin_stage import BinStage, Numbering
-from mwd_estimation.pipeline.output import Counters, Output
-from mwd_estimation.pipeline.sensor_watch import SensorWatch, Stretch
+from mwd_estimation.pipeline.output import Output, SampleCounters
+from mwd_estimation.pipeline.sensor_watch import SensorWatch, UsableStretch
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decided_survey import DecidedSurvey
@@ -94,7 +94,7 @@ class Estimate:
         self,
         settings: EstimatorSettings,
         reference: Reference | None,
-        counters: Counters,
+        counters: SampleCounters,
         numbering: Numbering,
         mat_tu: Array,
         mag_late_ns: int = 0,
@@ -260,7 +260,7 @@ class Estimate:
             output = output.joined(piece)
         return output
 
-    def _measure_delay(self, stretch: Stretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
+    def _measure_delay(self, stretch: UsableStretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
         """
         Pass gravity and the rate about x to the measurement of the delay of the magnetometer's stamps.
 
@@ -296,7 +296,7 @@ class Estimate:
             # Discard the estimate of the interference: it comes from fields that were paired with wrong toolfaces.
             self._attitude.restart_field()
 
-    def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
+    def _run_stages(self, stretch: UsableStretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
         """
         Run all stages on a stretch of samples with the same usable sensors.
 

@@ -55,7 +55,7 @@ class Output:
 
 
 @dataclasses.dataclass
-class Counters:
+class SampleCounters:
     """Number of samples received, number of samples not used, and number of times that time went back."""
 
     #: `imu`, `mag`, `precision`: samples received from the conventional unit, the magnetometer and the precision unit.

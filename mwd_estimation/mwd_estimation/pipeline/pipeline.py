@@ -28,7 +28,7 @@ from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.core.track import Track
 from mwd_estimation.pipeline.bin_stage import Numbering
 from mwd_estimation.pipeline.estimate import Estimate
-from mwd_estimation.pipeline.output import Counters, Output
+from mwd_estimation.pipeline.output import Output, SampleCounters
 from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
@@ -37,7 +37,7 @@ from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import StillSurvey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.core.input_covariance import VECTORS, Noise, NoiseWatch
+from mwd_sensors.core.input_covariance import VECTORS, NoiseWatch, StatedNoise
 from mwd_sensors.core.mount import Mount, resolve
 
 
@@ -76,13 +76,13 @@ class Pipeline:
         settings: EstimatorSettings,
         reference: Reference | None = None,
         mount: Mount | None = None,
-        noise: Mapping[str, Noise] | None = None,
+        noise: Mapping[str, StatedNoise] | None = None,
     ) -> None:
         derivation.check(settings)
         self.settings = settings
         self.mount = mount or resolve(settings.tool.mount)
         self.gate = InputGate(derivation.input_ranges(settings))
-        self.counters = Counters()
+        self.counters = SampleCounters()
         self._numbering = Numbering()
         self._given = reference
         self._with_noise, self.noise_notes = with_noise(settings, noise or {})
@@ -201,7 +201,7 @@ class Pipeline:
         if not np.array_equal(before.imu, mount.imu):
             self.reset()
 
-    def _set_noise(self, stated: Mapping[str, Noise], output: Output) -> None:
+    def _set_noise(self, stated: Mapping[str, StatedNoise], output: Output) -> None:
         """
         Use the noise stated by covariances if it is larger than that of the tool's settings; then restart the estimate.
 
@@ -358,7 +358,7 @@ class NoiseOnset:
     magnetic sample has arrived, ns.
     """
 
-    def __init__(self, known: Mapping[str, Noise], mag_delay_ns: int) -> None:
+    def __init__(self, known: Mapping[str, StatedNoise], mag_delay_ns: int) -> None:
         self._watch, self._delay_ns = NoiseWatch(known), mag_delay_ns
         self._counting = set(known)
         self.forget()
@@ -379,7 +379,7 @@ class NoiseOnset:
         """Read the noise that the covariances of samples of the conventional unit state."""
         self._watch.take(samples, wire.IMU.type_name)
 
-    def next_change(self, samples: Samples) -> tuple[int, Mapping[str, Noise] | None]:
+    def next_change(self, samples: Samples) -> tuple[int, Mapping[str, StatedNoise] | None]:
         """
         Return the number of these samples of the conventional unit that come before the next change of the noise.
 
@@ -416,7 +416,7 @@ class NoiseOnset:
             self._beside[name] = np.concatenate([self._beside.get(name, used[:0]), used])[-_MOST:]
         return used
 
-    def count(self, noise: Mapping[str, Noise]) -> None:
+    def count(self, noise: Mapping[str, StatedNoise]) -> None:
         """Record that the noise of these vectors is used from now on."""
         self._counting = set(noise)
 

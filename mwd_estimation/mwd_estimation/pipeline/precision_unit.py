@@ -33,7 +33,7 @@ class PrecisionBin:
     fault: Reason | None  #: reason why the unit is not used; None if it is used
 
 
-class PrecisionUnit:
+class PrecisionUnitStage:
     """The precision unit of one tool."""
 
     def __init__(self, settings: EstimatorSettings) -> None:

@@ -28,7 +28,7 @@ _DECLARED_BINS = 240
 
 
 @dataclasses.dataclass(frozen=True)
-class Stretch:
+class UsableStretch:
     """Part of a block in which the same sensors are usable."""
 
     part: slice  #: indices of the samples in the block
@@ -129,7 +129,7 @@ class SensorWatch:
         """Record that magnetic samples from this stamp, ns, on are used for the azimuth."""
         self._mag_since_ns = min(self._mag_since_ns, first_ns)
 
-    def stretches(self, stamps: Stamps, gyro: Array, accel: Array) -> Iterator[Stretch]:
+    def stretches(self, stamps: Stamps, gyro: Array, accel: Array) -> Iterator[UsableStretch]:
         """
         Yield the stretches of a block, which is cut where the health of a sensor changes.
 
@@ -149,7 +149,7 @@ class SensorWatch:
             self._contaminated = self._contaminated or harmful
             if self._contaminated and unusable & AZIMUTH == 0:
                 self._contaminated, self._mag_since_ns = False, int(stamps[start])
-            yield Stretch(
+            yield UsableStretch(
                 part,
                 stamps[part],
                 gyro[part],

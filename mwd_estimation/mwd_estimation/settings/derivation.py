@@ -73,9 +73,11 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
     return found._replace(**{name: expert[name] for name in found._fields if name in expert})
 
 
-def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
+def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.AccelerometerParams:
     """Return the parameters of the accelerometer-only method, which is used while the gyros are faulty."""
-    found: accelerometer_only.Params = _of_tool(settings.tool, gravity, accelerometer_only.Params())
+    found: accelerometer_only.AccelerometerParams = _of_tool(
+        settings.tool, gravity, accelerometer_only.AccelerometerParams()
+    )
     return found
 
 
@@ -163,10 +165,10 @@ def input_ranges(settings: EstimatorSettings) -> Ranges:
     )
 
 
-def health_params(settings: EstimatorSettings) -> monitor.Params:
+def health_params(settings: EstimatorSettings) -> monitor.MonitorParams:
     """Return the parameters of the health checks of the conventional unit and the magnetometer."""
-    tool, usual = settings.tool, monitor.Params()
-    return monitor.Params(
+    tool, usual = settings.tool, monitor.MonitorParams()
+    return monitor.MonitorParams(
         gyro_range=math.radians(min(tool.gyro.range_deg_s)),
         accel_range=min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         mag_range=tool.magnetometer.range_ut * 1e-6 or math.inf,
@@ -182,10 +184,10 @@ def precision_gyro_bias(settings: EstimatorSettings) -> float:
     return math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0
 
 
-def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.Params:
+def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.TimeAlignmentParams:
     """Return the parameters for pairing magnetic samples with gravity."""
     attitude, tool = settings.attitude, settings.tool
-    return time_alignment_state.Params(
+    return time_alignment_state.TimeAlignmentParams(
         mag_lag_ns=round(tool.magnetometer.delay_s * 1e9),
         vertical_enter=math.radians(attitude.vertical_deg),
         vertical_leave=math.radians(attitude.vertical_deg + 1.0),
@@ -193,17 +195,17 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.P
     )
 
 
-def interference_params(settings: EstimatorSettings) -> interference_state.Params:
+def interference_params(settings: EstimatorSettings) -> interference_state.InterferenceParams:
     """Return the parameters of the filter that estimates the field of the drill string."""
-    tool, usual = settings.tool, interference_state.Params()
+    tool, usual = settings.tool, interference_state.InterferenceParams()
     # The prior of the axial interference scales with the expected field, and is at least the bias of the magnetometer.
     axial = usual.axial * (_string_nt(tool)[0] / _string_nt(Tool())[0])
-    return interference_state.Params(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
+    return interference_state.InterferenceParams(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
 
 
-def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.Params:
+def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroAzimuthParams:
     """Return the parameters of the azimuth propagated by the gyros of both units; others keep the filter's default."""
-    tool, usual = settings.tool, gyro_azimuth_state.Params()
+    tool, usual = settings.tool, gyro_azimuth_state.GyroAzimuthParams()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h
     figures = (
@@ -426,11 +428,11 @@ def station_priors(settings: EstimatorSettings) -> Priors:
     return Priors(external=max(external, _OF_STEEL), turned=_OF_STEEL)
 
 
-def dwell_params(settings: EstimatorSettings) -> toolface_dwell.Params:
+def dwell_params(settings: EstimatorSettings) -> toolface_dwell.DwellParams:
     """Return the parameters of the decision when a toolface can be used for steering."""
-    return toolface_dwell.Params(settings.attitude.toolface_dwell_s, settings.attitude.toolface_dwell_cycles)
+    return toolface_dwell.DwellParams(settings.attitude.toolface_dwell_s, settings.attitude.toolface_dwell_cycles)
 
 
-def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.Params:
+def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.DynamicsParams:
     """Return the parameters of the summary of drilling dynamics; gravity: local gravity, m/s^2, None if unknown."""
-    return drilling_dynamics.Params(settings.dynamics.shock_threshold, gravity or STANDARD_GRAVITY)
+    return drilling_dynamics.DynamicsParams(settings.dynamics.shock_threshold, gravity or STANDARD_GRAVITY)

@@ -8,20 +8,20 @@ import math
 from collections.abc import Mapping
 
 from mwd_estimation.attitude import time_alignment_state
-from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.input_covariance import Noise
+from mwd_sensors.core.input_covariance import StatedNoise
 
 # Smallest ratio of the stated noise of a gyro to the noise in the settings at which the stated noise is used. A data
 # sheet states the noise density, but a driver the noise of a sample after its own filter, which gives about twice the
 # density (first order, 255 Hz, read at 100 Hz).
 _LARGER = 3.0
 # Accelerometer noise density that the bounded filter assumes, m/s^2/sqrt(Hz); a smaller stated noise changes nothing.
-_ACCEL_NOISE = Params().accel_noise
+_ACCEL_NOISE = BoundedParams().accel_noise
 
 
-def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tuple[EstimatorSettings, list[str]]:
+def with_noise(settings: EstimatorSettings, stated: Mapping[str, StatedNoise]) -> tuple[EstimatorSettings, list[str]]:
     """
     Return settings with the noise that covariances state, where it is larger than the noise in the settings.
 
@@ -40,13 +40,13 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
     """
     tool, notes = settings.tool, []
     gyro, accel, mag = (
-        stated.get(vector, Noise()) for vector in ("angular_velocity", "linear_acceleration", "magnetic_field")
+        stated.get(vector, StatedNoise()) for vector in ("angular_velocity", "linear_acceleration", "magnetic_field")
     )
     gyro_noise, mag_bias = tool.gyro.noise_deg_sqrt_h, tool.magnetometer.bias_nt
     accel_bias = tool.accelerometer.bias_ug
     taken = "more than the tool's: sigma is widened by it"
     # Averaging time of the continuous attitude, s, which is shorter than the averaging time of a station.
-    seconds = max(2.0 * time_alignment_state.Params().smoothing_s, accel.period_s, mag.period_s)
+    seconds = max(2.0 * time_alignment_state.TimeAlignmentParams().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
     if density > _LARGER * gyro_noise:
         gyro_noise = density

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, SENSORS, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, SENSORS, FaultCode, FaultUnit, SensorFault
 from mwd_estimation.core.verdicts import DOUBTFUL, REJECT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decided_survey import DecidedSurvey
@@ -136,7 +136,7 @@ class FaultHistory:
         doubts += [
             (ACCEL, Reason(Code.SENSOR_FAULT, fault=one))
             for one in self._lately(begin)
-            if one.unit == Unit.EITHER and one.code == FaultCode.AXES and one.mappings[1]
+            if one.unit == FaultUnit.EITHER and one.code == FaultCode.AXES and one.mappings[1]
         ]
         verdict, found = (REJECT, faults) if faults else (DOUBTFUL, doubts)
         return _accusation(verdict, found)

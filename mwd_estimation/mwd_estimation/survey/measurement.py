@@ -49,7 +49,7 @@ _MISFIT = chi_square.limit(0.001, 1)
 
 
 @dataclass(frozen=True)
-class Readings:
+class StationReadings:
     """
     Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and quantities computed from them.
 
@@ -87,7 +87,7 @@ class Measured:
 
     #: Station with the azimuths of single methods, the uncorrected azimuth and no verdict.
     station: Station
-    readings: Readings | None  #: readings; None without a usable accelerometer
+    readings: StationReadings | None  #: readings; None without a usable accelerometer
     reasons: tuple[Reason, ...] = ()  #: reason if the reference does not allow the wanted north
 
 
@@ -123,7 +123,9 @@ def measured(
     return Measured(_unjudged(readings, reference, settings, north), readings, missing)
 
 
-def _unjudged(readings: Readings, reference: Reference | None, settings: StationSettings, north: NorthTurn) -> Station:
+def _unjudged(
+    readings: StationReadings, reference: Reference | None, settings: StationSettings, north: NorthTurn
+) -> Station:
     """Return the station with its uncorrected azimuth."""
     inc, toolface = readings.inclination, readings.toolface
     alignment = settings.errors.alignment(inc)
@@ -174,7 +176,7 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
     )
 
 
-def _corrected(readings: Readings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
+def _corrected(readings: StationReadings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
     """Return the azimuth of the single-station correction, with a reason if refused; empty without a reference."""
     if reference is None or not reference.has_field:
         return ()
@@ -217,14 +219,14 @@ def correction_refusal(correction: AxialCorrection, inclination: float) -> Reaso
     return None
 
 
-def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> Readings:
+def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> StationReadings:
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = _to_hole(settings)
     b_total = float(np.linalg.norm(b_t))
     has_field = bool(np.isfinite(b_t).all()) and b_total > _NO_FIELD
     has_field = has_field and math.cos(float(magnetic_geometry.dip(f_t, b_t))) > _LEVEL
     f_h, b_h = turn[:3, :3] @ f_t, turn[:3, :3] @ (b_t if has_field else np.array(_ANY_FIELD))
-    return Readings(
+    return StationReadings(
         f_t=f_t,
         b_t=b_t,
         f_h=f_h,
@@ -240,7 +242,7 @@ def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -
     )
 
 
-def _horizontal(readings: Readings, reference: Reference | None) -> float:
+def _horizontal(readings: StationReadings, reference: Reference | None) -> float:
     """Return the horizontal field of the reference, T; without a reference, the measured one."""
     if reference is not None and reference.has_field:
         return reference.horizontal

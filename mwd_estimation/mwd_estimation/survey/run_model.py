@@ -20,11 +20,11 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
-from mwd_estimation.survey.measurement import Measured, Readings
+from mwd_estimation.survey.measurement import Measured, StationReadings
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.posterior.run_filter import Predicted, RunFilter, State
+from mwd_estimation.survey.posterior.run_filter import Predicted, RunFilter, RunState
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.turning_string import Across, Turning
@@ -54,7 +54,7 @@ class _Last(NamedTuple):
 
     row: Row  #: record of the station, with the last gyro azimuth of its seek
     began_ns: int | None  #: stamp at which its seek began, ns; None without a seek
-    before: State  #: state of the model before this station
+    before: RunState  #: state of the model before this station
 
 
 class _Read(NamedTuple):
@@ -218,7 +218,7 @@ class RunModel:
             return 0.0
         return reference.declination
 
-    def _record(self, readings: Readings, measured: Measured, gyro: Solution | None) -> Row:
+    def _record(self, readings: StationReadings, measured: Measured, gyro: Solution | None) -> Row:
         station, reference = measured.station, measured.station.reference
         b_h = readings.b_h if readings.has_field else np.full(3, math.nan)
         declination = self._north(measured)

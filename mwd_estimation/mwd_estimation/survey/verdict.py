@@ -21,7 +21,7 @@ from mwd_estimation.core.verdicts import ACCEPT, DOUBTFUL, NOT_DETERMINED, REJEC
 from mwd_estimation.survey import totals
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding
-from mwd_estimation.survey.measurement import NEAR_VERTICAL, Measured, Readings
+from mwd_estimation.survey.measurement import NEAR_VERTICAL, Measured, StationReadings
 from mwd_estimation.survey.posterior.circle import Circle
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.station_record import Station, Verdicts
@@ -130,7 +130,7 @@ def _as_found(station: Station, finding: Finding) -> Station:
     )
 
 
-def _against_limits(station: Station, readings: Readings, settings: StationSettings) -> Station:
+def _against_limits(station: Station, readings: StationReadings, settings: StationSettings) -> Station:
     """Return the station with the deviations of its totals from the reference, and their limits."""
     # Near the vertical the field of the string does not turn the azimuth: use the totals of the readings.
     taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
@@ -162,7 +162,7 @@ def _of_inclination(station: Station, finding: Finding | None, settings: Station
 
 
 def _of_azimuth(
-    station: Station, measured: Measured, readings: Readings, finding: Finding | None, settings: StationSettings
+    station: Station, measured: Measured, readings: StationReadings, finding: Finding | None, settings: StationSettings
 ) -> _Findings:
     """Return the verdict on the azimuth, from field, reference and posterior."""
     azimuth = _Findings()
@@ -188,7 +188,7 @@ def _of_azimuth(
     return azimuth
 
 
-def _of_slip(station: Station, readings: Readings) -> list[Reason]:
+def _of_slip(station: Station, readings: StationReadings) -> list[Reason]:
     """Return a reason if the readings show a slip (a mistake in the entered reference); empty if not."""
     reference, covariance = station.reference, station.deviations.covariance
     if reference is None or not np.isfinite(covariance).all():
@@ -248,7 +248,7 @@ def _judge_totals(azimuth: _Findings, station: Station, settings: StationSetting
     azimuth.add(judgement.verdict, *judgement.reasons)
 
 
-def _upright(readings: Readings) -> bool:
+def _upright(readings: StationReadings) -> bool:
     return math.sin(readings.inclination) < math.sin(NEAR_VERTICAL)
 
 
@@ -272,7 +272,7 @@ def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
 
 def _finished(
     station: Station,
-    readings: Readings,
+    readings: StationReadings,
     level: _Findings,
     azimuth: _Findings,
     finding: Finding | None,

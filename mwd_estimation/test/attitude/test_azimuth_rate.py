@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import azimuth_rate
-from mwd_estimation.attitude.gyro_azimuth_state import BIN_SUMS, Params, PrecisionRates, at_latitude, initial
+from mwd_estimation.attitude.gyro_azimuth_state import BIN_SUMS, GyroAzimuthParams, PrecisionRates, at_latitude, initial
 from mwd_sensors.core.arrays import Samples
 
-PARAMS = at_latitude(Params(), 60.0)._replace(precision_range=1.0, vertical_sin2=1e-3)
+PARAMS = at_latitude(GyroAzimuthParams(), 60.0)._replace(precision_range=1.0, vertical_sin2=1e-3)
 
 
 def ring(times_ns: list[int], down: tuple[float, float, float], turns: list[float]) -> Samples:

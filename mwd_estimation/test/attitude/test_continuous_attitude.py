@@ -30,9 +30,9 @@ NO_PRECISION = PrecisionRates(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 def stream(reference=REFERENCE, **carry):
     made = AttitudeStream(
-        time_alignment_state.Params(),
-        interference_state.Params(),
-        gyro_azimuth_state.Params(**carry),
+        time_alignment_state.TimeAlignmentParams(),
+        interference_state.InterferenceParams(),
+        gyro_azimuth_state.GyroAzimuthParams(**carry),
         BENCH,
         50.0,
     )
@@ -115,7 +115,7 @@ def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
 
 def test_what_many_stations_found_is_gone_on_from():
     block, b_t = samples(1000, math.pi / 2, azimuth=math.pi / 2, own=(2e-6, 0.0, 0.0))
-    state = interference_filter.initial(interference_state.Params(), REFERENCE, BENCH)
+    state = interference_filter.initial(interference_state.InterferenceParams(), REFERENCE, BENCH)
     state[0].x[0], state[0].P[0, 0] = 2e-6, (5e-8) ** 2
     update = StationUpdate((state[0].x, state[0].P), block.samples["down"][0], b_t[0])
     attitude, _, interference, _ = follow(stream(), block, b_t, [(500, update)])

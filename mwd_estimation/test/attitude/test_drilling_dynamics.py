@@ -25,7 +25,7 @@ def window(seconds=10.0, rate_hz=100.0):
 
 
 def run(stamps, gyro, accel, g, *, state=None, status=None, **changes):
-    params = dynamics.Params(**changes)
+    params = dynamics.DynamicsParams(**changes)
     state = dynamics.initial() if state is None else state
     samples, attitude = np.zeros(len(stamps), dtype=SAMPLE), wire.ATTITUDE.empty(len(stamps))
     samples["stamp_ns"], samples["gyro"], samples["accel"], samples["down"] = stamps, gyro, accel, g

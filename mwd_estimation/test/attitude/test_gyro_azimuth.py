@@ -21,7 +21,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_EVENT,
     MAGNETIC_AZIMUTH,
     Error,
-    Params,
+    GyroAzimuthParams,
     PrecisionRates,
     at_latitude,
     gyro_unit,
@@ -43,7 +43,7 @@ MAG_SIGMA = 1.0 * DEG
 SHARE = 0.9
 # A tactical unit; the bias is known to 2 deg/h.
 UNIT = gyro_unit(0.05, 2.0, 0.0, 1000.0, 3.6, 0.5)
-TACTICAL = Params(units=(UNIT, gyro_unit(0.05, 5.0, 0.3)), slow_error_time_s=1800.0)
+TACTICAL = GyroAzimuthParams(units=(UNIT, gyro_unit(0.05, 5.0, 0.3)), slow_error_time_s=1800.0)
 POOR = TACTICAL._replace(units=(gyro_unit(0.42, 36.0, 0.0, 1000.0, 3.6, 0.5), TACTICAL.units[1]))
 
 
@@ -115,7 +115,7 @@ def go(
     well: Drilling,
     mag: Array,
     gyro: Array,
-    params: Params = TACTICAL,
+    params: GyroAzimuthParams = TACTICAL,
     good: Array | None = None,
     cuts=(),
     seek=(),

@@ -16,14 +16,16 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     MAGNETIC_AZIMUTH,
     STATES,
     Error,
-    Params,
+    GyroAzimuthParams,
     at_latitude,
     gyro_unit,
     initial,
 )
 from mwd_estimation.gravity.bounded.bias_step import BIAS_STEP
 
-PARAMS = at_latitude(Params(units=(gyro_unit(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5), gyro_unit(0.05, 5.0, 0.3))), 60.0)
+PARAMS = at_latitude(
+    GyroAzimuthParams(units=(gyro_unit(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5), gyro_unit(0.05, 5.0, 0.3))), 60.0
+)
 
 
 def state_of(x=None, P=None):

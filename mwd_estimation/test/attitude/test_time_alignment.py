@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mwd_estimation.attitude import time_alignment
 from mwd_estimation.attitude.sample import SAMPLE
-from mwd_estimation.attitude.time_alignment import Params
+from mwd_estimation.attitude.time_alignment import TimeAlignmentParams
 from mwd_estimation.attitude.time_alignment_state import FieldModel, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.frames import TAU, gravity_toolface, magnetic_toolface, mat_nt, wrap_pi
@@ -42,7 +42,7 @@ def _run(inclination, azimuth, *, model=CLEAN, params=None, mag_late=0.003, n=60
     b_t = _seen(_turning(inclination, azimuth, mag_times, rate), FIELD_N) + model.interference
     to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
     rows, _, _ = run(
-        params or Params(),
+        params or TimeAlignmentParams(),
         initial(),
         model,
         to_ns(times),
@@ -75,7 +75,7 @@ def test_no_azimuth_is_invented_before_the_first_magnetic_sample_or_after_the_la
     mat = _turning(0.8, 1.0, times, 0.0)
     stamps = START + np.round(times * 1e9).astype(np.int64)
     rows, _, used = run(
-        Params(mag_timeout_ns=1_000_000_000),
+        TimeAlignmentParams(mag_timeout_ns=1_000_000_000),
         initial(),
         CLEAN,
         stamps,
@@ -101,7 +101,7 @@ def test_a_sample_without_a_direction_of_gravity_has_no_angles(nothing):
     g_t[20:30] *= nothing
     stamps = START + np.arange(n) * 10_000_000
     b_t = np.tile([3e-5, 1e-5, 2e-5], (n, 1))
-    rows, _, _ = run(Params(), initial(), CLEAN, stamps, g_t, np.zeros(n), np.zeros(n), stamps, b_t)
+    rows, _, _ = run(TimeAlignmentParams(), initial(), CLEAN, stamps, g_t, np.zeros(n), np.zeros(n), stamps, b_t)
     known = (np.arange(n) < 20) | (np.arange(n) >= 30)
     for angle in ("inclination", "gravity_toolface"):
         assert np.array_equal(np.isfinite(rows[angle]), known)
@@ -114,7 +114,7 @@ def test_near_vertical_is_entered_and_left_with_hysteresis():
     mat = mat_nt(inclination, np.zeros(100), np.zeros(100))
     stamps = START + np.arange(100) * 10**7
     rows, _, _ = run(
-        Params(),
+        TimeAlignmentParams(),
         initial(),
         CLEAN,
         stamps,
@@ -155,7 +155,9 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
     mat = _turning(1.1, 0.4, times)
     stamps = START + np.round(times * 1e9).astype(np.int64)
     g_t, b_t = _seen(mat, np.array([0.0, 0.0, 1.0])), _seen(mat, FIELD_N) + 1e-7 * rng.normal(size=(300, 3))
-    whole, pairs, _ = run(Params(), initial(), CLEAN, stamps, g_t, np.full(300, 16.2), np.full(300, 1e-3), stamps, b_t)
+    whole, pairs, _ = run(
+        TimeAlignmentParams(), initial(), CLEAN, stamps, g_t, np.full(300, 16.2), np.full(300, 1e-3), stamps, b_t
+    )
     state, pieces, handed_on = initial(), [], []
     mag_from = 0
     for block in np.split(np.arange(300), sorted(cuts)):
@@ -163,7 +165,7 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
             continue
         mag_to = min(block[-1] + 1 + mag_ahead, 300)
         rows, _, used = run(
-            Params(),
+            TimeAlignmentParams(),
             state.copy(),
             CLEAN,
             stamps[block],
@@ -174,7 +176,7 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
             b_t[mag_from:mag_to],
         )
         again, handed, _ = run(
-            Params(),
+            TimeAlignmentParams(),
             state,
             CLEAN,
             stamps[block],
@@ -203,7 +205,7 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
     model = FieldModel((1e-6, 0.0, 0.0), 2e-7, 1e-7)
     b_t = _seen(mag_mat, FIELD_N) + model.interference
     rows, pairs, _ = run(
-        Params(interval_ns=500_000_000),
+        TimeAlignmentParams(interval_ns=500_000_000),
         initial(),
         model,
         to_ns(times),
@@ -224,7 +226,7 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
 
 @pytest.mark.parametrize("inclination", [0.9, 0.01])
 def test_toolfaces_are_carried_on_over_the_latency(inclination):
-    late, _ = _run(inclination, 1.0, params=Params(latency_s=0.08), rate=2.0)
+    late, _ = _run(inclination, 1.0, params=TimeAlignmentParams(latency_s=0.08), rate=2.0)
     ahead = mat_nt(inclination, np.full(600, 1.0), (2.0 * (np.arange(600) * 0.01 + 0.08)) % TAU)
     slack = 1e-9 if inclination > 0.1 else 1e-3
     np.testing.assert_allclose(wrap_pi(late["magnetic_toolface"] - magnetic_toolface(ahead))[5:], 0.0, atol=slack)

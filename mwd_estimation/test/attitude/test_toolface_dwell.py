@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import toolface_dwell
-from mwd_estimation.attitude.toolface_dwell import Params
+from mwd_estimation.attitude.toolface_dwell import DwellParams
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import ROTATING_ABOVE, Track
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -33,7 +33,7 @@ def settled(speed, cuts=()):
     stamps = 10**18 + np.arange(len(speed)) * round(PERIOD * 1e9)
     track, state = track_of(speed), np.zeros(1, toolface_dwell.RECORD)
     for a, b in itertools.pairwise([0, *cuts, len(speed)]):
-        toolface_dwell.run(Params(), state, stamps[a:b], track.part(slice(a, b)))
+        toolface_dwell.run(DwellParams(), state, stamps[a:b], track.part(slice(a, b)))
     return track.status & UNSETTLED == 0
 
 

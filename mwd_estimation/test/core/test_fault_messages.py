@@ -9,14 +9,14 @@ import pytest
 
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.fault_messages import describe, mapping_words
-from mwd_estimation.core.sensor_fault import FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import FaultCode, FaultUnit, SensorFault
 
 
-def fault(code, place=3, which=(0, 0, 0), unit=Unit.CONVENTIONAL, value=1.0):
+def fault(code, place=3, which=(0, 0, 0), unit=FaultUnit.CONVENTIONAL, value=1.0):
     return SensorFault(code, unit, place, value, 2.0, which, 2, 5)
 
 
-@pytest.mark.parametrize("unit", list(Unit))
+@pytest.mark.parametrize("unit", list(FaultUnit))
 @pytest.mark.parametrize("code", list(FaultCode))
 def test_every_fault_has_words_and_a_remedy_and_its_end_too(code, unit):
     one = fault(code, which=(2, 0, 0) if code in (FaultCode.AXES, FaultCode.SIGN) else (1, 0, 0), unit=unit)
@@ -27,7 +27,7 @@ def test_every_fault_has_words_and_a_remedy_and_its_end_too(code, unit):
     assert text.remedy
     assert text.severity in ("error", "warning")
     assert 0.0 < text.confidence <= 1.0
-    assert ("precision" in text.sensor) == (unit != Unit.CONVENTIONAL)
+    assert ("precision" in text.sensor) == (unit != FaultUnit.CONVENTIONAL)
     ended = describe(dataclasses.replace(one, cleared_ns=7))
     assert ended.message.startswith(text.message)
     assert (ended.remedy, ended.kind, ended.sensor) == ("", text.kind, text.sensor)
@@ -53,6 +53,6 @@ def test_all_48_mappings_have_words_of_their_own():
 def test_mistakes_that_explain_the_same_share_the_confidence():
     two = (1 << 3 | 1 << 5, 0, 0)
     assert describe(fault(FaultCode.AXES, 0, two)).confidence == pytest.approx(0.95 / 2)
-    either = fault(FaultCode.AXES, 0, two, Unit.EITHER)
+    either = fault(FaultCode.AXES, 0, two, FaultUnit.EITHER)
     assert describe(either).sensor == "gyro/precision gyro"
     assert describe(either).confidence == pytest.approx(0.95 / 4)

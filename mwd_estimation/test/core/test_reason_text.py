@@ -6,7 +6,7 @@ import pytest
 
 from mwd_estimation.core.reason_text import WORDS, joined, text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
-from mwd_estimation.core.sensor_fault import ACCEL, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import ACCEL, FaultCode, FaultUnit, SensorFault
 
 NUMBERS = Reason(ReasonCode.HYPOTHESES, 0.1, 0.2, (0.3, 0.4), ("one", "other"), (Reason(ReasonCode.NO_MAGNETOMETER),))
 
@@ -44,7 +44,7 @@ def test_the_reasons_behind_a_reason_stand_in_its_sentence():
 
 
 def test_the_fault_of_a_sensor_is_put_in_words_only_here():
-    dead = SensorFault(FaultCode.DEAD, Unit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, 1)
+    dead = SensorFault(FaultCode.DEAD, FaultUnit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, 1)
     words = "accelerometer is dead: it sends only zeros"
     remedy = "check its plug and cable; if it stays, change the probe"
     assert text(Reason(ReasonCode.SENSOR_FAULT, fault=dead)) == f"{words}; {remedy}"

@@ -9,9 +9,9 @@ import pytest
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole.settings import Transmit
-from mwd_estimation.downhole.transmitter import Kind, Transmitter, TransmitterState
+from mwd_estimation.downhole.transmitter import PartKind, Transmitter, TransmitterState
 from mwd_sensors.core import wire
-from mwd_sensors.telemetry.downlink import Downlink, Frame, programme
+from mwd_sensors.telemetry.downlink import Downlink, DownlinkFrame, programme
 from mwd_sensors.telemetry.tool_commands import command
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
@@ -56,13 +56,13 @@ def played(frames, tool=TOOL, block=37, off=None, every=150.0):
 
 
 def told(name, value=0.0, counter=1, tool=TOOL):
-    return Frame(counter, *command(tool, name, value))
+    return DownlinkFrame(counter, *command(tool, name, value))
 
 
 def test_a_new_pulse_width_begins_with_a_sync_and_the_echo():
     frame = told("pulse_width", 0.5)
     transmitter, sent = played([frame])
-    syncs = [k for k, one in enumerate(sent) if one.kind == Kind.SYNC]
+    syncs = [k for k, one in enumerate(sent) if one.kind == PartKind.SYNC]
     assert len(syncs) == 2
     assert {one.tool.pulse_width_s for one in sent[: syncs[1]]} == {0.8}
     assert {one.tool.pulse_width_s for one in sent[syncs[1] :]} == {0.5}
@@ -78,7 +78,7 @@ def test_what_is_sent_does_not_depend_on_the_blocks():
     frames = [told("toolface_rate", 3), told("survey_now", counter=2)]
     one, other = played(frames, block=1)[1], played(frames, block=501)[1]
     assert one == other
-    syncs = [k for k, part in enumerate(one) if part.kind == Kind.SYNC]
+    syncs = [k for k, part in enumerate(one) if part.kind == PartKind.SYNC]
     assert len(syncs) == 3
     names = [part.name for part in one[syncs[1] :]]
     assert names[:7] == ["", "RINC", "DLnk", "aTFA", "aTFA", "aTFA", "RAZM"]
@@ -102,8 +102,8 @@ def test_a_mute_tool_answers_and_speaks_again_at_the_next_flow_on():
 
 
 def test_a_command_the_tool_cannot_obey_changes_nothing_and_is_not_answered():
-    transmitter, sent = played([Frame(1, 1, 14)])
-    assert sum(one.kind == Kind.SYNC for one in sent) == 1
+    transmitter, sent = played([DownlinkFrame(1, 1, 14)])
+    assert sum(one.kind == PartKind.SYNC for one in sent) == 1
     assert transmitter.tool.pulse_width_s == 0.8
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mwd_estimation.downhole.commands import DownlinkDecoder
-from mwd_sensors.simulator.schedule import Phase, Rig, timeline
-from mwd_sensors.simulator.steering import ROTATE, Command, Steering, String
-from mwd_sensors.telemetry.downlink import FLOW, Downlink, Frame, programme
+from mwd_sensors.simulator.schedule import Rig, SchedulePhase, timeline
+from mwd_sensors.simulator.steering import ROTATE, Steering, SteeringCommand, String
+from mwd_sensors.telemetry.downlink import FLOW, Downlink, DownlinkFrame, programme
 
 RPM = math.pi / 30.0
 START = 1_700_000_000_000_000_000
@@ -32,14 +32,14 @@ def stick_slip(frames, rpm, rate=500, seed=1):
     """Times and rotation of the tool below a string that sticks and slips while commands are sent."""
     ordered = [programme(frame, ROTATION) for frame in frames]
     seconds = 60.0 + sum(one.duration_s + 60.0 for one in ordered)
-    line = timeline((Phase(seconds=seconds + 60.0, rpm=rpm),), Rig(), 1000.0, (), np.random.default_rng(seed))
+    line = timeline((SchedulePhase(seconds=seconds + 60.0, rpm=rpm),), Rig(), 1000.0, (), np.random.default_rng(seed))
     string = String(Steering(), line, 0.3, rate, np.random.default_rng(seed + 1))
     shares = [1.0] * 300
     for one in ordered:
         shares += [one.at(0.2 * k) for k in range(math.ceil(one.duration_s / 0.2))] + [1.0] * 300
     turned, count = [], round(0.2 * rate)
     for k, share in enumerate(shares):
-        string.command(Command(ROTATE, rpm * share * RPM, valid_for=1.0))
+        string.command(SteeringCommand(ROTATE, rpm * share * RPM, valid_for=1.0))
         turned.append(string.advance(k * count, count)[0][1])
     rotation = np.concatenate(turned)[::5]
     return np.arange(len(rotation)) * 5.0 / rate, rotation
@@ -49,7 +49,7 @@ def stick_slip(frames, rpm, rate=500, seed=1):
 @pytest.mark.parametrize("rpm", [80.0, 130.0])
 def test_commands_come_through_full_stick_slip(rpm):
     random = np.random.default_rng(3)
-    frames = [Frame(k % 7 + 1, int(random.integers(6)), int(random.integers(16))) for k in range(6)]
+    frames = [DownlinkFrame(k % 7 + 1, int(random.integers(6)), int(random.integers(16))) for k in range(6)]
     time, rotation = stick_slip(frames, rpm)
     last = rotation[len(rotation) // 2 :]
     assert last.min() < 0.1 * rpm * RPM
@@ -61,7 +61,7 @@ def test_commands_come_through_full_stick_slip(rpm):
 @pytest.mark.parametrize(("downlink", "base", "noise"), [(ROTATION, 12.0, 0.5), (PUMPS, 0.033, 2e-4)])
 def test_the_stamp_is_the_end_of_the_command_and_does_not_depend_on_the_blocks(downlink, base, noise):
     random = np.random.default_rng(1)
-    frame = Frame(3, 1, 9)
+    frame = DownlinkFrame(3, 1, 9)
     time, signal = sent(frame, downlink, base)
     signal = signal + noise * random.standard_normal(len(signal))
     whole = DownlinkDecoder(downlink).push(stamps(time), signal)
@@ -75,7 +75,7 @@ def test_the_stamp_is_the_end_of_the_command_and_does_not_depend_on_the_blocks(d
 
 
 def test_a_sample_that_is_not_finite_and_a_short_gap_do_no_harm_and_a_long_one_breaks_the_command():
-    frame = Frame(1, 4, 0)
+    frame = DownlinkFrame(1, 4, 0)
     time, signal = sent(frame, ROTATION, 12.0)
     signal[::7] = np.nan
     short = (time < 130.0) | (time > 131.5)
@@ -85,7 +85,7 @@ def test_a_sample_that_is_not_finite_and_a_short_gap_do_no_harm_and_a_long_one_b
 
 
 def test_a_drop_that_is_not_the_one_agreed_is_no_command():
-    time, signal = sent(Frame(1, 4, 0), ROTATION, 12.0)
+    time, signal = sent(DownlinkFrame(1, 4, 0), ROTATION, 12.0)
     shallow = 12.0 + 0.4 * (signal - 12.0)
     assert DownlinkDecoder(ROTATION).push(stamps(time), shallow) == []
     assert DownlinkDecoder(ROTATION).push(stamps(time), 0.2 * signal) == []

@@ -12,7 +12,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.downhole.settings import Transmit
-from mwd_estimation.downhole.transmitter import Kind, Transmitter, TransmitterState
+from mwd_estimation.downhole.transmitter import PartKind, Transmitter, TransmitterState
 from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import station
@@ -96,8 +96,14 @@ def test_without_knowledge_of_the_flow_the_tool_is_silent():
 def test_sync_comes_a_delay_after_flow_on_then_the_survey_once_then_toolfaces():
     _, sent = run(TOOL, Transmit(), attitude(120.0), flow(120.0, [(20.0, 120.0)]), [survey()])
     assert seconds(sent[0]) == pytest.approx(30.0, abs=0.11)
-    assert [one.kind for one in sent[:5]] == [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY, Kind.TOOLFACE]
-    assert {one.kind for one in sent[4:]} == {Kind.TOOLFACE}
+    assert [one.kind for one in sent[:5]] == [
+        PartKind.SYNC,
+        PartKind.SURVEY,
+        PartKind.SURVEY,
+        PartKind.SURVEY,
+        PartKind.TOOLFACE,
+    ]
+    assert {one.kind for one in sent[4:]} == {PartKind.TOOLFACE}
     for one, following in itertools.pairwise(sent):
         assert following.start_ns - one.start_ns == pytest.approx(one.duration_s * SECOND, abs=2)
 
@@ -135,7 +141,7 @@ def test_near_vertical_the_automatic_toolface_is_the_magnetic_one():
 def test_flow_off_ends_the_transmission_and_flow_on_begins_another():
     flows = flow(200.0, [(5.0, 60.0), (100.0, 200.0)])
     _, sent = run(TOOL, Transmit(), attitude(200.0), flows, [survey()])
-    syncs = [seconds(one) for one in sent if one.kind == Kind.SYNC]
+    syncs = [seconds(one) for one in sent if one.kind == PartKind.SYNC]
     assert syncs == pytest.approx([15.0, 110.0], abs=0.11)
     assert not [one for one in sent if 63.0 < seconds(one) < 109.0]
 
@@ -143,7 +149,7 @@ def test_flow_off_ends_the_transmission_and_flow_on_begins_another():
 def test_a_short_dip_of_the_flow_does_not_interrupt():
     flows = flow(100.0, [(5.0, 40.0), (41.0, 100.0)])
     _, sent = run(TOOL, Transmit(flow_hold_s=2.0), attitude(100.0), flows)
-    assert sum(one.kind == Kind.SYNC for one in sent) == 1
+    assert sum(one.kind == PartKind.SYNC for one in sent) == 1
 
 
 def test_what_is_sent_does_not_depend_on_how_the_samples_are_cut():
@@ -155,7 +161,7 @@ def test_what_is_sent_does_not_depend_on_how_the_samples_are_cut():
 
 def test_edges_are_those_of_the_whole_sequence():
     _, sent = run(TOOL, Transmit(), attitude(60.0), flow(60.0, [(5.0, 60.0)]), [survey()])
-    words = [one for one in sent if one.kind in (Kind.SYNC, Kind.SURVEY)]
+    words = [one for one in sent if one.kind in (PartKind.SYNC, PartKind.SURVEY)]
     origin = words[0].start_ns
     edges = [(one.start_ns - origin) / SECOND + edge for one in words for edge in one.edges_s]
     wanted = encode(TOOL, TOOL.surveys[0], tuple(one.raw for one in words[1:]), 0)
@@ -168,12 +174,12 @@ def test_rotation_switches_the_sequence_with_a_new_sync():
     rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
     settings = Transmit(rotation_switching_s=2.0)
     _, sent = run(tool, settings, rows, flow(180.0, [(1.0, 180.0)]), [survey()])
-    headers = [one.raw for one in sent if one.kind == Kind.HEADER]
+    headers = [one.raw for one in sent if one.kind == PartKind.HEADER]
     assert headers == [0, 1]
     after = [one for one in sent if seconds(one) > 63.0]
-    kinds = [one.kind for one in after[after.index(next(o for o in after if o.kind == Kind.HEADER)) + 1 :]]
-    assert kinds[:3] == [Kind.SURVEY] * 3
-    assert {one.name for one in after if one.kind == Kind.TOOLFACE} <= {"aTFA", "LRMS", "RINC"}
+    kinds = [one.kind for one in after[after.index(next(o for o in after if o.kind == PartKind.HEADER)) + 1 :]]
+    assert kinds[:3] == [PartKind.SURVEY] * 3
+    assert {one.name for one in after if one.kind == PartKind.TOOLFACE} <= {"aTFA", "LRMS", "RINC"}
 
 
 def test_without_a_survey_at_rest_the_least_noisy_continuous_one_is_sent():
@@ -211,12 +217,12 @@ def test_on_a_carrier_blocks_of_the_survey_and_of_toolfaces_follow_each_other():
     blocks = [one for one in sent if one.phases]
     assert [one.name for one in sent[:3]] == ["Inc", "Azm", "Grav"]
     assert len({one.start_ns for one in sent[:3]}) == 1
-    assert {one.kind for one in blocks[1:]} == {Kind.TOOLFACE}
+    assert {one.kind for one in blocks[1:]} == {PartKind.TOOLFACE}
     for one, following in itertools.pairwise(blocks):
         assert following.start_ns - one.start_ns == pytest.approx(PSK.carrier.block_s * SECOND, abs=2)
     for one in blocks:
         words = [word for word in sent if word.start_ns == one.start_ns]
-        items = (PSK.surveys if one.kind == Kind.SURVEY else PSK.toolfaces)[0]
+        items = (PSK.surveys if one.kind == PartKind.SURVEY else PSK.toolfaces)[0]
         name = BlockName(one.kind.name.lower(), 0, 0)
         lengths = [item.length for item in items]
         bits = block_bits(PSK.carrier, name, [word.raw for word in words], lengths, PSK.table_check)
@@ -231,8 +237,8 @@ def test_a_tool_on_a_wire_sends_without_flow_and_each_survey_once(form):
     _, sent = run(tool, Transmit(), attitude(60.0), flow(0.0, []), [survey()])
     frames = [one for one in sent if one.octets]
     assert len(frames) == 30
-    assert [one.kind for one in frames[:3]] == [Kind.SURVEY, Kind.TOOLFACE, Kind.TOOLFACE]
-    assert sum(one.kind == Kind.SURVEY for one in frames) == 1
+    assert [one.kind for one in frames[:3]] == [PartKind.SURVEY, PartKind.TOOLFACE, PartKind.TOOLFACE]
+    assert sum(one.kind == PartKind.SURVEY for one in frames) == 1
     toolface = frames[5]
     assert tool.table["aTFA"].value(toolface.raw, 6) == pytest.approx(seconds(toolface), abs=3.0)
     assert all(one.octets.endswith(b"\n" if form == "ascii" else b"\0") for one in frames)
@@ -244,7 +250,7 @@ def test_rotation_switches_the_sequence_of_a_carrier_without_a_header():
     rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
     settings = Transmit(rotation_switching_s=2.0)
     _, sent = run(tool, settings, rows, flow(120.0, [(1.0, 120.0)]), [survey()])
-    late = [one for one in sent if one.kind == Kind.TOOLFACE and seconds(one) > 90.0]
+    late = [one for one in sent if one.kind == PartKind.TOOLFACE and seconds(one) > 90.0]
     assert {(one.name, one.sequence) for one in late} == {("LRMS", 1)}
 
 
@@ -270,7 +276,7 @@ def test_a_tool_of_surveys_only_sends_one_after_each_flow_on_and_is_silent_betwe
     transmitter, sent = run(
         tool, Transmit(), attitude(200.0), flow(200.0, [(20.0, 90.0), (110.0, 190.0)]), [survey()], block=40
     )
-    assert [one.kind for one in sent] == 2 * [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY]
+    assert [one.kind for one in sent] == 2 * [PartKind.SYNC, PartKind.SURVEY, PartKind.SURVEY, PartKind.SURVEY]
     transmitter, _ = run(tool, Transmit(), attitude(80.0), flow(80.0, [(20.0, 90.0)]), [survey()])
     assert transmitter.state == TransmitterState.DONE
 
@@ -283,8 +289,8 @@ def test_a_change_of_rotation_during_the_survey_of_a_tool_of_surveys_only_does_n
     rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
     settings = Transmit(rotation_switching_s=2.0)
     transmitter, sent = run(tool, settings, rows, flow(200.0, [(20.0, 200.0)]), [survey()])
-    last = max(k for k, one in enumerate(sent) if one.kind == Kind.SYNC)
-    assert [one.kind for one in sent[last:]] == [Kind.SYNC, Kind.HEADER, *3 * [Kind.SURVEY]]
+    last = max(k for k, one in enumerate(sent) if one.kind == PartKind.SYNC)
+    assert [one.kind for one in sent[last:]] == [PartKind.SYNC, PartKind.HEADER, *3 * [PartKind.SURVEY]]
     assert seconds(sent[last]) > turn_s
     assert transmitter.state == TransmitterState.DONE
 

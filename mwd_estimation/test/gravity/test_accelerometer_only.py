@@ -15,7 +15,7 @@ STAMPS = np.arange(1000, dtype=np.int64) * 10_000_000
 
 
 def test_at_rest_it_is_exact():
-    p = raw.Params()
+    p = raw.AccelerometerParams()
     got = raw.run(p, raw.initial(p), STAMPS, np.zeros((1000, 3)), np.tile(-STANDARD_GRAVITY * DOWN, (1000, 1)))
     assert got.g_t == pytest.approx(np.tile(DOWN, (1000, 1)), abs=1e-15)
     assert (got.status & int(Status.STILL) != 0).all()
@@ -24,7 +24,7 @@ def test_at_rest_it_is_exact():
 
 def test_sigma_grows_with_the_disturbance():
     rng = np.random.default_rng(1)
-    p = raw.Params()
+    p = raw.AccelerometerParams()
     accel = -STANDARD_GRAVITY * DOWN + rng.standard_normal((1000, 3))
     got = raw.run(p, raw.initial(p), STAMPS, np.zeros((1000, 3)), accel)
     error = got.inclination - np.arctan2(0.8, 0.6)
@@ -32,7 +32,7 @@ def test_sigma_grows_with_the_disturbance():
 
 
 def test_no_force_at_all_is_rejected():
-    p = raw.Params()
+    p = raw.AccelerometerParams()
     got = raw.run(p, raw.initial(p), [0], np.zeros((1, 3)), np.zeros((1, 3)))
     assert Status(int(got.status[0])) & Status.REJECTED
 
@@ -53,7 +53,7 @@ def test_sigma_covers_a_disturbance_whatever_its_direction(inclination_deg, axia
     down = np.stack([np.full(3000, np.cos(inclination)), -across * np.sin(roll), -across * np.cos(roll)], axis=-1)
     accel = -STANDARD_GRAVITY * down + [0.0, -0.8 * turning, 0.6 * turning]
     accel[:, 0] += axial * np.sin(71.3 * time + 0.3) + 0.1 * axial * rng.standard_normal(3000)
-    p = raw.Params()
+    p = raw.AccelerometerParams()
     stamps = np.arange(3000, dtype=np.int64) * 10_000_000
     got = raw.run(p, raw.initial(p), stamps, np.zeros((3000, 3)), accel)
     late = slice(500, None)

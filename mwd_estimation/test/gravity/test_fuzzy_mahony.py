@@ -95,7 +95,7 @@ def test_fuzzy_output_between_corners_is_the_centroid_of_the_four_fired_rules():
 
 
 def test_correction_pulls_towards_the_accelerometer_and_not_away():
-    p = fuzzy_mahony.Params(start_s=0.0, k_i=0.0)
+    p = fuzzy_mahony.MahonyParams(start_s=0.0, k_i=0.0)
     state = fuzzy_mahony.initial(p)
     f = np.array([[-np.cos(0.5), 0.0, np.sin(0.5)]]) * G0
     # Starts from one tilted sample, then gets true samples: the error must shrink.
@@ -111,7 +111,7 @@ def test_rotating_start_needs_no_still_interval():
     rng = np.random.default_rng(3)
     accel = -G0 * truth + 8.0 * rng.standard_normal((n, 3))
     gyro = np.tile([rate, 0.0, 0.0], (n, 1))
-    p = fuzzy_mahony.Params()
+    p = fuzzy_mahony.MahonyParams()
     got = fuzzy_mahony.run(p, fuzzy_mahony.initial(p), stamps_of(n, 100.0), gyro, accel)
     error = np.degrees(np.arccos(np.clip(np.sum(got.g_t * truth, axis=1), -1, 1)))
     assert np.sqrt(np.mean(error[1000:] ** 2)) < 3.0
@@ -121,7 +121,7 @@ def test_real_recording_is_followed_within_a_degree_and_sigma_knows_it():
     data = np.load(BROAD)
     x, y, z, w = data["quat"][:, 1], data["quat"][:, 2], data["quat"][:, 3], data["quat"][:, 0]
     down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1).astype(float)
-    p = fuzzy_mahony.Params()
+    p = fuzzy_mahony.MahonyParams()
     got = fuzzy_mahony.run(
         p, fuzzy_mahony.initial(p), stamps_of(len(down), float(data["fs"])), data["gyr"], data["acc"]
     )

@@ -17,7 +17,7 @@ def test_three_numbers_carry_the_covariance_of_the_full_six_state_filter():
     n, dt = 50, 0.01
     stamps = np.arange(n, dtype=np.int64) * 10_000_000
     gyro, accel = rng.standard_normal((n, 3)), -G0 * np.array([0.0, 0.6, 0.8]) + rng.standard_normal((n, 3))
-    p = kalman.Params(rate_noise=0.0, bias_gain=0.0)
+    p = kalman.LigorioParams(rate_noise=0.0, bias_gain=0.0)
     state = kalman.initial(p)
     kalman.run(p, state, stamps, gyro, accel)
     P = np.diag([(0.5 * G0) ** 2] * 3 + [p.motion**2] * 3)
@@ -42,7 +42,7 @@ def test_three_numbers_carry_the_covariance_of_the_full_six_state_filter():
 
 
 def test_a_still_tool_is_exact():
-    p = kalman.Params()
+    p = kalman.LigorioParams()
     n = 2000
     down = np.array([0.6, 0.0, 0.8])
     got = kalman.run(
@@ -55,7 +55,7 @@ def test_real_recording_is_followed_within_three_degrees():
     data = np.load(BROAD)
     w, x, y, z = data["quat"].astype(float).T
     down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
-    p = kalman.Params()
+    p = kalman.LigorioParams()
     stamps = np.round(np.arange(len(down)) * 1e9 / float(data["fs"])).astype(np.int64)
     got = kalman.run(p, kalman.initial(p), stamps, data["gyr"], data["acc"])
     scored = data["movement"] & np.isfinite(down[:, 0])

@@ -8,7 +8,7 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import information, mechanisation
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Sums
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, UpdateSums
 from mwd_sensors.core.records import dtype_of
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -35,7 +35,7 @@ def rms_deg(track: Track, down: np.ndarray, skip: int) -> float:
 
 
 def sums_of(rng: np.random.Generator) -> np.ndarray:
-    sums = np.zeros(1, dtype_of(Sums))[0]
+    sums = np.zeros(1, dtype_of(UpdateSums))[0]
     sums.time = 0.04
     sums.bias[:] = rng.standard_normal((2, 3))
     sums.scale[:] = rng.standard_normal(2)
@@ -74,7 +74,7 @@ def test_a_measurement_adds_its_information_and_hides_what_it_has_corrected():
 @pytest.mark.parametrize("case", ["biasdrift", "surge", "stickslip", "gyroclip"])
 def test_the_smoother_is_better_than_the_filter_and_says_so(case):
     stamps, gyro, accel, down = drilled(case, 40.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     ahead = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
     both = smoother.smooth(p, stamps, gyro, accel)
     assert rms_deg(both, down, 1000) < rms_deg(ahead, down, 1000)
@@ -85,7 +85,7 @@ def test_the_smoother_is_better_than_the_filter_and_says_so(case):
 @pytest.mark.slow
 def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
     stamps, gyro, accel, down = drilled("surge", 60.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     whole = smoother.smooth(p, stamps, gyro, accel)
     monkeypatch.setattr(smoother, "BLOCK", 3000)
     monkeypatch.setattr(smoother, "AHEAD", 1500)
@@ -100,7 +100,7 @@ def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_tim
     monkeypatch.setattr(smoother, "BLOCK", 1000)
     monkeypatch.setattr(smoother, "AHEAD", 400)
     stamps, gyro, accel, _ = drilled("surge", 30.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     whole = smoother.smooth(p, stamps, gyro, accel)
     stream, parts, waiting = smoother.Smoother(p), [], []
     for block in np.split(np.arange(len(stamps)), [1, 400, 2111, 2112]):
@@ -112,7 +112,7 @@ def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_tim
 
 
 def test_a_log_too_short_to_smooth_is_left_as_the_filter_has_it():
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     got = smoother.smooth(p, [0, 10_000_000], np.zeros((2, 3)), np.tile([0.0, 0.0, 9.8], (2, 1)))
     assert got.g_t[-1] == pytest.approx([0.0, 0.0, -1.0])
     assert smoother.smooth(p, np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))).g_t.shape == (0, 3)

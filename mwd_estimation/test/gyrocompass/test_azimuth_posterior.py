@@ -50,7 +50,7 @@ def test_the_angle_that_is_added_brings_its_own_sigma() -> None:
 def test_a_thin_ellipse_across_the_circle_has_two_answers_of_which_the_expected_one_is_taken() -> None:
     S = np.diag([0.01**2, 5.0**2]) * RATE**2
     # Only the north part is known: cos(azimuth) = 0.5, hence 60 or -60 deg.
-    ridge = azimuth_posterior.Part(0.0, np.array([0.5, 0.0]) * RATE, S, np.zeros(2), 0.0, 0.0)
+    ridge = azimuth_posterior.MixturePart(0.0, np.array([0.5, 0.0]) * RATE, S, np.zeros(2), 0.0, 0.0)
     both = azimuth_posterior.posterior([ridge], RATE)
     assert sorted(both.several) == pytest.approx([-math.pi / 3.0, math.pi / 3.0], abs=0.01)
     assert both.sigma > 0.9

@@ -18,7 +18,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import gyro_errors, north_seek
 from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_noise
-from mwd_estimation.gyrocompass.seek_state import State
+from mwd_estimation.gyrocompass.seek_state import SeekState
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_pi
@@ -213,7 +213,9 @@ def test_g_sensitivity_is_admitted_and_taken_off_where_it_is_calibrated() -> Non
     params = settings("rotating", 0.01, 34.0, g_sensitivity_deg_h_g=3.6)
     rng = np.random.default_rng(2)
 
-    def shot(params: SeekParams, inclination: float, azimuth: float, seconds: float) -> tuple[north_seek.State, float]:
+    def shot(
+        params: SeekParams, inclination: float, azimuth: float, seconds: float
+    ) -> tuple[north_seek.SeekState, float]:
         clean = motion(seconds, 34.0 * DEG, inclination, azimuth, steady(60.0), RATE)
         gyro, accel = measured(clean, rng, 0.01, 0.42, 30.0, g_sensitivity=g_matrix)
         state = north_seek.initial()
@@ -429,7 +431,7 @@ def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_positio
 def test_a_seek_teaches_where_the_tool_lies_otherwise_and_has_not_moved() -> None:
     params = settings("auto", 0.05, 34.0)
 
-    def sought(toolface: float, roll: Callable[[np.ndarray], np.ndarray] = still) -> State:
+    def sought(toolface: float, roll: Callable[[np.ndarray], np.ndarray] = still) -> SeekState:
         clean = motion(66.0, 34.0 * DEG, 1.0, 1.2, lambda t: roll(t) + toolface, RATE)
         state = north_seek.initial()
         north_seek.run(params, state, clean.stamp_ns, clean.gyro_t, clean.accel_t)

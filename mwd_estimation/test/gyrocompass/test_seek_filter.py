@@ -12,14 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gyrocompass import north_seek, seek_filter
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_state import WORK, Error, State, estimate
+from mwd_estimation.gyrocompass.seek_state import WORK, Error, SeekState, estimate
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import mat_nt
 
 BIAS, EARTH = slice(Error.GYRO_BIAS, Error.SCALE_X), slice(Error.EARTH_RATE, Error.GYRO_BIAS)
 
 
-def set_estimate(s: State, x: np.ndarray) -> None:
+def set_estimate(s: SeekState, x: np.ndarray) -> None:
     """The inverse of `estimate`."""
     s.velocity[:], s.earth_rate[:], s.gyro_bias[:] = x[3:5], x[5:8], x[8:11]
     s.scale_x, s.leak[:], s.g_sensitivity[:], s.lag, s.force_bias[:] = x[11], x[12:14], x[14:18], x[18], x[19:22]
@@ -45,7 +45,7 @@ def test_transition_is_the_derivative_of_the_integration() -> None:
     rates, forces = rng.standard_normal((10, 3)) * 0.3, rng.standard_normal((10, 3)) * 4.0
     rates[:, 0] += 3.0
 
-    def after(error: np.ndarray) -> State:
+    def after(error: np.ndarray) -> SeekState:
         state = north_seek.initial()
         set_estimate(state, x + error)
         state.mat[:] = Rotation.from_rotvec(error[:3]).as_matrix() @ mat
@@ -70,7 +70,7 @@ def test_transition_is_the_derivative_of_the_integration() -> None:
     assert_allclose((phi / scale)[:, without_lag], (numeric / scale)[:, without_lag], atol=0.05)
 
 
-def seek(params: SeekParams, state: State, seconds: float, bias: float = 0.0) -> None:
+def seek(params: SeekParams, state: SeekState, seconds: float, bias: float = 0.0) -> None:
     clean = motion(seconds, 34.0 * math.radians(1.0), 1.0, 0.5, still, 50.0)
     gyro, accel = measured(clean, np.random.default_rng(1), 0.02, 0.02, 30.0, np.full(3, bias) * DEG_PER_HOUR)
     north_seek.run(params, state, clean.stamp_ns, gyro, accel)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from consistency import assert_consistent
 from mwd_estimation.gyrocompass import static_ekf
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.static_ekf import Error, North, State
+from mwd_estimation.gyrocompass.static_ekf import Error, StaticNorth, StaticState
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -31,7 +31,7 @@ ADDED = {
 }
 
 
-def sought(params: SeekParams, stamps, gyro, accel) -> tuple[North, State]:
+def sought(params: SeekParams, stamps, gyro, accel) -> tuple[StaticNorth, StaticState]:
     """What the filter finds in these samples, and its state."""
     state = static_ekf.initial()
     static_ekf.run(params, state, stamps, gyro, accel)
@@ -120,7 +120,7 @@ def test_bad_samples_are_passed_over_and_a_gap_starts_anew() -> None:
     stamps = clean.stamp_ns.copy()
     stamps[1900:] += 5 * 10**9
 
-    def after(samples: int) -> North:
+    def after(samples: int) -> StaticNorth:
         return sought(GOOD, stamps[:samples], gyro[:samples], clean.accel_t[:samples])[0]
 
     assert math.isnan(after(900).azimuth)

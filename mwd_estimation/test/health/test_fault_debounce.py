@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, Unit
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, FaultUnit
 from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, RULES, STRONGLY
 
@@ -68,7 +68,7 @@ def test_a_fault_accuses_its_sensor_and_of_a_second_unit_the_unit(place):
     seen(checks, FaultCode.DEAD, place, [FOR] * 6)
     assert debounce.unusable(checks) == SENSOR_BITS[place]
     assert [one.unusable for one in debounce.standing(checks)] == [SENSOR_BITS[place]]
-    assert [one.unusable for one in debounce.standing(checks, Unit.PRECISION)] == [PRECISION]
+    assert [one.unusable for one in debounce.standing(checks, FaultUnit.PRECISION)] == [PRECISION]
 
 
 def test_a_fault_between_sensors_accuses_those_of_its_own_data():

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow(0.1)
 
 SCENARIOS = ROOT / "bags" / "scenarios"
 BROAD = REFERENCE_DATA / "broad"
-PARAMS = health.Params()
+PARAMS = health.MonitorParams()
 DEG = np.degrees(1.0)
 # Worst place of the fault in a window of three seconds.
 START_S = 12.1

@@ -11,14 +11,14 @@ import pytest
 from mwd_estimation.core.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
 from mwd_estimation.health import motion_window
 from mwd_estimation.health.carried_vectors import Window
-from mwd_estimation.health.motion_window import ROWS, STEP, Consistency, Expected, Samples
+from mwd_estimation.health.motion_window import ROWS, STEP, Consistency, ExpectedField, Samples
 from mwd_estimation.health.stream_checks import STREAM
 from mwd_sensors.core.kalman import in_turned_axes
 
 F = np.array([-3.0, 2.0, -9.0])
 B = np.array([2.0e-5, -1.0e-5, 4.0e-5])
 DIP = -math.asin(float(F @ B) / np.linalg.norm(F) / np.linalg.norm(B))
-EXPECTED = Expected(float(np.linalg.norm(F)), float(np.linalg.norm(B)), DIP)
+EXPECTED = ExpectedField(float(np.linalg.norm(F)), float(np.linalg.norm(B)), DIP)
 IDENTITY = np.eye(3)
 HZ, SECONDS = 100, 3.0
 

@@ -12,13 +12,13 @@ from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health import motion_window
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, OK, STRONGLY, UNKNOWN
-from mwd_estimation.health.motion_window import ROWS, STEP, Expected, Samples
+from mwd_estimation.health.motion_window import ROWS, STEP, ExpectedField, Samples
 from mwd_estimation.health.stream_checks import STREAM
 from mwd_estimation.health.window_checks import CLIPPED, WindowJudge, WindowLimits
 from mwd_sensors.core.frames import mat_nt
 
-EXPECTED = Expected(9.81, 50e-6, math.radians(65.0))
-NO_FIELD = Expected(9.81, math.nan, math.nan)
+EXPECTED = ExpectedField(9.81, 50e-6, math.radians(65.0))
+NO_FIELD = ExpectedField(9.81, math.nan, math.nan)
 FIELD_N = 50e-6 * np.array([math.cos(math.radians(65.0)), 0.0, math.sin(math.radians(65.0))])
 SECONDS, RATE = 3.0, 100
 SENSORS = ("gyro", "accel", "mag")

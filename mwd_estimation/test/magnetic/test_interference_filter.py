@@ -11,13 +11,13 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.magnetic_geometry import raw_azimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import interference_filter
-from mwd_estimation.magnetic.interference_filter import Params, initial
+from mwd_estimation.magnetic.interference_filter import InterferenceParams, initial
 from mwd_estimation.magnetic.interference_state import INNOVATION, STATE, FieldSamples
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
 SIGMA_B, SIGMA_G, TAU, RATE = 50e-9, 5e-4, 10.0, 10.0
-PARAMS = Params(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, walk=0.0, field_walk=0.0, varying=1e-9)
+PARAMS = InterferenceParams(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, walk=0.0, field_walk=0.0, varying=1e-9)
 ERRORS = SensorErrors(magnetometer_bias_nt=0.0, magnetometer_scale=0.001)
 PLAIN = SensorErrors(magnetometer_bias_nt=0.0)
 FIELD = np.array([16e-6, 47e-6])
@@ -152,7 +152,7 @@ def test_slopes_of_the_innovations_agree_with_finite_differences():
 
 
 def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
-    params = Params(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, max_reset_time_s=20.0)
+    params = InterferenceParams(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, max_reset_time_s=20.0)
     samples, reference, truth, _ = drilled(2, [30], [60], 60, 120)
     stamps, g_t, b_t, sigma_g = samples
     state = initial(params, reference, PLAIN)
@@ -172,7 +172,7 @@ def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
 
 
 def test_from_the_interference_a_station_showed_it_starts_and_after_casing_starts_again():
-    params = Params(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, max_reset_time_s=20.0)
+    params = InterferenceParams(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, max_reset_time_s=20.0)
     (stamps, g_t, b_t, sigma_g), reference, truth, bias = drilled(2, [30], [60], 60, 120)
     strong = 4e-5
     b_t = b_t + np.array([strong, 0, 0])

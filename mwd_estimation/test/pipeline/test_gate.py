@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mwd_estimation.core.fault_messages import unit_words
 from mwd_estimation.core.input_gate import MARGIN, InputGate, Ranges
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.sensor_fault import FaultCode, Unit
+from mwd_estimation.core.sensor_fault import FaultCode, FaultUnit
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods
 from mwd_estimation.pipeline.output import Output
@@ -282,7 +282,7 @@ def test_a_magnetometer_in_another_unit_is_not_used_and_its_unit_is_named(power,
     assert np.isnan(output.attitude["sigma_azimuth"]).all()
 
 
-@pytest.mark.parametrize(("stream", "unit"), [("imu", Unit.CONVENTIONAL), ("precision", Unit.PRECISION)])
+@pytest.mark.parametrize(("stream", "unit"), [("imu", FaultUnit.CONVENTIONAL), ("precision", FaultUnit.PRECISION)])
 def test_gyros_in_deg_s_are_named_while_the_string_turns(stream, unit):
     streams = dict(_sent())
     streams[stream] = streams[stream].copy()

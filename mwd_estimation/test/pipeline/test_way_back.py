@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.core.sensor_fault import FaultCode, Unit
+from mwd_estimation.core.sensor_fault import FaultCode, FaultUnit
 from mwd_estimation.core.status import Status
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -165,7 +165,7 @@ def test_a_gyro_that_drifts_is_named_at_rest_and_the_healthy_unit_stays_in_use(a
     imu = streams["imu/data_raw"] = streams["imu/data_raw"].copy()
     imu["angular_velocity"][:, axis] += rate * np.clip((seconds(imu) - 20.0) / 20.0, 0.0, 1.0)
     output, pipeline = estimated(streams)
-    assert [(one.unit, one.code) for one in pipeline.sensor_faults] == [(Unit.CONVENTIONAL, FaultCode.REST_RATE)]
+    assert [(one.unit, one.code) for one in pipeline.sensor_faults] == [(FaultUnit.CONVENTIONAL, FaultCode.REST_RATE)]
     assert len(output.surveys) == 1
     station = output.surveys[-1].station
     assert station.verdict == "accept"
@@ -183,7 +183,7 @@ def test_a_gyro_that_has_drifted_and_is_replaced_is_used_again():
     time_s = seconds(imu)
     imu["angular_velocity"][:, 1] += 0.1 * ((time_s > 75.0) & (time_s < 95.0))
     output, pipeline = estimated(streams)
-    assert [(one.code, bool(one.cleared_ns)) for one in output.health if one.unit == Unit.CONVENTIONAL] == [
+    assert [(one.code, bool(one.cleared_ns)) for one in output.health if one.unit == FaultUnit.CONVENTIONAL] == [
         (FaultCode.REST_RATE, False),
         (FaultCode.REST_RATE, True),
     ]
@@ -212,7 +212,7 @@ def test_an_accelerometer_that_was_reversed_without_a_reference_points_down_agai
         hit = (seconds(samples) >= BEGINS) & (seconds(samples) < ENDS)
         samples["linear_acceleration"][hit] *= -1.0
     output, pipeline = estimated(streams, place=Place(lat_deg=38.0))
-    found = [(one.code, bool(one.cleared_ns)) for one in output.health if one.unit == Unit.CONVENTIONAL]
+    found = [(one.code, bool(one.cleared_ns)) for one in output.health if one.unit == FaultUnit.CONVENTIONAL]
     assert found == [(FaultCode.POINTS_UP, False), (FaultCode.POINTS_UP, True)]
     assert pipeline.sensor_faults == []
     clean = healthy()[0].attitude
@@ -250,7 +250,7 @@ def test_a_gyro_that_does_not_turn_as_the_tool_does_is_named_and_hardly_spoils_a
     hit = (seconds(imu) >= BEGINS) & (seconds(imu) < ENDS)
     imu["angular_velocity"][hit] = wrong(imu["angular_velocity"][hit])
     output, _ = estimated(streams)
-    found = [one for one in output.health if one.unit == Unit.CONVENTIONAL and not one.cleared_ns]
+    found = [one for one in output.health if one.unit == FaultUnit.CONVENTIONAL and not one.cleared_ns]
     assert code in {one.code for one in found}
     assert {one.unusable for one in found} == {1}
     ended = [one for one in output.health if one.code == code and one.cleared_ns]

@@ -12,7 +12,7 @@ import pytest
 
 from consistency import assert_consistent
 from mwd_estimation.core.reason_text import text, texts
-from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, FaultCode, FaultUnit, SensorFault
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.pipeline.output import Output
@@ -201,7 +201,7 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
         None,
         requested=False,
     )
-    failed = SensorFault(FaultCode.STUCK, Unit.CONVENTIONAL, 6, 0.0, 0.0, (0, 0, 0), MAG, survey.stamp_ns)
+    failed = SensorFault(FaultCode.STUCK, FaultUnit.CONVENTIONAL, 6, 0.0, 0.0, (0, 0, 0), MAG, survey.stamp_ns)
     gone = dataclasses.replace(failed, cleared_ns=survey.stamp_ns - half)
     by_gyro = dataclasses.replace(survey, weights={"raw": 0.0, "gyro": 1.0})
     shared = dataclasses.replace(survey, weights={"raw": 0.3, "gyro": 0.7})
@@ -222,7 +222,7 @@ def test_a_fault_that_ended_during_a_survey_is_reported_with_how_long_it_lasted(
     record = FaultHistory()
     record.note(
         SensorFault(
-            FaultCode.DEAD, Unit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, begin, cleared_ns=begin + 25 * 10**8
+            FaultCode.DEAD, FaultUnit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, begin, cleared_ns=begin + 25 * 10**8
         )
     )
     station = record.judge(survey).station

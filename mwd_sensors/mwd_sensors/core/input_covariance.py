@@ -47,7 +47,7 @@ _RATED, _SCATTERED = 16, 64
 
 
 @dataclasses.dataclass(frozen=True)
-class Noise:
+class StatedNoise:
     """
     White noise of a vector as its covariances state it.
 
@@ -92,8 +92,8 @@ class NoiseWatch:
         Stamp of the sample with which the noise of a vector became known, by vector.
     """
 
-    def __init__(self, known: Mapping[str, Noise] | None = None) -> None:
-        self.noise: dict[str, Noise] = dict(known or {})
+    def __init__(self, known: Mapping[str, StatedNoise] | None = None) -> None:
+        self.noise: dict[str, StatedNoise] = dict(known or {})
         self.known_ns: dict[str, int] = {}
         self._resting: dict[str, list[NDArray[np.float64]]] = {}
         self._least: dict[str, float] = {}
@@ -115,7 +115,9 @@ class NoiseWatch:
                 self._sigma[vector] = float(np.sqrt(noise.max())) if believed else 0.0
             stamps += samples["stamp_ns"][: _RATED - len(stamps)].tolist()
             if len(stamps) == _RATED:
-                self.noise[vector] = Noise(self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0))
+                self.noise[vector] = StatedNoise(
+                    self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0)
+                )
                 self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:

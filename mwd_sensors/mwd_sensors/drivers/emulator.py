@@ -22,7 +22,7 @@ from pathlib import Path
 
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol
-from mwd_sensors.drivers.readings import LAYOUTS, Answer, Reading, readings_of
+from mwd_sensors.drivers.readings import LAYOUTS, UnitAnswer, UnitSample, readings_of
 
 NAME = "mwd emulator 1"
 # At equal stamps the IMU comes last, so that the other samples that the estimator needs have already arrived.
@@ -69,7 +69,7 @@ class Emulator:
         frame: polled_line.PolledFrame | None = None,
     ) -> None:
         self._protocol = protocol
-        self._unit = polled_line.Unit(frame or polled_line.PolledFrame()) if protocol == "polled" else None
+        self._unit = polled_line.PolledLineUnit(frame or polled_line.PolledFrame()) if protocol == "polled" else None
         self._values: dict[str, float] = {}
         self._asked: polled_line.Poll | bytes | None = None  # request that is not answered yet
         self._master, self._slave = os.openpty()
@@ -85,8 +85,8 @@ class Emulator:
         self._commands = probe_protocol.Splitter(protocol == "ascii")
         self._sending = not wait_for_start
         # For an MTi: bytes of commands received, and the readings since its last packet; polled: the newest readings.
-        self._heard, self._beside = b"", dict[str, Reading]()
-        self._answers: collections.deque[Answer] = collections.deque()
+        self._heard, self._beside = b"", dict[str, UnitSample]()
+        self._answers: collections.deque[UnitAnswer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
         # Clock of the unit: stamp of the first sample (at rate 0 of the newest), ns; steady time at which the first
@@ -138,13 +138,13 @@ class Emulator:
     def __exit__(self, *_error: object) -> None:
         self.close()
 
-    def _wait_for_request(self, unit: polled_line.Unit) -> None:
+    def _wait_for_request(self, unit: polled_line.PolledLineUnit) -> None:
         """Keep the newest values until the host has requested them, at most for `_LONGEST_DRAIN_S`."""
         answered, end = unit.answered, time.monotonic() + _LONGEST_DRAIN_S
         while unit.answered == answered and time.monotonic() < end:
             self._obey(_WAIT_S)
 
-    def _encoded(self, reading: Reading) -> bytes:
+    def _encoded(self, reading: UnitSample) -> bytes:
         if self._unit is not None:
             self._beside[reading.topic] = reading
             self._values |= dict(zip(polled_line.NAMES[reading.topic], reading.values, strict=True))
@@ -222,7 +222,7 @@ class Emulator:
             if name in ("start", "stop"):
                 self._sending = name == "start"
                 continue
-            told = Answer("time", "", host_ns, self._time_ns()) if name == "time" else Answer("info", NAME)
+            told = UnitAnswer("time", "", host_ns, self._time_ns()) if name == "time" else UnitAnswer("info", NAME)
             self._answers.append(told)
 
     def _hear(self, data: bytes) -> None:
@@ -234,7 +234,7 @@ class Emulator:
             self._sending = start > stop
 
 
-def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[Reading]:
+def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[UnitSample]:
     """Yield the readings of each block in the order of stamps; the blocks follow each other in time."""
     for block in blocks:
         rows = [

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mwd_sensors.core import frames
-from mwd_sensors.drivers.readings import CLIPPED_ACCEL, CLIPPED_GYRO, CLIPPED_MAG, FAULT, Counters, Reading
+from mwd_sensors.drivers.readings import CLIPPED_ACCEL, CLIPPED_GYRO, CLIPPED_MAG, FAULT, FrameCounters, UnitSample
 
 PREAMBLE, BUS, MTDATA2 = 0xFA, 0xFF, 0x36
 GO_TO_MEASUREMENT, GO_TO_CONFIG = 0x10, 0x30
@@ -27,7 +27,7 @@ COUNT, FINE_TIME, TEMPERATURE = 0x1020, 0x1060, 0x0810
 ACCELERATION, DELTA_V, RATE_OF_TURN, DELTA_Q, FIELD, STATUS = 0x4020, 0x4010, 0x8020, 0x8030, 0xC020, 0xE020
 _TICK_NS, _WRAP = 100_000, 2**32  # unit of the fine time (0.1 ms), and where it wraps
 _EXTENDED = 0xFF
-# Bit number in the unit's status word -> bit of `Reading.status`.
+# Bit number in the unit's status word -> bit of `UnitSample.status`.
 _CLIPS = dict(zip(range(8, 17), (*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG), strict=True))
 # Number of values in each item that is read; all other items are ignored.
 _WIDTHS = {COUNT: 1, FINE_TIME: 1, STATUS: 1, TEMPERATURE: 1}
@@ -68,7 +68,7 @@ class MtReader:
     """
 
     def __init__(self, field_t: float = 0.0) -> None:
-        self.counters = Counters()
+        self.counters = FrameCounters()
         self.without_interval = 0
         self._field_t = field_t
         self._held = b""
@@ -76,10 +76,10 @@ class MtReader:
         self._time_ns = 0
         self._count = -1
 
-    def take(self, data: bytes) -> list[Reading]:
+    def take(self, data: bytes) -> list[UnitSample]:
         """Accept bytes and return the samples of the complete packets."""
         self._held += data
-        found: list[Reading] = []
+        found: list[UnitSample] = []
         while True:
             at = self._held.find(bytes([PREAMBLE, BUS]))
             if at < 0:
@@ -108,7 +108,7 @@ class MtReader:
             return 5 + self._held[3]
         return 7 + int.from_bytes(self._held[4:6], "big") if len(self._held) >= 6 else None
 
-    def _packet(self, data: bytes) -> list[Reading]:
+    def _packet(self, data: bytes) -> list[UnitSample]:
         items: dict[int, tuple[float, ...]] = {}
         at = 0
         while at + 3 <= len(data):
@@ -123,7 +123,7 @@ class MtReader:
             return []
         return self._readings(items)
 
-    def _readings(self, items: dict[int, tuple[float, ...]]) -> list[Reading]:
+    def _readings(self, items: dict[int, tuple[float, ...]]) -> list[UnitSample]:
         if FINE_TIME not in items:
             self.without_interval += 1
             return []
@@ -131,13 +131,13 @@ class MtReader:
         status = _status(int(items[STATUS][0])) if STATUS in items else 0
         found = []
         if TEMPERATURE in items:
-            found.append(Reading("imu/temperature", self._time_ns, items[TEMPERATURE][:1]))
+            found.append(UnitSample("imu/temperature", self._time_ns, items[TEMPERATURE][:1]))
         if FIELD in items and self._field_t > 0.0:
             field = tuple(self._field_t * value for value in items[FIELD])
-            found.append(Reading("imu/mag", self._time_ns, field, status))
+            found.append(UnitSample("imu/mag", self._time_ns, field, status))
         motion = _motion(items, interval)
         if motion is not None:
-            found.append(Reading("imu/data_raw", self._time_ns, motion, status))
+            found.append(UnitSample("imu/data_raw", self._time_ns, motion, status))
         elif DELTA_V in items or DELTA_Q in items:
             self.without_interval += 1
         return found
@@ -200,16 +200,16 @@ def _status(word: int) -> int:
 
 
 def _word(status: int) -> int:
-    """Return the unit's status word for the bits of `Reading.status`; the inverse of `_status`."""
+    """Return the unit's status word for the bits of `UnitSample.status`; the inverse of `_status`."""
     return sum((1 << bit for bit, ours in _CLIPS.items() if status & ours), 0 if status & FAULT else 1)
 
 
 def packet(
-    reading: Reading,
+    reading: UnitSample,
     interval: float,
     ticks: int,
     count: int,
-    beside: Mapping[str, Reading] | None = None,
+    beside: Mapping[str, UnitSample] | None = None,
     field_t: float = 1.0,
 ) -> bytes:
     """

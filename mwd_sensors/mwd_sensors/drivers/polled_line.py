@@ -26,7 +26,7 @@ from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting, unknown_key
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_sensors.drivers.readings import FIELDS, Counters, Reading
+from mwd_sensors.drivers.readings import FIELDS, FrameCounters, UnitSample
 from mwd_sensors.telemetry import meanings
 
 FORMS = {
@@ -72,7 +72,7 @@ def _octets(text: str, name: str) -> bytes:
 
 
 @dataclasses.dataclass(frozen=True)
-class Item:
+class ReplyItem:
     """One number of a reply."""
 
     quantity: str = setting(
@@ -117,7 +117,7 @@ class Poll:
 
     command: int = setting(4, "Command, or function code.", low=0, high=127)
     request: str = setting("", "Bytes between command and check of the request, in hex.")
-    items: tuple[Item, ...] = setting((), "Numbers of the reply, in order.")
+    items: tuple[ReplyItem, ...] = setting((), "Numbers of the reply, in order.")
 
     def __post_init__(self) -> None:
         """
@@ -146,8 +146,8 @@ class Poll:
 def _probe_polls() -> tuple[Poll, ...]:
     """Return the default poll of a probe: Modbus registers 0 to 41 with time and all sensors."""
     axes = [*NAMES["imu/data_raw"], *NAMES["imu/mag"], *NAMES["gyro/data_raw"], "temperature"]
-    numbers = tuple(Item(name) for name in axes)
-    items = (Item(TIME, "int64", 1e-9), *numbers, Item(STATUS, "uint16"))
+    numbers = tuple(ReplyItem(name) for name in axes)
+    items = (ReplyItem(TIME, "int64", 1e-9), *numbers, ReplyItem(STATUS, "uint16"))
     poll = Poll(items=items)
     return (dataclasses.replace(poll, request=f"0000{poll.length // 2:04x}"),)
 
@@ -279,7 +279,7 @@ def _limits(form: str) -> tuple[int, int, int]:
     return -(1 << bits - 1) + 1, (1 << bits - 1) - 1, -(1 << bits - 1)
 
 
-def _packed(item: Item, value: float, frame: PolledFrame) -> bytes:
+def _packed(item: ReplyItem, value: float, frame: PolledFrame) -> bytes:
     offset, step = (0.0, _ticks(item)) if item.quantity == TIME else item.line
     line = (value - offset) / step
     if item.form.startswith("float"):
@@ -294,7 +294,7 @@ def _packed(item: Item, value: float, frame: PolledFrame) -> bytes:
     return _ordered(struct.pack(f">{FORMS[item.form]}", number), frame)
 
 
-def _unpacked(item: Item, data: bytes, frame: PolledFrame) -> float:
+def _unpacked(item: ReplyItem, data: bytes, frame: PolledFrame) -> float:
     (number,) = struct.unpack(f">{FORMS[item.form]}", _ordered(data, frame))
     if not item.form.startswith("float") and number == _limits(item.form)[2] and item.quantity != STATUS:
         return math.nan
@@ -303,7 +303,7 @@ def _unpacked(item: Item, data: bytes, frame: PolledFrame) -> float:
     return value
 
 
-def _ticks(item: Item) -> int:
+def _ticks(item: ReplyItem) -> int:
     """Return the time in ns for which the number of an item rises by 1, at least 1."""
     return max(round(item.line[1] * NANOSECONDS), 1)
 
@@ -328,7 +328,7 @@ def _values(frame: PolledFrame, poll: Poll, data: bytes) -> dict[str, float]:
     return found
 
 
-def readings(values: Mapping[str, float], stamp_ns: int) -> list[Reading]:
+def readings(values: Mapping[str, float], stamp_ns: int) -> list[UnitSample]:
     """Return one sample for each topic whose values are all present and finite."""
     status = values.get(STATUS, math.nan)
     bits = int(status) if math.isfinite(status) else 0
@@ -336,7 +336,7 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[Reading]:
     for topic in FIELDS:
         row = tuple(values.get(name, math.nan) for name in NAMES[topic])
         if all(map(math.isfinite, row)):
-            found.append(Reading(topic, stamp_ns, row, bits))
+            found.append(UnitSample(topic, stamp_ns, row, bits))
     # The IMU comes last, so that the samples that the estimator combines with it have already arrived.
     return sorted(found, key=lambda one: one.topic == "imu/data_raw")
 
@@ -365,7 +365,7 @@ class Master:
 
     def __init__(self, frame: PolledFrame) -> None:
         self.frame = frame
-        self.counters = Counters()
+        self.counters = FrameCounters()
         self.trouble: dict[str, int] = {}
         self._turn, self._tries = 0, 0
         self._sent: bytes = b""
@@ -494,7 +494,7 @@ class Master:
         self.trouble[words] = self.trouble.get(words, 0) + 1
 
 
-class Unit:
+class PolledLineUnit:
     """
     Unit on a polled line: answers the requests of a master.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import struct
 
-from mwd_sensors.drivers.readings import Answer, Counters, Reading
+from mwd_sensors.drivers.readings import FrameCounters, UnitAnswer, UnitSample
 from mwd_sensors.telemetry.checksum import CRC_BYTES, crc16, holds, signed
 from mwd_sensors.telemetry.serial_frames import cobs, uncobs
 
@@ -42,7 +42,7 @@ def line(name: str, counter: int, *words: object) -> bytes:
     return b"$%s*%04X\r\n" % (text.encode("ascii"), crc16(text.encode("ascii")))
 
 
-def sample(reading: Reading, counter: int, text: bool) -> bytes:
+def sample(reading: UnitSample, counter: int, text: bool) -> bytes:
     """Encode a sample as a frame or as a line."""
     kind, name = _BY_TOPIC[reading.topic]
     if text:
@@ -58,7 +58,7 @@ def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
     return frame(COMMANDS[name], counter, struct.pack("<q", now_ns))
 
 
-def answer(given: Answer, counter: int, text: bool) -> bytes:
+def answer(given: UnitAnswer, counter: int, text: bool) -> bytes:
     """Encode an answer of a probe."""
     if given.kind == "time":
         content = struct.pack("<qq", given.sent_ns, given.unit_ns)
@@ -76,7 +76,7 @@ class Splitter:
 
     def __init__(self, text: bool) -> None:
         self.text = text
-        self.counters = Counters()
+        self.counters = FrameCounters()
         self._held = b""
         self._counter = -1
         # Bytes before the first end may be the rest of a frame and are not counted as broken.
@@ -137,9 +137,9 @@ class ProbeReader:
         self._splitter = Splitter(text)
         self.counters = self._splitter.counters
 
-    def take(self, data: bytes) -> list[Reading | Answer]:
+    def take(self, data: bytes) -> list[UnitSample | UnitAnswer]:
         """Accept bytes and return complete samples and answers in order; invalid frames are counted as broken."""
-        found: list[Reading | Answer] = []
+        found: list[UnitSample | UnitAnswer] = []
         for kind, content in self._splitter.take(data):
             try:
                 one = _parsed(kind, content)
@@ -151,7 +151,7 @@ class ProbeReader:
         return found
 
 
-def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
+def _parsed(kind: int | str, content: bytes) -> UnitSample | UnitAnswer | None:
     """Return the sample or answer in a frame or line, or None if its kind is not known (a later version)."""
     if isinstance(kind, str):
         words = content.decode("ascii").split(",")
@@ -160,19 +160,19 @@ def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
             if len(words) != count + 2:
                 raise ValueError(f"{kind}: {len(words)} values")
             stamp_ns, status = _whole(words[0]), _whole(words[-1], 0, 1 << 16)
-            return Reading(topic, stamp_ns, tuple(float(word) for word in words[1:-1]), status)
+            return UnitSample(topic, stamp_ns, tuple(float(word) for word in words[1:-1]), status)
         if kind == "CLOCK":
             sent_ns, unit_ns = map(_whole, words)
-            return Answer("time", sent_ns=sent_ns, unit_ns=unit_ns)
-        return Answer("info", content.decode("ascii")) if kind == "PROBE" else None
+            return UnitAnswer("time", sent_ns=sent_ns, unit_ns=unit_ns)
+        return UnitAnswer("info", content.decode("ascii")) if kind == "PROBE" else None
     if kind in _SAMPLES:
         _, topic, count = _SAMPLES[kind]
         stamp_ns, *values, status = struct.unpack(f"<q{count}dH", content)
-        return Reading(topic, stamp_ns, tuple(values), status)
+        return UnitSample(topic, stamp_ns, tuple(values), status)
     if kind == _TIME:
         sent_ns, unit_ns = struct.unpack("<qq", content)
-        return Answer("time", sent_ns=sent_ns, unit_ns=unit_ns)
-    return Answer("info", content.decode("ascii", "replace")) if kind == _INFO else None
+        return UnitAnswer("time", sent_ns=sent_ns, unit_ns=unit_ns)
+    return UnitAnswer("info", content.decode("ascii", "replace")) if kind == _INFO else None
 
 
 def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:

@@ -40,7 +40,7 @@ _CLIP_BITS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class Reading:
+class UnitSample:
     """
     One sample of a sensor unit.
 
@@ -63,7 +63,7 @@ class Reading:
 
 
 @dataclasses.dataclass(frozen=True)
-class Answer:
+class UnitAnswer:
     """
     Answer of a unit to a command.
 
@@ -84,7 +84,7 @@ class Answer:
 
 
 @dataclasses.dataclass
-class Counters:
+class FrameCounters:
     """
     Counts of the frames on a line.
 
@@ -99,7 +99,7 @@ class Counters:
     lost: int = 0
 
 
-def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Samples:
+def samples_of(topic: str, readings: list[UnitSample], offset_ns: int = 0) -> Samples:
     """
     Convert readings of one topic to samples; offset_ns is added to the unit's time.
 
@@ -119,7 +119,7 @@ def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Sampl
     return out
 
 
-def readings_of(topic: str, samples: Samples) -> list[Reading]:
+def readings_of(topic: str, samples: Samples) -> list[UnitSample]:
     """Convert samples with their clip flags to readings; the inverse of `samples_of`."""
     rows = np.column_stack([np.asarray(samples[field], dtype=float) for field in FIELDS[topic]]).tolist()
     status = np.zeros(len(samples), dtype=int)
@@ -127,4 +127,4 @@ def readings_of(topic: str, samples: Samples) -> list[Reading]:
         if field in _CLIP_BITS:
             status += input_covariance.clipped(samples, field) @ _CLIP_BITS[field]
     parts = zip(samples["stamp_ns"].tolist(), rows, status.tolist(), strict=True)
-    return [Reading(topic, stamp, tuple(row), bits) for stamp, row, bits in parts]
+    return [UnitSample(topic, stamp, tuple(row), bits) for stamp, row, bits in parts]

@@ -19,7 +19,7 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol
 from mwd_sensors.drivers.mtdata2 import MtReader
 from mwd_sensors.drivers.probe_protocol import ProbeReader
-from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, Answer, Reading
+from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, UnitAnswer, UnitSample
 
 _RETRY_S = 1.0  # time between two attempts to open the line
 _EXCHANGE_S, _FIRST_S = 1.0, 0.1  # time between two requests for the unit's time, and the same while it is not known
@@ -158,7 +158,7 @@ class SerialProbe:
         """Return the offset that is added to the unit's stamps, ns."""
         return self.clock.offset_ns if self._settings.clock == "host" else 0
 
-    def poll(self, now_ns: int) -> list[Reading]:
+    def poll(self, now_ns: int) -> list[UnitSample]:
         """Return the samples since the last call and reopen a lost line; now_ns is the host's time, ns."""
         moment = time.monotonic()
         if self._line is None:
@@ -179,7 +179,7 @@ class SerialProbe:
             return []
         found = []
         for one in self._reader.take(data) if data else ():
-            if isinstance(one, Answer):
+            if isinstance(one, UnitAnswer):
                 self._take_answer(one, now_ns)
             elif 0 <= one.stamp_ns + self.offset_ns < _END_OF_TIME_NS:
                 found.append(one)
@@ -192,9 +192,9 @@ class SerialProbe:
         # Without a known offset a sample cannot be stamped with the host's time.
         return found if self.clock_known else []
 
-    def _polled(self, master: polled_line.Master, data: bytes, moment: float, now_ns: int) -> list[Reading]:
+    def _polled(self, master: polled_line.Master, data: bytes, moment: float, now_ns: int) -> list[UnitSample]:
         """Return the samples of the replies that `data` completes, and send the next request if it is due."""
-        found: list[Reading] = []
+        found: list[UnitSample] = []
         for values, sent_s in master.take(data, moment):
             # The unit measures somewhere between request and reply.
             half_ns = round(0.5 * (moment - sent_s) * 1e9)
@@ -296,13 +296,13 @@ class SerialProbe:
             return False
         return int(self._line.write(data)) == len(data)
 
-    def _take_answer(self, answer: Answer, now_ns: int) -> None:
+    def _take_answer(self, answer: UnitAnswer, now_ns: int) -> None:
         if answer.kind == "info":
             self.info = answer.text
         elif 0 <= now_ns - answer.sent_ns < int(_EXCHANGE_S * 1e9):
             self.clock.observe(answer.unit_ns, now_ns, (now_ns - answer.sent_ns) // 2)
 
-    def _note(self, reading: Reading) -> None:
+    def _note(self, reading: UnitSample) -> None:
         self.faults += int(bool(reading.status & FAULT))
         for bit, words in CLIP_WORDS.items() if reading.status else ():
             if reading.status & bit:

@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.drivers.polled_line import Master
-from mwd_sensors.drivers.readings import LAYOUTS, Reading, samples_of
+from mwd_sensors.drivers.readings import LAYOUTS, UnitSample, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, polled_frame
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
@@ -76,7 +76,7 @@ class ProbeNode(GraphNode[LineSettings]):
                 self.get_logger().warning(printable(f"{probe.failure}; trying again every second"))
             else:
                 self.get_logger().info(printable(f"{self.settings.port} is open"))
-        by_topic: dict[str, list[Reading]] = {topic: [] for topic in _TYPES}
+        by_topic: dict[str, list[UnitSample]] = {topic: [] for topic in _TYPES}
         for one in readings:
             by_topic[one.topic].append(one)
         frame = self.frame(wire.SONDE_FRAME)

@@ -451,7 +451,7 @@ class SimulatedRigCommands:
         if message.lease < self._lease:
             raise ValueError(f"lease: {message.lease} has ended; {self._lease} is in force")
         valid_for = message.valid_for * self._rate
-        command = steering.Command(
+        command = steering.SteeringCommand(
             message.mode,
             message.rotary_speed,
             message.turn,

@@ -29,7 +29,7 @@ _BITS = {name: bit for bit, name in wire.SELF_TESTS.items()}
 
 
 @dataclasses.dataclass(frozen=True)
-class Battery(Pack):
+class SondeBattery(Pack):
     """Battery, consumption by duty, and self-tests of the sonde."""
 
     cells: int = setting(8, "Number of cells in series.", low=1, high=100)
@@ -74,7 +74,7 @@ class BatteryModel:
         Used share of the charge: 1 means that the battery is empty.
     """
 
-    def __init__(self, settings: Battery, rng: np.random.Generator) -> None:
+    def __init__(self, settings: SondeBattery, rng: np.random.Generator) -> None:
         self.settings, self._rng = settings, rng
         self._scale = 1.0 + settings.counter_error * float(rng.standard_normal())
         self.used = settings.used_ah / settings.capacity_ah

@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.pulse_tool import LinkRun, SentWord, Transmission, link_run
+from mwd_sensors.simulator.pulse_tool import LinkRun, SentTransmission, SentWord, link_run
 from mwd_sensors.telemetry import carrier as air
 from mwd_sensors.telemetry.carrier import BlockName, Complex
 from mwd_sensors.telemetry.sequences import SequenceItem
@@ -175,7 +175,7 @@ def siren_run(
 ) -> LinkRun:
     """Return the pressure in a channel with a siren instead of a pulse valve; seed is the seed of the noise."""
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
-    return link_run(siren, Transmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
+    return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 
 
 def _symbols(

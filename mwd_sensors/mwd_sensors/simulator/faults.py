@@ -7,8 +7,8 @@ stuck: the last value is repeated. garbage: random numbers over the whole range.
 (scaled and shifted). slow: a tenth of the rate. delayed: old values. intermittent: messages come and go.
 
 Further words: a tool that was assembled wrongly (MOUNTING: axes swapped, flipped or turned, or another unit) and faulty
-electronics (nan, saturated, repeated stamps). The connection (`Link`) can lose, duplicate and reorder samples, and the
-clock can jump.
+electronics (nan, saturated, repeated stamps). The connection (`MessageFaults`) can lose, duplicate and reorder samples,
+and the clock can jump.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Fault:
 
 
 @dataclasses.dataclass(frozen=True)
-class Link:
+class MessageFaults:
     """Losses and other faults of the messages between sensor and log."""
 
     loss: float = setting(0.0, "Share of the samples that are lost.", low=0.0, high=1.0)
@@ -292,13 +292,13 @@ def _delay(
 class LinkState:
     """State of the connection of one topic."""
 
-    link: Link
+    link: MessageFaults
     rng: np.random.Generator
     burst_start: float = math.inf
     waiting: Samples | None = None
 
 
-def start_link(link: Link, rng: np.random.Generator) -> LinkState:
+def start_link(link: MessageFaults, rng: np.random.Generator) -> LinkState:
     """Return the state of one topic's connection at time zero."""
     first = float(rng.exponential(link.burst_every_s)) if link.burst_every_s else math.inf
     return LinkState(link, rng, first)
@@ -335,7 +335,7 @@ def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[S
     return (np.concatenate(out) if out else samples[:0]), np.array(when)
 
 
-def jumped(link: Link, stamp_ns: NDArray[np.int64], t: NDArray[np.float64]) -> NDArray[np.int64]:
+def jumped(link: MessageFaults, stamp_ns: NDArray[np.int64], t: NDArray[np.float64]) -> NDArray[np.int64]:
     """Add the jump of the clock to stamps, ns, shape (n,); t, shape (n,), is the time of the run, s."""
     if not link.clock_jump_s:
         return stamp_ns

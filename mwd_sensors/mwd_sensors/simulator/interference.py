@@ -30,7 +30,7 @@ class Pole:
 
 
 @dataclasses.dataclass(frozen=True)
-class OffsetWell:
+class CasedWell:
     """A cased well nearby, with magnetic poles of random sign and strength at the joints of its casing."""
 
     start_m: tuple[float, float, float] = setting(
@@ -97,7 +97,7 @@ class Interference:
     )
     anomalies: tuple[Anomaly, ...] = setting((), "Disturbances along the hole, to the north, east and down.")
     poles: tuple[Pole, ...] = setting((), "Magnetic poles in the ground.")
-    offset_wells: tuple[OffsetWell, ...] = setting((), "Cased wells nearby.")
+    offset_wells: tuple[CasedWell, ...] = setting((), "Cased wells nearby.")
     tool_joints: ToolJoints | None = setting(None, "Magnetised joints that the sonde passes.")
     diurnal: Diurnal | None = setting(None, "Daily variation of the Earth's field.")
 

@@ -69,7 +69,7 @@ class Kinematics(NamedTuple):
     md: Array
 
 
-class Place(NamedTuple):
+class EarthAtPlace(NamedTuple):
     """Earth rate in NED, rad/s, shape (3,); gravity at the surface, m/s^2, and its change with depth, 1/s^2."""
 
     earth_rate_n: Array
@@ -245,7 +245,7 @@ def _rotate(hole: HolePoint, w: Vector, a: Vector, turn: Array, shake: Array, i:
 
 
 @compiled
-def sensed(k: Kinematics, lever_t: Array, place: Place, rate_it: Array, f_t: Array) -> None:
+def sensed(k: Kinematics, lever_t: Array, place: EarthAtPlace, rate_it: Array, f_t: Array) -> None:
     """
     Compute the inputs of ideal sensors at a lever arm from the reference point.
 

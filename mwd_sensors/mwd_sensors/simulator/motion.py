@@ -21,8 +21,8 @@ from mwd_sensors.simulator.vibration import Sweep, Vibrations
 from mwd_sensors.simulator.vibration_sources import (
     CHANNELS,
     Hits,
-    Lines,
     PerTurnLines,
+    SpectralLines,
     SweepLines,
     add_hits,
     add_lines,
@@ -78,14 +78,14 @@ def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Ar
 
 
 @dataclasses.dataclass(frozen=True)
-class Motion:
+class SimulatedMotion:
     """Motion of a whole run with its random numbers drawn; `at` evaluates it."""
 
     path: WellPath
     timeline: Timeline
     sensor_to_bit: float
     vibrations: Vibrations
-    lines: Lines
+    lines: SpectralLines
     hits: Hits
 
     def at(self, first: int, count: int, rate: float, turn: Array | None = None) -> Kinematics:

@@ -17,7 +17,7 @@ import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
-from mwd_sensors.simulator.mud_line import Well, responses
+from mwd_sensors.simulator.mud_line import WellGeometry, responses
 
 # Triplex mud pumps: flow of three pistons with common pump faults, and the switch that counts strokes.
 
@@ -113,7 +113,7 @@ _BAND_HZ = 35.0  # bandwidth of the gauge
 
 
 @dataclasses.dataclass(frozen=True)
-class Noise:
+class PressureNoise:
     """Pressure noise: everything that is neither a pulse nor a pump."""
 
     bit_pa: float = setting(5.0e4, "Bit and motor: rms below 1 Hz at the bit.", unit="Pa", low=0.0, high=1e7)
@@ -133,9 +133,9 @@ class Noise:
 class MudChannel:
     """A well with its pumps, its noise and the valve of its tool."""
 
-    well: Well = setting(Well, "Geometry, mud, surface piping.")
+    well: WellGeometry = setting(WellGeometry, "Geometry, mud, surface piping.")
     pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps in parallel, which share the flow.")
-    noise: Noise = setting(Noise, "Pressure noise.")
+    noise: PressureNoise = setting(PressureNoise, "Pressure noise.")
     valve_pa: float = setting(7.0e5, "Pressure drop of a pulse; negative for a valve to the annulus.", unit="Pa")
     rise_s: float = setting(0.12, "Time constant of the valve.", unit="s", low=0.005, high=2.0)
     flow_off_s: tuple[tuple[float, float], ...] = setting((), "Begin and end of each span without flow, s.")
@@ -189,7 +189,7 @@ class Pressure:
         """Add a signal with maximum 1 to the pulses of the valve; drive returns the signal at times, s."""
         self._drive = drive
 
-    def deepen(self, well: Well) -> None:
+    def deepen(self, well: WellGeometry) -> None:
         """Continue in a deeper well; pressure waves that are already under way arrive as at the old depth."""
         self._channel = dataclasses.replace(self._channel, well=well)
         frequency = self._frequency
@@ -263,7 +263,7 @@ class Pressure:
         decay = math.exp(-1.0 / (RATE_HZ * self._channel.rise_s))
         return self._filtered("valve", [1.0 - decay], [1.0, -decay], target * self._channel.valve_pa)
 
-    def _at_bit(self, time: Array, noise: Noise) -> Array:
+    def _at_bit(self, time: Array, noise: PressureNoise) -> Array:
         drop = self._pink("bit", self._bit.normal(size=len(time)), noise.bit_pa)
         wander = self._filtered("stick", [2e-4], [1.0, -0.9998], self._stick.normal(size=len(time)))
         phase = 2.0 * math.pi * noise.stick_slip_hz * time + 20.0 * wander

@@ -27,7 +27,7 @@ _ATMOSPHERE = 1.0e5  # Pa
 
 
 @dataclasses.dataclass(frozen=True)
-class Well:
+class WellGeometry:
     """Geometry, mud and surface piping."""
 
     depth_m: float = setting(3000.0, "Measured depth of the bit.", unit="m", low=100.0, high=12000.0)
@@ -55,14 +55,14 @@ class Well:
     )
 
 
-def wave_speed(well: Well) -> float:
+def wave_speed(well: WellGeometry) -> float:
     """Return Korteweg's speed of pressure waves in the drill pipe, m/s."""
     return math.sqrt(
         well.bulk_modulus / well.density / (1.0 + well.bulk_modulus * well.bore_m / (_STEEL * well.wall_m))
     )
 
 
-def _line(well: Well, omega: Array, radius: float, area: float, friction: float) -> tuple[Complex, Complex]:
+def _line(well: WellGeometry, omega: Array, radius: float, area: float, friction: float) -> tuple[Complex, Complex]:
     """Return propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe; omega, (n,), in rad/s."""
     s = radius * np.sqrt(1j * omega * well.density / well.viscosity)
     # Compute I1 / I0 from exponentially scaled functions, because the unscaled functions overflow above some hertz.
@@ -85,7 +85,7 @@ def _carried(load: Complex, length: float, line: tuple[Complex, Complex]) -> Com
     return np.asarray(1.0 / (np.cosh(gamma * length) + zc / load * np.sinh(gamma * length)))
 
 
-def _dampener(well: Well, omega: Array) -> Complex:
+def _dampener(well: WellGeometry, omega: Array) -> Complex:
     """Return the impedance of the pulsation dampener, Pa s/m^3: its gas and the mud in its neck."""
     gas = well.dampener_m3 * well.precharge
     if gas <= 0.0 or well.precharge >= 1.0:
@@ -95,7 +95,7 @@ def _dampener(well: Well, omega: Array) -> Complex:
     return np.asarray(1.0 / (1j * omega * compliance) + 1j * omega * neck + 1e6)
 
 
-def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
+def responses(well: WellGeometry, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
     """
     Return the frequency responses at the gauge.
 

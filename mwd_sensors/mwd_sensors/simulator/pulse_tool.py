@@ -28,7 +28,7 @@ class SentWord(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Transmission:
+class SentTransmission:
     """Everything that a tool transmitted: words, and begin and end of each pulse, shape (n, 2), s."""
 
     words: tuple[SentWord, ...]
@@ -42,12 +42,12 @@ class LinkRun:
     time_s: Array
     pressure_pa: Array
     strokes_s: tuple[Array, ...]
-    sent: Transmission
+    sent: SentTransmission
 
 
 def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0, resync: bool = False
-) -> Transmission:
+) -> SentTransmission:
     """
     Simulate the transmission of random values.
 
@@ -85,7 +85,7 @@ def transmit(
             frame += 1
             if not items:
                 break
-    return Transmission(tuple(words), np.array(pulses).reshape(-1, 2))
+    return SentTransmission(tuple(words), np.array(pulses).reshape(-1, 2))
 
 
 def _placed(
@@ -106,7 +106,7 @@ def _placed(
 
 def link_run(
     channel: MudChannel,
-    sent: Transmission,
+    sent: SentTransmission,
     seconds: float,
     seed: int,
     drive: Callable[[Array], Array] = np.zeros_like,

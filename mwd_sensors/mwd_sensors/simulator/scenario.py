@@ -22,12 +22,12 @@ from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
-from mwd_sensors.simulator.battery import Battery
-from mwd_sensors.simulator.faults import Fault, Link, check
+from mwd_sensors.simulator.battery import SondeBattery
+from mwd_sensors.simulator.faults import Fault, MessageFaults, check
 from mwd_sensors.simulator.gamma import Gamma
 from mwd_sensors.simulator.instrument_grade import grade
 from mwd_sensors.simulator.interference import Interference
-from mwd_sensors.simulator.schedule import Phase, Rig
+from mwd_sensors.simulator.schedule import Rig, SchedulePhase
 from mwd_sensors.simulator.steering import Steering
 from mwd_sensors.simulator.telemetry_link import Telemetry
 from mwd_sensors.simulator.vibration import Vibrations
@@ -74,7 +74,7 @@ class ScenarioWell:
 
 
 @dataclasses.dataclass(frozen=True)
-class Unit:
+class SimulatedUnit:
     """One measuring unit of the sonde."""
 
     grade: str = setting("mti3_calibrated", "Name of the instrument grade, which gives the errors of the unit.")
@@ -128,17 +128,19 @@ class Scenario:
     )
     place: ScenarioPlace = setting(ScenarioPlace, "Place of the well.")
     well: ScenarioWell = setting(ScenarioWell, "The hole, and the start of the run in it.")
-    schedule: tuple[Phase, ...] = setting((Phase(),), "Work of the rig, phase by phase.")
+    schedule: tuple[SchedulePhase, ...] = setting((SchedulePhase(),), "Work of the rig, phase by phase.")
     cycles: int = setting(1, "Number of times that the whole schedule runs.", low=1, high=10000)
     rig: Rig = setting(Rig, "Properties of the rig.")
     vibration: Vibrations = setting(Vibrations, "Vibration of the sonde.")
     steering: Steering | None = setting(
         None, "Top drive that obeys commands, and a string that winds up, sticks and slips."
     )
-    ahrs: Unit = setting(Unit, "Conventional unit: gyros, accelerometers and magnetometers.")
-    precision: Unit | None = setting(Unit(grade="tactical_north"), "High-precision unit: gyros and accelerometers.")
+    ahrs: SimulatedUnit = setting(SimulatedUnit, "Conventional unit: gyros, accelerometers and magnetometers.")
+    precision: SimulatedUnit | None = setting(
+        SimulatedUnit(grade="tactical_north"), "High-precision unit: gyros and accelerometers."
+    )
     gamma: Gamma | None = setting(None, "Natural gamma detector, and the rock around the hole. none: no detector.")
-    battery: Battery | None = setting(
+    battery: SondeBattery | None = setting(
         None, "Battery and self-tests of the sonde. none: the sonde does not report them."
     )
     temperature: Temperature = setting(Temperature, "Temperature of the sensors.")
@@ -150,7 +152,7 @@ class Scenario:
     )
     interference: Interference = setting(Interference, "Magnetic disturbances.")
     faults: tuple[Fault, ...] = setting((), "Sensor faults with their times.")
-    link: Link = setting(Link, "Faults of the connection from the sensors to the log.")
+    link: MessageFaults = setting(MessageFaults, "Faults of the connection from the sensors to the log.")
     surface: dict[str, Any] = setting(
         {}, "Parameters of the surface node, by name, that `mwd run` sets for the scenario."
     )

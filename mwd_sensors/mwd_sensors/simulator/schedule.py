@@ -24,7 +24,7 @@ STILL, SLIDING, ROTATING, TRIPPING = range(4)
 
 
 @dataclasses.dataclass(frozen=True)
-class Phase:
+class SchedulePhase:
     """One phase of the schedule."""
 
     kind: str = setting("drill", "Kind of work.", choices=KINDS)
@@ -197,7 +197,7 @@ class _Lanes:
 
 
 def timeline(
-    phases: tuple[Phase, ...],
+    phases: tuple[SchedulePhase, ...],
     rig: Rig,
     bit_m: float,
     whirl: tuple[tuple[tuple[float, float], tuple[float, float]], ...],
@@ -248,7 +248,7 @@ def timeline(
     return dataclasses.replace(line, envelopes=tuple(envelopes))
 
 
-def _lay(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
+def _lay(lanes: _Lanes, phase: SchedulePhase, rig: Rig, *, under_way: bool) -> None:
     if phase.kind in ("drill", "slide", "circulate"):
         _work(lanes, phase, rig, under_way=under_way)
         return
@@ -280,7 +280,7 @@ def _pumps(rig: Rig, *, on: bool) -> Targets:
     return {"flow": rig.flow_lpm * 1e-3 / 60.0 if on else 0.0, "e_pumping": 1.0 if on else 0.0}
 
 
-def _connect(lanes: _Lanes, phase: Phase, rig: Rig) -> None:
+def _connect(lanes: _Lanes, phase: SchedulePhase, rig: Rig) -> None:
     bottom = lanes.bit.value
     if rig.pick_up_m:
         lanes.step(rig.ramp_s, {"bit": bottom - rig.pick_up_m, "activity": float(TRIPPING)})
@@ -294,7 +294,7 @@ def _connect(lanes: _Lanes, phase: Phase, rig: Rig) -> None:
         lanes.step(rig.ramp_s, {"bit": bottom, "activity": float(TRIPPING)})
 
 
-def _work(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
+def _work(lanes: _Lanes, phase: SchedulePhase, rig: Rig, *, under_way: bool) -> None:
     if phase.seconds <= rig.ramp_s:
         raise ValueError(f"schedule: a phase of {phase.seconds:g} s is shorter than the rig's ramp, {rig.ramp_s:g} s")
     turning, on_bottom = phase.kind != "slide", phase.kind != "circulate"

@@ -20,8 +20,8 @@ from mwd_sensors.simulator import faults, instrument, interference, motion, stee
 from mwd_sensors.simulator.battery import BatteryModel
 from mwd_sensors.simulator.gamma import GammaDetector
 from mwd_sensors.simulator.instrument_grade import grade
-from mwd_sensors.simulator.kinematics import Place, sensed
-from mwd_sensors.simulator.scenario import Scenario, Unit, parse_date
+from mwd_sensors.simulator.kinematics import EarthAtPlace, sensed
+from mwd_sensors.simulator.scenario import Scenario, SimulatedUnit, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
@@ -109,7 +109,9 @@ class Sonde:
             else None
         )
         latitude = math.radians(scenario.place.latitude_deg)
-        self._place = Place(earth.earth_rate_n(latitude), self.reference.gravity, earth.gravity_gradient(latitude))
+        self._place = EarthAtPlace(
+            earth.earth_rate_n(latitude), self.reference.gravity, earth.gravity_gradient(latitude)
+        )
         self.link = (
             TelemetryLink(
                 scenario.telemetry,
@@ -178,7 +180,7 @@ class Sonde:
         else:
             self.faults.faults.append(dataclasses.replace(fault, start_s=self.time + fault.start_s))
 
-    def command(self, command: steering.Command) -> None:
+    def command(self, command: steering.SteeringCommand) -> None:
         """
         Pass a command to the top drive or the pumps; it acts within 0.2 s (a step and the sensors' delay) after `time`.
 
@@ -417,7 +419,9 @@ def reference_of(scenario: Scenario) -> earth.ReferenceField:
     )
 
 
-def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[motion.Motion, CommandedFlow | None]:
+def _motion(
+    scenario: Scenario, rng: dict[str, np.random.Generator]
+) -> tuple[motion.SimulatedMotion, CommandedFlow | None]:
     """Return the motion of a run, and its pumps if they obey commands."""
     well, vibration = scenario.well, scenario.vibration
     line = timeline(
@@ -433,7 +437,7 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[mo
         pumps = CommandedFlow(line.flow, scenario.rig.flow_lpm * 1e-3 / 60.0, scenario.rig.pump_ramp_s)
         line = dataclasses.replace(line, flow=pumps)
     active = {when: line.active(when) for when in {item.when for item in vibration.shocks}}
-    moved = motion.Motion(
+    moved = motion.SimulatedMotion(
         path=motion.well_path(*well.hole),
         timeline=line,
         sensor_to_bit=well.sensor_to_bit_m,
@@ -594,7 +598,9 @@ class MeasuringUnit:
         Slow bias at the last output, rad/s and m/s^2.
     """
 
-    def __init__(self, unit: Unit, step: int, rate: int, draw: np.random.Generator, run: np.random.Generator) -> None:
+    def __init__(
+        self, unit: SimulatedUnit, step: int, rate: int, draw: np.random.Generator, run: np.random.Generator
+    ) -> None:
         self.grade = grade(unit.grade, unit.changes)
         self.lever_t = np.array(unit.lever_mm) * 1e-3
         self.gyro = instrument.gyro_triad(self.grade.gyro, draw)

@@ -69,7 +69,7 @@ class State:
 _STATE = dtype_of(State)
 
 
-class Params(NamedTuple):
+class SteeringParams(NamedTuple):
     """
     Constants of string and top drive, SI.
 
@@ -149,7 +149,7 @@ class Steering:
 
 
 @dataclasses.dataclass(frozen=True)
-class Command:
+class SteeringCommand:
     """
     Command to the top drive or the pumps.
 
@@ -167,7 +167,7 @@ class Command:
     returns: bool = False
 
 
-def check(command: Command, steering: Steering) -> None:
+def check(command: SteeringCommand, steering: Steering) -> None:
     """
     Raise ValueError if the rig cannot carry out a command.
 
@@ -215,7 +215,7 @@ class String:
         self._frequency = low + (high - low) / _LINES * (np.arange(_LINES) + rng.random(_LINES))
         self._phase = 2.0 * math.pi * rng.random(_LINES)
         self._full_weight = max(float(timeline.weight.terms[:, 0].max()), 1e-9)
-        self._params = Params(
+        self._params = SteeringParams(
             stiffness=steering.stiffness_nm_rad,
             inertia=steering.inertia_kgm2,
             damping=steering.damping_nms,
@@ -236,7 +236,7 @@ class String:
         self._state = np.zeros(1, _STATE)
         self._state[0] = (toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0, HOLD, steering.most_nm)
 
-    def command(self, command: Command) -> None:
+    def command(self, command: SteeringCommand) -> None:
         """
         Obey a command from the next instant on.
 
@@ -304,7 +304,14 @@ class String:
 
 @compiled
 def advance(
-    p: Params, state: Samples, slide: Array, scheduled: Array, motor: Array, dt: float, turn: Array, drive: Array
+    p: SteeringParams,
+    state: Samples,
+    slide: Array,
+    scheduled: Array,
+    motor: Array,
+    dt: float,
+    turn: Array,
+    drive: Array,
 ) -> None:
     """
     Integrate over n instants dt apart; changes state, shape (1,), and fills turn and drive.

@@ -23,7 +23,7 @@ from mwd_sensors.simulator.vibration import ENVELOPES, Shocks, StickSlip, Vibrat
 CHANNELS = 6
 
 
-class Lines(NamedTuple):
+class SpectralLines(NamedTuple):
     """Sines sorted by envelope and channel; arrays of shape (k,): frequency, Hz, phase, rad, amplitude, m or rad."""
 
     envelope: Indices
@@ -73,7 +73,7 @@ class Hits(NamedTuple):
         return np.asarray(impulse * self.lobe / 4.0 + self.peak * self.width**2 / math.pi**2)
 
 
-def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> Lines:
+def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> SpectralLines:
     """Draw the sines of all vibrations that are sums of sines."""
     rows: list[tuple[int, int, float, float, float]] = []
 
@@ -115,7 +115,7 @@ def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> Lines:
         rows.extend(_stick_slip(vibrations.stick_slip))
     rows.sort(key=lambda row: row[:2])
     table = np.array(rows, dtype=float).reshape(-1, 5)
-    return Lines(
+    return SpectralLines(
         envelope=table[:, 0].astype(np.int64),
         channel=table[:, 1].astype(np.int64),
         frequency_hz=np.ascontiguousarray(table[:, 2]),
@@ -172,7 +172,7 @@ def draw_hits(
 
 
 @compiled
-def add_lines(lines: Lines, envelopes: Array, start: float, dt: float, out: Array) -> None:
+def add_lines(lines: SpectralLines, envelopes: Array, start: float, dt: float, out: Array) -> None:
     """
     Add sines, each multiplied by its envelope, to out.
 

@@ -24,7 +24,7 @@ _ARGUMENT_BITS, _COMMAND_BITS, _CHECK_BITS = 4, 3, 8
 ARGUMENTS = 1 << _ARGUMENT_BITS
 COUNTERS = 8
 ECHO_WORD = "DLnk"
-"""Word of the uplink that repeats the last received command (`Frame.echo`); 0 means that none was received."""
+"""Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
 # Default of the lowest drilling value at which commands are sent and accepted, rad/s and m^3/s.
@@ -108,7 +108,7 @@ class Downlink:
         return _crc8(int.from_bytes(text.encode(), "big"), 8 * len(text), 0xFF)
 
 
-class Frame(NamedTuple):
+class DownlinkFrame(NamedTuple):
     """One command: counter 1 to 7 (0 means no command), index of the command in `COMMANDS`, argument 0 to 15."""
 
     counter: int
@@ -121,13 +121,13 @@ class Frame(NamedTuple):
         return (self.counter << _COMMAND_BITS | self.command) << _ARGUMENT_BITS | self.argument
 
 
-def frame_of(echo: int) -> Frame | None:
+def frame_of(echo: int) -> DownlinkFrame | None:
     """Return the command that an echo repeats, or None if no command was received or the code is not valid."""
     argument, rest = echo % ARGUMENTS, echo >> _ARGUMENT_BITS
     command, counter = rest % (1 << _COMMAND_BITS), rest >> _COMMAND_BITS
     if not 0 < counter < COUNTERS or command >= len(COMMANDS):
         return None
-    return Frame(counter, command, argument)
+    return DownlinkFrame(counter, command, argument)
 
 
 def next_counter(counter: int) -> int:
@@ -143,7 +143,7 @@ class Symbol(NamedTuple):
     amplitude: float
 
 
-def levels(frame: Frame, downlink: Downlink) -> tuple[int, ...]:
+def levels(frame: DownlinkFrame, downlink: Downlink) -> tuple[int, ...]:
     """
     Return the levels of a command in order, from 0 (lowest) to 3 (drilling value).
 
@@ -160,7 +160,7 @@ def levels(frame: Frame, downlink: Downlink) -> tuple[int, ...]:
     return (*HEAD[1:], *data, *TAIL)
 
 
-def decode(data: tuple[int, ...], downlink: Downlink) -> Frame | None:
+def decode(data: tuple[int, ...], downlink: Downlink) -> DownlinkFrame | None:
     """Return the command of 9 data levels, or None if the check fails."""
     bits = 0
     for level in data:
@@ -172,7 +172,7 @@ def decode(data: tuple[int, ...], downlink: Downlink) -> Frame | None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Programme:
+class DownlinkProgramme:
     """
     Set-points of a command as a function of time.
 
@@ -218,7 +218,7 @@ def amplitude(level: float, downlink: Downlink) -> float:
     return 1.0 - downlink.depth * (LEVELS - 1 - level) / (LEVELS - 1)
 
 
-def programme(frame: Frame, downlink: Downlink) -> Programme:
+def programme(frame: DownlinkFrame, downlink: Downlink) -> DownlinkProgramme:
     """
     Return the set-points that send a command.
 
@@ -227,7 +227,7 @@ def programme(frame: Frame, downlink: Downlink) -> Programme:
     ValueError
         The errors of `levels`.
     """
-    return Programme(
+    return DownlinkProgramme(
         tuple(Symbol(downlink.ramp_s, downlink.hold_s, amplitude(level, downlink)) for level in levels(frame, downlink))
     )
 

@@ -11,7 +11,7 @@ import dataclasses
 from typing import Any, NamedTuple
 
 from mwd_sensors.telemetry import meanings, sequences
-from mwd_sensors.telemetry.downlink import ARGUMENTS, COMMANDS, Downlink, Frame
+from mwd_sensors.telemetry.downlink import ARGUMENTS, COMMANDS, Downlink, DownlinkFrame
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
@@ -40,7 +40,7 @@ class ToolSettings(NamedTuple):
     toolface_rate: int = 1
     mute: bool = False
 
-    def after(self, frame: Frame) -> ToolSettings:
+    def after(self, frame: DownlinkFrame) -> ToolSettings:
         """Return the settings after a command."""
         changes: dict[int, dict[str, Any]] = {
             _SEQUENCE: {"sequence": frame.argument},
@@ -135,7 +135,7 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
         if value != round(value) or not 0 <= value < ARGUMENTS:
             raise ValueError(f"value: {name} takes a whole number from 0 to {ARGUMENTS - 1}, got {value:g}")
         argument = round(value)
-    applied(tool, ToolSettings().after(Frame(1, number, argument)))
+    applied(tool, ToolSettings().after(DownlinkFrame(1, number, argument)))
     return number, argument
 
 
@@ -156,7 +156,7 @@ def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
     return {**{name: values for name, values in found.items() if values}, "survey_now": (), "mute": ()}
 
 
-def about(tool: ToolConfiguration, frame: Frame) -> str:
+def about(tool: ToolConfiguration, frame: DownlinkFrame) -> str:
     """Return the effect of a command in words."""
     downlink = downlink_of(tool)
     name = COMMANDS[frame.command]

@@ -54,7 +54,7 @@ class Pack:
 
 
 @dataclasses.dataclass(frozen=True)
-class Battery(Pack):
+class BatteryLimits(Pack):
     """Battery of a tool, from its data sheet."""
 
     capacity_sigma: float = setting(
@@ -101,7 +101,7 @@ class ExposureLimit:
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class ToolPart:
     """A part of the tool."""
 
     serial_number: str = setting("", "Serial number.")
@@ -136,13 +136,13 @@ EXPOSURES = {
 class ToolLimits:
     """Limits and parts of a tool."""
 
-    battery: Battery | None = setting(None, "The battery; none: assumed figures of a usual kit.")
+    battery: BatteryLimits | None = setting(None, "The battery; none: assumed figures of a usual kit.")
     exposures: dict[str, ExposureLimit] = setting(
         {},
         "Time that the tool stands, by quantity: temperature (degC), lateral_vibration, axial_vibration and shock_peak "
         "(m/s^2) or any other source of a log channel. Without any, assumed figures of a usual kit.",
     )
-    parts: dict[str, Part] = setting({}, "Parts by name, with serial number and calibration.")
+    parts: dict[str, ToolPart] = setting({}, "Parts by name, with serial number and calibration.")
 
     def __post_init__(self) -> None:
         """Raise ValueError for an unknown quantity."""

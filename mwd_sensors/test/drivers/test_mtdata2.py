@@ -8,9 +8,9 @@ import pytest
 
 from mwd_sensors.drivers import mtdata2
 from mwd_sensors.drivers.mtdata2 import MtReader, item, message, packet
-from mwd_sensors.drivers.readings import CLIPPED_ACCEL, CLIPPED_GYRO, FAULT, Reading
+from mwd_sensors.drivers.readings import CLIPPED_ACCEL, CLIPPED_GYRO, FAULT, UnitSample
 
-MOTION = Reading("imu/data_raw", 0, (0.5, -12.0, 3.25, 9.5, -0.25, 160.0))
+MOTION = UnitSample("imu/data_raw", 0, (0.5, -12.0, 3.25, 9.5, -0.25, 160.0))
 
 
 def test_a_message_of_the_protocol_document_has_its_check_sum():

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.drivers import polled_line
-from mwd_sensors.drivers.polled_line import FORMS, Item, Master, Poll, PolledFrame, Unit
+from mwd_sensors.drivers.polled_line import FORMS, Master, Poll, PolledFrame, PolledLineUnit, ReplyItem
 
-ANGLES = Poll(3, "0000 0003", tuple(Item(name, "uint16", 0.01, unit="deg") for name in ("inc", "azi", "tf")))
+ANGLES = Poll(3, "0000 0003", tuple(ReplyItem(name, "uint16", 0.01, unit="deg") for name in ("inc", "azi", "tf")))
 FRAME = PolledFrame(polls=(ANGLES,), timeout_s=0.1, period_s=0.5, retries=2)
 VALUES = {"inc": math.radians(84.5), "azi": math.radians(159.42), "tf": math.radians(359.99)}
 HALF = PolledFrame(start="eb90", counted=False, byte_order="little", check_order="high_first", polls=(ANGLES,))
@@ -33,7 +33,7 @@ def given_up(master, now=10.0):
 
 def test_a_request_and_its_check_are_those_of_the_modbus_specification():
     # Reading register 0x6B of unit 0x11 (function 3, three registers): a published frame, check 76 87.
-    frame = PolledFrame(address=0x11, polls=(Poll(3, "006b 0003", (Item("a", "uint16"),)),))
+    frame = PolledFrame(address=0x11, polls=(Poll(3, "006b 0003", (ReplyItem("a", "uint16"),)),))
     assert polled_line.request(frame, frame.polls[0]).hex(" ") == "11 03 00 6b 00 03 76 87"
     turned = dataclasses.replace(frame, check_order="high_first")
     assert polled_line.request(turned, turned.polls[0]).hex(" ").endswith("87 76")
@@ -42,7 +42,7 @@ def test_a_request_and_its_check_are_those_of_the_modbus_specification():
 @pytest.mark.parametrize("frame", [FRAME, HALF, dataclasses.replace(FRAME, byte_order="swapped")])
 def test_the_master_reads_the_numbers_that_the_unit_sent(frame):
     master, _ = asked(frame)
-    unit = Unit(frame)
+    unit = PolledLineUnit(frame)
     poll = unit.take(polled_line.request(frame, ANGLES))
     (got,) = master.take(polled_line.reply(frame, poll, VALUES), 0.02)
     assert got.values == pytest.approx(VALUES, abs=math.radians(0.006))
@@ -57,14 +57,14 @@ def test_every_form_and_order_reads_back_what_was_written(form, order, data):
         if form.startswith("float")
         else st.integers(*polled_line._limits(form)[:2]).filter(lambda n: abs(n) < 2**53)
     )
-    frame = PolledFrame(byte_order=order, polls=(Poll(4, "", (Item("v", form), Item("nothing", form))),))
+    frame = PolledFrame(byte_order=order, polls=(Poll(4, "", (ReplyItem("v", form), ReplyItem("nothing", form))),))
     (got,) = asked(frame)[0].take(polled_line.reply(frame, frame.polls[0], {"v": float(number)}), 0.0)
     assert got.values["v"] == number
     assert math.isnan(got.values["nothing"])
 
 
 def test_a_time_in_nanoseconds_keeps_its_last_digit_and_a_dip_is_an_inclination_from_the_horizontal():
-    poll = Poll(4, "", (Item("time", "int64", 1e-9), Item("inclination", "int16", -0.01, 90.0, "deg")))
+    poll = Poll(4, "", (ReplyItem("time", "int64", 1e-9), ReplyItem("inclination", "int16", -0.01, 90.0, "deg")))
     frame = PolledFrame(polls=(poll,))
     sent = {"time": 1_772_344_800_123_456_789, "inclination": math.radians(70.26)}
     data = polled_line.reply(frame, poll, sent)
@@ -93,7 +93,7 @@ def test_a_reply_with_any_single_bit_flipped_gives_no_numbers_and_a_flipped_requ
     for bit in range(8 * len(whole)):
         damaged = bytearray(whole)
         damaged[bit // 8] ^= 1 << bit % 8
-        assert not isinstance(Unit(frame).take(bytes(damaged)), Poll)
+        assert not isinstance(PolledLineUnit(frame).take(bytes(damaged)), Poll)
 
 
 @given(st.lists(st.integers(0, 40), max_size=6), st.booleans())
@@ -158,24 +158,24 @@ def test_noise_before_a_reply_is_said_and_the_reply_is_read():
 def test_a_refusal_is_said_with_its_reason():
     frame = dataclasses.replace(FRAME, polls=(dataclasses.replace(ANGLES, request="0100 0003"),))
     master = Master(frame)
-    refused = Unit(FRAME).take(master.due(0.0))
+    refused = PolledLineUnit(FRAME).take(master.due(0.0))
     assert master.take(refused, 0.01) == []
     assert list(master.trouble) == ["the unit refuses command 3: unknown data"]
     other = dataclasses.replace(FRAME, polls=(dataclasses.replace(ANGLES, command=6),))
     master = Master(other)
-    master.take(Unit(FRAME).take(master.due(0.0)), 0.01)
+    master.take(PolledLineUnit(FRAME).take(master.due(0.0)), 0.01)
     assert list(master.trouble) == ["the unit refuses command 6: unknown command"]
 
 
 def test_a_host_that_is_slower_than_the_unit_gets_one_answer_to_requests_that_piled_up():
-    unit, whole = Unit(FRAME), polled_line.request(FRAME, ANGLES)
+    unit, whole = PolledLineUnit(FRAME), polled_line.request(FRAME, ANGLES)
     assert unit.take(3 * whole) == ANGLES
     assert unit.answered == 1
     assert unit.take(b"") is None
 
 
 def test_a_unit_is_silent_for_requests_to_others_and_for_damaged_ones():
-    unit = Unit(FRAME)
+    unit = PolledLineUnit(FRAME)
     other = dataclasses.replace(FRAME, address=2)
     talk = polled_line.request(other, ANGLES) + polled_line.reply(other, ANGLES, VALUES)
     assert unit.take(talk) is None
@@ -188,7 +188,7 @@ def test_a_unit_is_silent_for_requests_to_others_and_for_damaged_ones():
 
 @given(st.binary(max_size=600), st.integers(1, 50))
 def test_any_bytes_are_survived_by_both_ends(data, step):
-    unit, (master, right) = Unit(FRAME), asked()
+    unit, (master, right) = PolledLineUnit(FRAME), asked()
     for at in range(0, len(data), step):
         unit.take(data[at : at + step])
         master.take(data[at : at + step], 0.01)
@@ -224,7 +224,7 @@ def test_a_frame_file_that_cannot_be_is_refused_with_its_name(tmp_path, text, co
 @pytest.mark.parametrize("form", polled_line.FORMS)
 @pytest.mark.parametrize("value", [math.inf, -math.inf, 1e308, -1e308])
 def test_a_value_beyond_every_form_is_sent_and_never_stops_the_line(form, value):
-    poll = Poll(4, "", (Item("inclination", form, 1e-15, unit="nT"),))
+    poll = Poll(4, "", (ReplyItem("inclination", form, 1e-15, unit="nT"),))
     frame = dataclasses.replace(FRAME, polls=(poll,))
     master = Master(frame)
     master.due(0.0)
@@ -234,7 +234,7 @@ def test_a_value_beyond_every_form_is_sent_and_never_stops_the_line(form, value)
 
 @pytest.mark.parametrize(("unit", "one"), [("deg/s", math.pi / 180.0), ("deg", math.pi / 180.0), ("ft", 0.3048)])
 def test_a_unit_is_converted_to_si(unit, one):
-    assert Item("rate_x", unit=unit).line == (0.0, pytest.approx(one))
+    assert ReplyItem("rate_x", unit=unit).line == (0.0, pytest.approx(one))
 
 
 @pytest.mark.parametrize("text", ["s3cret-token", "- s3cret", "a: 1\ns3cret: [", "-----BEGIN KEY-----\ns3cret"])

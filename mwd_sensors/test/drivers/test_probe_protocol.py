@@ -16,8 +16,8 @@ from mwd_sensors.drivers.readings import (
     CLIPPED_GYRO,
     CLIPPED_MAG,
     FIELDS,
-    Answer,
-    Reading,
+    UnitAnswer,
+    UnitSample,
     readings_of,
     samples_of,
 )
@@ -28,7 +28,7 @@ widths = {
 }
 readings = st.sampled_from(sorted(widths)).flatmap(
     lambda topic: st.builds(
-        Reading,
+        UnitSample,
         st.just(topic),
         st.integers(0, 2**63 - 1),
         st.tuples(*[finite] * widths[topic]),
@@ -51,7 +51,7 @@ def test_samples_come_back_to_the_bit_whatever_the_blocks(text, sent, cut):
 @pytest.mark.parametrize("text", [False, True])
 @pytest.mark.parametrize("bit", range(8))
 def test_a_bit_that_the_line_turns_is_seen_in_every_place(text, bit):
-    sent = [Reading("imu/mag", 5_000_000_000 + k, (1.25e-5, -4e-5, 0.1 * k), CLIPPED_ACCEL[1]) for k in range(3)]
+    sent = [UnitSample("imu/mag", 5_000_000_000 + k, (1.25e-5, -4e-5, 0.1 * k), CLIPPED_ACCEL[1]) for k in range(3)]
     frames = [sample(one, k, text) for k, one in enumerate(sent)]
     for place in range(len(frames[1])):
         damaged = bytearray(frames[1])
@@ -66,14 +66,14 @@ def test_a_bit_that_the_line_turns_is_seen_in_every_place(text, bit):
 
 def test_a_gap_of_the_counter_counts_what_is_missing():
     reader = ProbeReader(False)
-    one = Reading("imu/temperature", 1, (21.5,))
+    one = UnitSample("imu/temperature", 1, (21.5,))
     reader.take(sample(one, 250, False) + sample(one, 255, False) + sample(one, 2, False))
     assert reader.counters.lost == 4 + 2
 
 
 def test_the_rest_of_a_frame_at_the_beginning_is_no_fault_of_the_line():
     reader = ProbeReader(False)
-    one = Reading("imu/temperature", 1, (21.5,))
+    one = UnitSample("imu/temperature", 1, (21.5,))
     assert reader.take(sample(one, 0, False)[3:] + sample(one, 1, False)) == [one]
     assert reader.counters.broken == 0
 
@@ -85,12 +85,12 @@ def test_commands_and_answers_come_back(text):
         (asked,) = splitter.take(command(name, 3, text, 1_772_344_800_123_456_789))
         assert requested(*asked) == (name, 1_772_344_800_123_456_789)
     reader = ProbeReader(text)
-    told = [Answer("time", sent_ns=17, unit_ns=2**60), Answer("info", "probe 7 v1.2")]
+    told = [UnitAnswer("time", sent_ns=17, unit_ns=2**60), UnitAnswer("info", "probe 7 v1.2")]
     assert [one for k, a in enumerate(told) for one in reader.take(probe_protocol.answer(a, k, text))] == told
 
 
 def test_an_answer_that_lacks_a_number_is_counted_and_what_follows_is_read():
-    reader, one = ProbeReader(True), Reading("imu/temperature", 1, (21.5,))
+    reader, one = ProbeReader(True), UnitSample("imu/temperature", 1, (21.5,))
     assert reader.take(probe_protocol.line("CLOCK", 0, 17) + sample(one, 1, True)) == [one]
     assert reader.counters.broken == 1
 
@@ -108,7 +108,7 @@ def test_samples_of_the_graph_become_readings_and_back():
 @pytest.mark.parametrize("topic", ["imu/data_raw", "gyro/data_raw", "imu/mag"])
 def test_clip_flags_of_a_line_come_back_from_the_samples(topic):
     bits = (*CLIPPED_ACCEL, *CLIPPED_GYRO) if topic != "imu/mag" else CLIPPED_MAG
-    sent = [Reading(topic, k, (0.25,) * widths[topic], bit) for k, bit in enumerate((0, *bits, sum(bits)))]
+    sent = [UnitSample(topic, k, (0.25,) * widths[topic], bit) for k, bit in enumerate((0, *bits, sum(bits)))]
     assert readings_of(topic, samples_of(topic, sent)) == sent
 
 

@@ -15,7 +15,7 @@ import pytest
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.drivers import polled_line, probe_protocol, serial_probe
 from mwd_sensors.drivers.emulator import NAME, XSENS_FIELD_T, Emulator
-from mwd_sensors.drivers.readings import LAYOUTS, Reading, readings_of, samples_of
+from mwd_sensors.drivers.readings import LAYOUTS, UnitSample, readings_of, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, UnitClock, polled_frame
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -292,7 +292,7 @@ def test_a_sample_of_a_time_that_no_message_can_have_is_broken_and_the_next_is_r
     tty.setraw(master)
     probe = SerialProbe(LineSettings(port=os.ttyname(slave), clock="unit"))
     probe.poll(START)
-    samples = (Reading("imu/temperature", stamp, (50.0,), 0) for stamp in (START, stamp_ns, START + 1))
+    samples = (UnitSample("imu/temperature", stamp, (50.0,), 0) for stamp in (START, stamp_ns, START + 1))
     os.write(master, b"".join(probe_protocol.sample(one, k, text=False) for k, one in enumerate(samples)))
     assert [one.stamp_ns for one in received(probe, 2)] == [START, START + 1]
     assert probe.reader.counters.broken == 1
@@ -359,7 +359,7 @@ def test_a_unit_without_a_clock_is_stamped_between_request_and_reply():
             polled_frame(LineSettings(protocol="polled", frame_file=str(frame), clock="unit"))
     probe.poll(START)
     probe.poll(START)
-    end = polled_line.Unit(probe.reader.frame)
+    end = polled_line.PolledLineUnit(probe.reader.frame)
     asked = end.take(os.read(unit, 100))
     os.write(unit, polled_line.reply(end.frame, asked, {"temperature": 41.5}))
     got, stop = [], time.monotonic() + 10.0

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import wire
-from mwd_sensors.simulator.battery import Battery, BatteryModel
+from mwd_sensors.simulator.battery import BatteryModel, SondeBattery
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.telemetry import tool_limits
 
-BATTERY = Battery(capacity_ah=10.0, used_ah=1.0)
+BATTERY = SondeBattery(capacity_ah=10.0, used_ah=1.0)
 
 
 def run(settings, hours, celsius, active, seed=1):
@@ -56,12 +56,12 @@ def test_a_self_test_fails_from_its_time_on():
     )
     assert samples["failed_self_tests"].tolist() == [0, 8, 8, 24, 24, 24]
     with pytest.raises(ValueError, match="unknown self-test"):
-        Battery(failures=((0.0, "motor"),))
+        SondeBattery(failures=((0.0, "motor"),))
 
 
 @pytest.mark.parametrize("rows", [(), ((25.0, 1.0), (-20.0, 0.6)), ((25.0, 0.0),), ((25.0, float("nan")),)])
 def test_a_wrong_table_of_temperatures_is_refused_as_in_a_tool_file(rows):
-    for kind in (Battery, tool_limits.Battery):
+    for kind in (SondeBattery, tool_limits.BatteryLimits):
         with pytest.raises(ValueError, match="by_temperature"):
             kind(by_temperature=rows)
 

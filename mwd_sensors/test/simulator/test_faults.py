@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from mwd_sensors.core import wire
 from mwd_sensors.simulator import faults
-from mwd_sensors.simulator.faults import Fault, Link
+from mwd_sensors.simulator.faults import Fault, MessageFaults
 
 N = 1000
 
@@ -192,18 +192,18 @@ def carried(link, cuts=()):
 
 
 def test_a_perfect_link_changes_nothing():
-    clean, arrived, _ = carried(Link())
+    clean, arrived, _ = carried(MessageFaults())
     assert arrived.tobytes() == clean.tobytes()
 
 
 @pytest.mark.parametrize(
     "link",
     [
-        Link(loss=0.1),
-        Link(duplicates=0.1),
-        Link(reorder=0.1),
-        Link(burst_every_s=2.0),
-        Link(0.05, 3.0, 0.5, 0.05, 0.05),
+        MessageFaults(loss=0.1),
+        MessageFaults(duplicates=0.1),
+        MessageFaults(reorder=0.1),
+        MessageFaults(burst_every_s=2.0),
+        MessageFaults(0.05, 3.0, 0.5, 0.05, 0.05),
     ],
 )
 def test_a_poor_link_does_not_care_about_blocks(link):
@@ -214,18 +214,18 @@ def test_a_poor_link_does_not_care_about_blocks(link):
 
 
 def test_samples_are_lost_doubled_and_swapped_in_the_asked_shares():
-    assert len(carried(Link(loss=0.1))[1]) == pytest.approx(900, abs=35)
-    assert len(carried(Link(duplicates=0.1))[1]) == pytest.approx(1100, abs=35)
-    clean, arrived, _ = carried(Link(reorder=0.1))
+    assert len(carried(MessageFaults(loss=0.1))[1]) == pytest.approx(900, abs=35)
+    assert len(carried(MessageFaults(duplicates=0.1))[1]) == pytest.approx(1100, abs=35)
+    clean, arrived, _ = carried(MessageFaults(reorder=0.1))
     back = np.sum(np.diff(arrived["stamp_ns"]) < 0)
     assert back == pytest.approx(90, abs=30)
     assert len(np.unique(arrived["stamp_ns"])) >= len(clean) - 1
-    stamps = carried(Link(burst_every_s=2.0, burst_s=0.5))[1]["stamp_ns"]
+    stamps = carried(MessageFaults(burst_every_s=2.0, burst_s=0.5))[1]["stamp_ns"]
     assert np.diff(stamps).max() == pytest.approx(0.51e9, abs=1e7)
 
 
 def test_the_clock_jumps_once():
-    link = dataclasses.replace(Link(), clock_jump_at_s=5.0, clock_jump_s=-2.0)
+    link = dataclasses.replace(MessageFaults(), clock_jump_at_s=5.0, clock_jump_s=-2.0)
     samples, t = stream()
     stamps = faults.jumped(link, samples["stamp_ns"], t)
     off = (stamps - samples["stamp_ns"]) / 1e9

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from mwd_sensors.core.frames import mat_nt
 from mwd_sensors.simulator import interference, scenario
-from mwd_sensors.simulator.interference import Anomaly, Diurnal, Interference, OffsetWell, Pole, ToolJoints
+from mwd_sensors.simulator.interference import Anomaly, CasedWell, Diurnal, Interference, Pole, ToolJoints
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
@@ -66,7 +66,7 @@ def test_a_pole_s_field_falls_with_the_square_and_two_make_a_dipole():
 
 
 def test_the_poles_of_an_offset_well_sum_to_zero_and_its_field_is_local():
-    item = Interference(offset_wells=(OffsetWell((0.0, 5.0, 0.0), (0.0, 5.0, 240.0)),))
+    item = Interference(offset_wells=(CasedWell((0.0, 5.0, 0.0), (0.0, 5.0, 240.0)),))
     made = interference.disturbance(item, 5e-5, np.random.default_rng(3))
     assert made.pole_strength.sum() == pytest.approx(0.0, abs=1e-18)
     assert len(made.pole_strength) == 21

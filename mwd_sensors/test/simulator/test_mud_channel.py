@@ -6,10 +6,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure, Pump
-from mwd_sensors.simulator.mud_line import Well, wave_speed
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure, PressureNoise, Pump
+from mwd_sensors.simulator.mud_line import WellGeometry, wave_speed
 
-QUIET = MudChannel(pumps=(), noise=Noise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24))
+QUIET = MudChannel(pumps=(), noise=PressureNoise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24))
 
 
 def pressure(channel, pulses=(), seconds=40.0, seed=1):
@@ -25,7 +25,7 @@ def test_same_seed_same_pressure_and_another_seed_another():
 
 @pytest.mark.parametrize("depth", [1000.0, 4000.0])
 def test_a_pulse_arrives_with_the_wave(depth):
-    channel = dataclasses.replace(QUIET, well=Well(depth_m=depth))
+    channel = dataclasses.replace(QUIET, well=WellGeometry(depth_m=depth))
     with_pulse, without = pressure(channel, [(10.0, 10.8)]), pressure(channel)
     rise = with_pulse - without
     first = np.flatnonzero(rise > 0.3 * rise.max())[0] / RATE_HZ

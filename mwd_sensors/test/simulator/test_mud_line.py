@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator import mud_line
-from mwd_sensors.simulator.mud_line import Well, responses, wave_speed
+from mwd_sensors.simulator.mud_line import WellGeometry, responses, wave_speed
 
 FREQUENCY = np.array([1.0, 4.0, 12.0, 24.0])
 
 
 def loss_db(friction):
     """Loss of 3 km of drill pipe."""
-    well = Well()
+    well = WellGeometry()
     line = mud_line._line(well, 2.0 * np.pi * FREQUENCY, 0.5 * well.bore_m, 0.25 * np.pi * well.bore_m**2, friction)
     return 3000.0 * line[0].real * 20.0 / np.log(10.0)
 
@@ -27,26 +27,28 @@ def test_loss_is_that_of_the_independent_model():
 
 
 def test_waves_run_at_korteweg_s_speed():
-    assert wave_speed(Well()) == pytest.approx(1250.0, abs=15.0)
-    assert wave_speed(Well(bulk_modulus=1.0e8)) < 300.0
+    assert wave_speed(WellGeometry()) == pytest.approx(1250.0, abs=15.0)
+    assert wave_speed(WellGeometry(bulk_modulus=1.0e8)) < 300.0
 
 
 def test_a_dampener_makes_a_null_between_two_and_two_and_a_half_hertz():
     frequency = np.array([1.0, 2.25, 6.0])
-    charged = np.abs(responses(Well(), frequency)[0])
+    charged = np.abs(responses(WellGeometry(), frequency)[0])
     assert charged[1] < 0.2 * charged[0]
     assert charged[1] < 0.4 * charged[2]
-    flat = np.abs(responses(Well(precharge=0.0), frequency)[0])
+    flat = np.abs(responses(WellGeometry(precharge=0.0), frequency)[0])
     assert flat[1] > 0.7 * flat[0]
 
 
 def test_depth_costs_some_decibels_a_kilometre_at_a_few_hertz():
     frequency = np.linspace(3.0, 6.0, 31)
-    power = [np.mean(np.abs(responses(Well(depth_m=depth), frequency)[0]) ** 2) for depth in (3000.0, 5000.0)]
+    power = [np.mean(np.abs(responses(WellGeometry(depth_m=depth), frequency)[0]) ** 2) for depth in (3000.0, 5000.0)]
     assert 10.0 * np.log10(power[0] / power[1]) / 2.0 == pytest.approx(4.5, abs=0.6)
 
 
 def test_pumps_are_quieter_behind_a_charged_dampener():
     frequency = np.array([4.35, 8.7])
-    charged, flat = (np.abs(responses(dataclasses.replace(Well(), precharge=p), frequency)[1]) for p in (0.35, 0.0))
+    charged, flat = (
+        np.abs(responses(dataclasses.replace(WellGeometry(), precharge=p), frequency)[1]) for p in (0.35, 0.0)
+    )
     assert np.all(charged < 0.3 * flat)

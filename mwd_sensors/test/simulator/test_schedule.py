@@ -8,16 +8,16 @@ import math
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.schedule import ROTATING, SLIDING, STILL, TRIPPING, Phase, Rig, timeline
+from mwd_sensors.simulator.schedule import ROTATING, SLIDING, STILL, TRIPPING, Rig, SchedulePhase, timeline
 from mwd_sensors.simulator.vibration import ENVELOPES
 
 RIG = Rig(ramp_s=2.0, pump_ramp_s=1.0, pick_up_m=0.5, stand_m=9.0)
 PHASES = (
-    Phase("still", 5.0, pumps=False),
-    Phase("drill", 20.0, rpm=120.0, rop_m_h=1620.0),
-    Phase("connection", 15.0),
-    Phase("slide", 20.0, rop_m_h=900.0, toolface_deg=-30.0),
-    Phase("still", 6.0, pumps=False),
+    SchedulePhase("still", 5.0, pumps=False),
+    SchedulePhase("drill", 20.0, rpm=120.0, rop_m_h=1620.0),
+    SchedulePhase("connection", 15.0),
+    SchedulePhase("slide", 20.0, rop_m_h=900.0, toolface_deg=-30.0),
+    SchedulePhase("still", 6.0, pumps=False),
 )
 
 
@@ -83,7 +83,7 @@ def test_activities_are_named():
 
 
 def test_a_running_start_is_at_speed_at_once():
-    line = laid((Phase("drill", 10.0, rpm=155.0, rop_m_h=0.0),), Rig(running_start=True))
+    line = laid((SchedulePhase("drill", 10.0, rpm=155.0, rop_m_h=0.0),), Rig(running_start=True))
     t = np.array([0.0, 5.0])
     assert np.degrees(line.angle(t)[1]) / 6.0 == pytest.approx([155.0, 155.0])
     assert line.envelopes[3](t)[0] == pytest.approx([1.0, 1.0])
@@ -92,7 +92,13 @@ def test_a_running_start_is_at_speed_at_once():
 
 
 def test_a_move_shakes_by_its_own_envelope_and_is_no_slide():
-    line = laid((Phase("still", 5.0), Phase("move", 20.0, rop_m_h=3600.0, vibration=0.6), Phase("still", 5.0)))
+    line = laid(
+        (
+            SchedulePhase("still", 5.0),
+            SchedulePhase("move", 20.0, rop_m_h=3600.0, vibration=0.6),
+            SchedulePhase("still", 5.0),
+        )
+    )
     moving = line.envelopes[ENVELOPES.index("moving")](np.arange(0.0, line.seconds, 0.1))[0]
     assert (moving[0], moving.max(), moving[-1]) == pytest.approx((0.0, 0.6, 0.0))
     assert line.active("moving") == [(8.0, 24.0)]
@@ -100,7 +106,9 @@ def test_a_move_shakes_by_its_own_envelope_and_is_no_slide():
 
 
 def test_whirl_comes_in_bursts_while_rotating_only():
-    line = laid((Phase("drill", 60.0, rpm=120.0), Phase("still", 20.0)), RIG, (((2.0, 4.0), (1.0, 2.0)),))
+    line = laid(
+        (SchedulePhase("drill", 60.0, rpm=120.0), SchedulePhase("still", 20.0)), RIG, (((2.0, 4.0), (1.0, 2.0)),)
+    )
     t = np.arange(0.0, line.seconds, 0.01)
     burst = line.envelopes[-1](t)[0]
     assert burst.max() == 1.0
@@ -109,7 +117,7 @@ def test_whirl_comes_in_bursts_while_rotating_only():
 
 
 def test_phases_repeat_and_too_short_ones_are_refused():
-    twice = laid((Phase("drill", 10.0, repeat=2),))
+    twice = laid((SchedulePhase("drill", 10.0, repeat=2),))
     assert twice.seconds == 20.0
     with pytest.raises(ValueError, match="shorter than the rig's ramp"):
-        laid((Phase("drill", 1.0),))
+        laid((SchedulePhase("drill", 1.0),))

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from mwd_sensors.core import frames
 from mwd_sensors.simulator import kinematics, motion
-from mwd_sensors.simulator.schedule import Phase, Rig, timeline
+from mwd_sensors.simulator.schedule import Rig, SchedulePhase, timeline
 from mwd_sensors.simulator.vibration import (
     Hunting,
     PerTurn,
@@ -33,12 +33,12 @@ EVERYTHING = Vibrations(
     hunting=Hunting(6.0),
 )
 SCHEDULE = (
-    Phase("drill", 12.0, rpm=120.0, rop_m_h=3000.0),
-    Phase("connection", 6.0),
-    Phase("slide", 8.0, rop_m_h=1800.0, toolface_deg=75.0),
-    Phase("circulate", 6.0, rpm=60.0),
-    Phase("move", 6.0, rop_m_h=-1500.0),
-    Phase("still", 4.0, pumps=False),
+    SchedulePhase("drill", 12.0, rpm=120.0, rop_m_h=3000.0),
+    SchedulePhase("connection", 6.0),
+    SchedulePhase("slide", 8.0, rop_m_h=1800.0, toolface_deg=75.0),
+    SchedulePhase("circulate", 6.0, rpm=60.0),
+    SchedulePhase("move", 6.0, rop_m_h=-1500.0),
+    SchedulePhase("still", 4.0, pumps=False),
 )
 
 
@@ -48,7 +48,7 @@ def moved(vibrations=EVERYTHING, phases=SCHEDULE, rig=None, stations=((0, 5, 20)
     active = {item.when: line.active(item.when) for item in vibrations.shocks}
     table = np.array(stations, dtype=float)
     path = motion.well_path(table[:, 0], np.radians(table[:, 1]), np.radians(table[:, 2]))
-    return motion.Motion(
+    return motion.SimulatedMotion(
         path, line, 2.0, vibrations, draw_lines(vibrations, rng), draw_hits(vibrations.shocks, active, rng)
     )
 
@@ -66,7 +66,7 @@ def test_differentiated_truth_equals_the_rates(second):
 
 
 def test_attitude_is_a_rotation_and_agrees_with_the_angles_of_the_hole():
-    k = moved(Vibrations(), (Phase("still", 5.0, pumps=False),)).at(0, 10, 100.0)
+    k = moved(Vibrations(), (SchedulePhase("still", 5.0, pumps=False),)).at(0, 10, 100.0)
     inclination, azimuth, _ = frames.hole_angles(k.mat_nt)
     assert_allclose(k.mat_nt @ k.mat_nt.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (10, 3, 3)), atol=1e-14)
     # 28 m lies on the arc from (5, 20) to (20, 40) deg, close to its end.
@@ -76,7 +76,7 @@ def test_attitude_is_a_rotation_and_agrees_with_the_angles_of_the_hole():
 
 def test_a_vertical_start_builds_without_a_jump():
     stations = ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (60.0, 20.0, 130.0))
-    phases = (Phase("move", 40.0, rop_m_h=3600.0),)
+    phases = (SchedulePhase("move", 40.0, rop_m_h=3600.0),)
     k = moved(Vibrations(), phases, Rig(pick_up_m=0.0), stations).at(0, 4000, 100.0)
     assert np.abs(k.rate_t).max() < 0.02
     _, azimuth, _ = frames.hole_angles(k.mat_nt)
@@ -112,7 +112,9 @@ def test_a_path_that_turns_back_or_goes_up_in_depth_is_refused():
 @pytest.mark.slow
 def test_shocks_leave_neither_velocity_nor_displacement_and_keep_their_area():
     item = Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0)
-    m = moved(Vibrations(shocks=(item,)), (Phase("drill", 30.0, rpm=0.0, rop_m_h=0.0),), Rig(running_start=True))
+    m = moved(
+        Vibrations(shocks=(item,)), (SchedulePhase("drill", 30.0, rpm=0.0, rop_m_h=0.0),), Rig(running_start=True)
+    )
     assert 40 < len(m.hits.time) < 80
     assert m.hits.displacement.max() <= 0.0155
     k = m.at(0, 60000, 2000.0)
@@ -129,11 +131,13 @@ def test_shocks_leave_neither_velocity_nor_displacement_and_keep_their_area():
 
 
 def test_a_lever_arm_feels_the_centripetal_acceleration():
-    m = moved(Vibrations(), (Phase("circulate", 20.0, rpm=180.0),), Rig(running_start=True), ((0.0, 90.0, 0.0),))
+    m = moved(
+        Vibrations(), (SchedulePhase("circulate", 20.0, rpm=180.0),), Rig(running_start=True), ((0.0, 90.0, 0.0),)
+    )
     k = m.at(2000, 400, 2000.0)
     measured, rates = np.empty((400, 3)), np.empty((400, 3))
     lever = np.array([0.0, 0.05, 0.0])
-    kinematics.sensed(k, lever, kinematics.Place(np.zeros(3), 9.8, 0.0), rates, measured)
+    kinematics.sensed(k, lever, kinematics.EarthAtPlace(np.zeros(3), 9.8, 0.0), rates, measured)
     omega = 180.0 * 2.0 * np.pi / 60.0
     expected = np.array([0.0, -(omega**2) * 0.05, 0.0]) - 9.8 * k.mat_nt[:, 2, :]
     assert_allclose(measured, expected, atol=1e-9)
@@ -141,7 +145,7 @@ def test_a_lever_arm_feels_the_centripetal_acceleration():
 
 
 def test_energy_and_displacement_stay_bounded_for_an_hour():
-    m = moved(phases=(Phase("drill", 3600.0, rpm=120.0, rop_m_h=0.0),))
+    m = moved(phases=(SchedulePhase("drill", 3600.0, rpm=120.0, rop_m_h=0.0),))
     for second in (10, 1800, 3590):
         k = m.at(second * 2000, 4000, 2000.0)
         # The heave of the string apart (3 m/s^2 at 0.3 Hz is 0.84 m), a sonde stays in its hole.

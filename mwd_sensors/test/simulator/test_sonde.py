@@ -275,7 +275,7 @@ def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
         for block in sonde.blocks(seconds):
             parts.append(block)
             if not given and sonde.time >= 6.0 - 1e-9:
-                sonde.command(steering.Command(steering.HOLD))
+                sonde.command(steering.SteeringCommand(steering.HOLD))
                 given = True
         return {topic: np.concatenate([part[topic] for part in parts]) for topic in wire.SONDE_TOPICS}
 
@@ -293,7 +293,7 @@ def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
 def test_a_rig_that_takes_no_commands_says_so():
     sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", SHORT))
     with pytest.raises(ValueError, match="does not obey commands"):
-        sonde.command(steering.Command(steering.HOLD))
+        sonde.command(steering.SteeringCommand(steering.HOLD))
 
 
 def test_a_string_that_sticks_by_itself_is_not_shaken_by_the_schedule_too():

@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_sensors.simulator import steering
-from mwd_sensors.simulator.schedule import Phase, Rig, timeline
-from mwd_sensors.simulator.steering import HOLD, ORIENT, ROTATE, Command, Steering, String
+from mwd_sensors.simulator.schedule import Rig, SchedulePhase, timeline
+from mwd_sensors.simulator.steering import HOLD, ORIENT, ROTATE, Steering, SteeringCommand, String
 
 RATE = 2000
 RPM = math.pi / 30.0
@@ -22,7 +22,7 @@ class Played:
     """A string and everything it did."""
 
     def __init__(self, settings=EASY, rpm=0.0, rop=15.0, kind="drill", **rig):
-        phase = Phase(kind=kind, seconds=300.0, rpm=rpm, rop_m_h=rop)
+        phase = SchedulePhase(kind=kind, seconds=300.0, rpm=rpm, rop_m_h=rop)
         line = timeline((phase,), Rig(**rig), 1000.0, (), np.random.default_rng(1))
         self.string = String(settings, line, 0.3, RATE, np.random.default_rng(2))
         self.count = 0
@@ -59,7 +59,7 @@ def test_the_spring_twists_by_torque_over_stiffness():
 
 def test_the_motor_turns_the_string_to_the_left():
     held = Played(Steering(motor_unsteady=0.0, static_nm=100.0, kinetic_nm=100.0), rop=60.0)
-    held.string.command(Command(HOLD, valid_for=1e6))
+    held.string.command(SteeringCommand(HOLD, valid_for=1e6))
     held.play(120.0)
     assert held.turn[0, -1] == pytest.approx(0.3 - 800.0 / 473.0, abs=0.05)
 
@@ -74,21 +74,21 @@ def test_a_heavy_friction_sticks_and_slips_at_low_speed_only():
 
 def test_a_string_that_does_not_slide_along_stands_still_under_torque():
     played = Played(Steering(), kind="circulate", rpm=0.0)
-    played.string.command(Command(ORIENT, turn=1.0, valid_for=1e6))
+    played.string.command(SteeringCommand(ORIENT, turn=1.0, valid_for=1e6))
     played.play(60.0)
     assert abs(played.turn[0, -1] - 0.3) < 1e-3
 
 
 def test_a_string_that_slides_along_creeps_to_where_it_is_turned():
     played = Played(Steering(motor_nm=0.0, static_nm=200.0, kinetic_nm=200.0), rop=60.0)
-    played.string.command(Command(ORIENT, turn=1.0, valid_for=1e6))
+    played.string.command(SteeringCommand(ORIENT, turn=1.0, valid_for=1e6))
     played.play(60.0)
     assert played.turn[0, -1] == pytest.approx(1.3, abs=0.05)
 
 
 def test_a_turn_ends_where_it_should_within_the_limits_of_the_top_drive():
     played = Played()
-    played.string.command(Command(ORIENT, turn=-2.0, valid_for=60.0))
+    played.string.command(SteeringCommand(ORIENT, turn=-2.0, valid_for=60.0))
     played.play(10.0)
     angle = np.cumsum(played.drive[:, 0]) / RATE
     assert angle[-1] == pytest.approx(-2.0, abs=0.01)
@@ -99,17 +99,17 @@ def test_a_turn_ends_where_it_should_within_the_limits_of_the_top_drive():
 
 def test_a_turn_asked_for_while_it_rotates_counts_from_where_it_comes_to_rest():
     played = Played()
-    played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=60.0))
+    played.string.command(SteeringCommand(ROTATE, rotary_speed=60.0 * RPM, valid_for=60.0))
     played.play(5.0)
     stands = played.string._state[0].drive + 0.5 * (60.0 * RPM) ** 2 / (20.0 * RPM)
-    played.string.command(Command(ORIENT, turn=0.5, valid_for=60.0))
+    played.string.command(SteeringCommand(ORIENT, turn=0.5, valid_for=60.0))
     played.play(15.0)
     assert played.string._state[0].drive == pytest.approx(stands + 0.5, abs=0.01)
 
 
 def test_when_commands_stop_the_top_drive_does():
     played = Played()
-    played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=4.0))
+    played.string.command(SteeringCommand(ROTATE, rotary_speed=60.0 * RPM, valid_for=4.0))
     played.play(3.5)
     assert played.drive[-1, 0] == pytest.approx(60.0 * RPM)
     played.play(5.0)
@@ -120,7 +120,7 @@ def test_when_commands_stop_the_top_drive_does():
 def test_the_same_commands_give_the_same_bits_whatever_the_block():
     def run(block):
         played = Played(Steering(), rpm=60.0).play(10.0, block)
-        played.string.command(Command(ORIENT, turn=1.0, valid_for=5.0))
+        played.string.command(SteeringCommand(ORIENT, turn=1.0, valid_for=5.0))
         return played.play(10.0, block).turn.tobytes()
 
     assert run(2000) == run(400)
@@ -129,12 +129,12 @@ def test_the_same_commands_give_the_same_bits_whatever_the_block():
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (Command(7), "mode"),
-        (Command(ROTATE, rotary_speed=math.nan), "rotary_speed"),
-        (Command(ROTATE, rotary_speed=201.0 * RPM), "rotary_speed"),
-        (Command(ORIENT, turn=13.0), "turn"),
-        (Command(HOLD, valid_for=0.0), "valid_for"),
-        (Command(HOLD, valid_for=math.inf), "valid_for"),
+        (SteeringCommand(7), "mode"),
+        (SteeringCommand(ROTATE, rotary_speed=math.nan), "rotary_speed"),
+        (SteeringCommand(ROTATE, rotary_speed=201.0 * RPM), "rotary_speed"),
+        (SteeringCommand(ORIENT, turn=13.0), "turn"),
+        (SteeringCommand(HOLD, valid_for=0.0), "valid_for"),
+        (SteeringCommand(HOLD, valid_for=math.inf), "valid_for"),
     ],
 )
 def test_what_the_top_drive_cannot_do_is_refused_and_changes_nothing(command, words):
@@ -159,7 +159,7 @@ def test_a_run_that_starts_under_way_starts_wound_up_and_turning():
 
 def test_a_command_that_returns_gives_the_string_back_to_the_schedule_within_the_ramp():
     played = Played(rpm=90.0).play(20.0)
-    played.string.command(Command(ROTATE, 60.0 * RPM, valid_for=2.0, returns=True))
+    played.string.command(SteeringCommand(ROTATE, 60.0 * RPM, valid_for=2.0, returns=True))
     played.play(1.9)
     assert played.drive[-1, 0] == pytest.approx(60.0 * RPM, abs=0.1)
     assert played.string.obeys == ROTATE
@@ -171,16 +171,16 @@ def test_a_command_that_returns_gives_the_string_back_to_the_schedule_within_the
 
 def test_a_release_gives_the_string_back_at_once():
     played = Played(rpm=90.0).play(20.0)
-    played.string.command(Command(ROTATE, 60.0 * RPM, valid_for=100.0))
+    played.string.command(SteeringCommand(ROTATE, 60.0 * RPM, valid_for=100.0))
     played.play(5.0)
-    played.string.command(Command(steering.RELEASE))
+    played.string.command(SteeringCommand(steering.RELEASE))
     played.play(2.0)
     assert played.drive[-1, 0] == pytest.approx(90.0 * RPM, abs=1e-9)
 
 
 def test_a_flow_below_zero_is_refused():
     with pytest.raises(ValueError, match="flow_rate"):
-        steering.check(Command(steering.PUMP, flow_rate=-1.0), EASY)
+        steering.check(SteeringCommand(steering.PUMP, flow_rate=-1.0), EASY)
 
 
 @pytest.mark.parametrize("damping", [0.0, 23.0, 500.0])
@@ -189,7 +189,7 @@ def test_a_top_drive_gives_no_more_torque_than_the_limit_and_stalls_there(speed,
     stuck = Steering(static_nm=90_000.0, kinetic_nm=90_000.0, motor_nm=0.0, damping_nms=damping)
     played = Played(stuck, rop=0.0)
     played.string.limit_torque(6000.0)
-    played.string.command(Command(ROTATE, rotary_speed=speed * RPM, valid_for=1e6))
+    played.string.command(SteeringCommand(ROTATE, rotary_speed=speed * RPM, valid_for=1e6))
     played.play(30.0)
     assert np.abs(played.drive[:, 1]).max() <= 6000.0 * 1.001
     assert played.drive[-1, 1] == pytest.approx(math.copysign(6000.0, speed), rel=0.01)
@@ -202,7 +202,7 @@ def test_a_torque_limit_that_is_not_reached_changes_no_bit():
     free, limited = Played(Steering()), Played(Steering())
     limited.string.limit_torque(20_000.0)
     for played in (free, limited):
-        played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=1e6))
+        played.string.command(SteeringCommand(ROTATE, rotary_speed=60.0 * RPM, valid_for=1e6))
         played.play(20.0)
     assert np.abs(free.drive[:, 1]).max() < 20_000.0
     assert np.array_equal(free.drive, limited.drive)

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.telemetry import downlink, tool_commands
-from mwd_sensors.telemetry.downlink import COMMANDS, HEAD, Downlink, Frame, decode, frame_of, levels, programme
+from mwd_sensors.telemetry.downlink import COMMANDS, HEAD, Downlink, DownlinkFrame, decode, frame_of, levels, programme
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied, command
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, from_mapping, text
 
-FRAMES = st.builds(Frame, st.integers(1, 7), st.integers(0, len(COMMANDS) - 1), st.integers(0, 15))
+FRAMES = st.builds(DownlinkFrame, st.integers(1, 7), st.integers(0, len(COMMANDS) - 1), st.integers(0, 15))
 TOOL = ToolConfiguration(
     pulse_width_s=0.8,
     downlink=Downlink(pulse_widths_s=(0.3, 0.5, 0.8)),
@@ -42,13 +42,13 @@ def test_one_or_two_wrong_symbols_next_to_the_right_ones_are_found(frame):
 
 def test_a_command_for_another_table_is_no_command():
     other = Downlink(pulse_widths_s=(0.5, 0.3, 0.8))
-    data = levels(Frame(1, 1, 0), TOOL.downlink)[2:-1]
+    data = levels(DownlinkFrame(1, 1, 0), TOOL.downlink)[2:-1]
     assert decode(data, other) is None
 
 
 def test_echo_zero_and_numbers_without_a_command_are_none():
     assert frame_of(0) is None
-    assert frame_of(Frame(1, 0, 0).echo | 7 << 4) is None
+    assert frame_of(DownlinkFrame(1, 0, 0).echo | 7 << 4) is None
     assert [downlink.next_counter(k) for k in (0, 1, 6, 7)] == [1, 2, 7, 1]
 
 
@@ -74,13 +74,13 @@ def test_eighteen_bits_take_less_than_three_minutes():
 def test_commands_change_the_configuration_as_people_name_it():
     settings = ToolSettings()
     for name, value in (("pulse_width", 0.3), ("toolface_rate", 3), ("sequence", 1)):
-        settings = settings.after(Frame(1, *command(TOOL, name, value)))
+        settings = settings.after(DownlinkFrame(1, *command(TOOL, name, value)))
     changed = applied(TOOL, settings)
     assert changed.pulse_width_s == 0.3
     assert [item.name for item in changed.surveys[0]] == ["Inc", "DLnk"]
     assert [item.name for item in applied(TOOL, settings._replace(sequence=0)).toolfaces[0]] == ["aTFA"] * 3 + ["Gama"]
-    assert settings.after(Frame(1, *command(TOOL, "mute", 0))).mute
-    assert not settings._replace(mute=True).after(Frame(1, *command(TOOL, "survey_now", 0))).mute
+    assert settings.after(DownlinkFrame(1, *command(TOOL, "mute", 0))).mute
+    assert not settings._replace(mute=True).after(DownlinkFrame(1, *command(TOOL, "survey_now", 0))).mute
 
 
 def test_a_tool_that_names_its_sequences_keeps_their_order():
@@ -109,4 +109,4 @@ def test_a_tool_without_a_downlink_takes_no_commands_and_its_file_says_so():
         command(ToolConfiguration(), "survey_now", 0)
     assert "downlink: null" in text(ToolConfiguration())
     assert applied(TOOL, ToolSettings()).tu_s == TOOL.tu_s
-    assert tool_commands.about(TOOL, Frame(1, 1, 0)) == "pulse width 0.3 s"
+    assert tool_commands.about(TOOL, DownlinkFrame(1, 1, 0)) == "pulse width 0.3 s"

@@ -23,7 +23,7 @@ from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.mcap.decode import parse_attachment, parse_metadata
 from mwd_surface.bags.mcap.records import Attachment, FormatError, Opcode
-from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, blocks_of, part_of
+from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, Originals, blocks_of, part_of
 from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of
@@ -179,7 +179,7 @@ class Bag:
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         count = 0
 
-        def decoded(part: Part) -> Decoded:
+        def decoded(part: MessagePart) -> Decoded:
             return Decoded(part.rank, list(self._decoder.samples(part, self._part_names(part), fields or {})))
 
         for group in self._stream.groups(wanted, start_ns, end_ns, decoded):
@@ -288,7 +288,7 @@ class Bag:
                 raise BagError(f"{self.path} has no topic {name}", f"it has {first_of(list(self.topics))}")
         return list(topics)
 
-    def _in_order(self, group: list[Part]) -> Iterator[Message]:
+    def _in_order(self, group: list[MessagePart]) -> Iterator[Message]:
         which = np.concatenate([np.full(len(part.log_ns), k) for k, part in enumerate(group)])
         inside = np.concatenate([np.arange(len(part.log_ns)) for part in group])
         order = np.argsort(np.concatenate([part.log_ns for part in group]), kind="stable")
@@ -309,10 +309,10 @@ class Bag:
                 data = unpacked
             yield log_ns[row], name, self.carried[name].type_name, data
 
-    def _part_names(self, part: Part) -> Mapping[int, str]:
+    def _part_names(self, part: MessagePart) -> Mapping[int, str]:
         return self._opened.names[part.file] if self._opened.other is None else dict(enumerate(self.carried))
 
-    def _originals(self, part: Part) -> Originals:
+    def _originals(self, part: MessagePart) -> Originals:
         if self._opened.message_compression:
             rows = []
             for log_ns, at, size, channel in zip(part.log_ns, part.offset, part.size, part.channel, strict=True):

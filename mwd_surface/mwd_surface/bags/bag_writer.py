@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, File, Topic
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
-from mwd_surface.bags.mcap.records import Attachment, Channel, Schema
+from mwd_surface.bags.mcap.records import Attachment, McapChannel, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 ROSBAG2_RECORD = "rosbag2"
@@ -31,7 +31,7 @@ ROSBAG2_RECORD = "rosbag2"
 class _Track:
     """One topic of one type, with its message count over all files of the bag."""
 
-    channel: Channel
+    channel: McapChannel
     schema: Schema
     type_hash: str
     qos: list[dict[str, Any]]
@@ -152,7 +152,7 @@ class BagWriter:
                 raise
         schema = self._schema(type_name, "ros2msg" if text else "", text)
         metadata = {"offered_qos_profiles": bag_metadata.qos_text(profiles), "topic_type_hash": type_hash}
-        channel = Channel(len(self._tracks) + 1, schema.id, name, "cdr", metadata)
+        channel = McapChannel(len(self._tracks) + 1, schema.id, name, "cdr", metadata)
         self.file.add_channel(channel)
         self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
         self._by_name[name, type_name] = channel.id
@@ -178,7 +178,7 @@ class BagWriter:
             return self.topic(name, type_name, qos, type_hash, need_definition=False)
         schema = self._schema(type_name, encoding, definition)
         metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash}
-        channel = Channel(len(self._tracks) + 1, schema.id, name, serialization, metadata)
+        channel = McapChannel(len(self._tracks) + 1, schema.id, name, serialization, metadata)
         self.file.add_channel(channel)
         try:
             profiles = bag_metadata.parse_qos(qos)

@@ -43,7 +43,7 @@ class Originals:
 
 
 @dataclasses.dataclass
-class Part:
+class MessagePart:
     """
     Messages of one span of a file, selected and in time order.
 
@@ -73,14 +73,14 @@ class Part:
     def __len__(self) -> int:
         return len(self.log_ns)
 
-    def split(self, mark: int) -> tuple[Part, Part]:
+    def split(self, mark: int) -> tuple[MessagePart, MessagePart]:
         """Split at the log time `mark`, ns, into earlier messages, and messages at or after `mark`."""
         cut = int(np.searchsorted(self.log_ns, mark))
         return self.at(slice(0, cut)), self.at(slice(cut, None))
 
-    def at(self, where: Any) -> Part:
+    def at(self, where: Any) -> MessagePart:
         """Return a selection of the messages."""
-        return Part(
+        return MessagePart(
             self.rank,
             self.file,
             self.data,
@@ -100,7 +100,7 @@ class Decoded:
     Attributes
     ----------
     rank : (int, int)
-        See `Part`.
+        See `MessagePart`.
     samples : list of (topic, log_ns, samples)
         Samples of each topic in order of log time, as an array or a list.
     """
@@ -183,10 +183,10 @@ def rows_at(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> ND
     return np.lib.stride_tricks.sliding_window_view(data, size)[offset]
 
 
-def part_of(rows: list[tuple[int, int, bytes]]) -> Part:
+def part_of(rows: list[tuple[int, int, bytes]]) -> MessagePart:
     """Return a part made of single messages, given as (log_ns, channel, bytes)."""
     log_ns = np.array([row[0] for row in rows], dtype=np.int64)
     size = np.array([len(row[2]) for row in rows], dtype=np.int64)
     channel = np.array([row[1] for row in rows], dtype=np.uint16)
     data = np.frombuffer(b"".join(row[2] for row in rows), dtype=np.uint8)
-    return Part((0, 0), 0, data, log_ns, np.cumsum(size) - size, size, channel)
+    return MessagePart((0, 0), 0, data, log_ns, np.cumsum(size) - size, size, channel)

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from mwd_surface.bags.bag_files import BagFiles, TopicInfo
 from mwd_surface.bags.mcap.compression import Decompressor
-from mwd_surface.bags.mcap.contents import Span
+from mwd_surface.bags.mcap.contents import MessageSpan
 from mwd_surface.bags.mcap.records import FormatError
 from mwd_surface.bags.mcap.walk import walk_records
-from mwd_surface.bags.message_parts import NEVER, Decoded, Part, part_of
+from mwd_surface.bags.message_parts import NEVER, Decoded, MessagePart, part_of
 from mwd_surface.bags.topic_info import ros2_types
 
-M = TypeVar("M", Part, Decoded)
+M = TypeVar("M", MessagePart, Decoded)
 
 _AHEAD = 4  # number of spans loaded ahead of their use
 _AHEAD_BYTES = 64 * 1024 * 1024  # largest decompressed size of these spans
@@ -42,7 +42,7 @@ class PartStream:
         self._opened, self._topics, self._on_damage = opened, topics, on_damage
 
     def groups(
-        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[Part], M]
+        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[MessagePart], M]
     ) -> Iterator[list[M]]:
         """
         Yield the results of `made` for the parts that have messages of some topics and log times, in groups.
@@ -55,7 +55,7 @@ class PartStream:
             for part in self._other_parts(topics, start, end):
                 yield [made(part)]
             return
-        chosen: list[tuple[int, Span]] = []
+        chosen: list[tuple[int, MessageSpan]] = []
         for number, (_, contents) in enumerate(self._opened.mcap):
             channels = {key for key, name in self._opened.names[number].items() if name in topics}
             for span in contents.spans:
@@ -80,7 +80,12 @@ class PartStream:
                 yield sorted(released, key=lambda one: one.rank)
 
     def _ahead(
-        self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int, made: Callable[[Part], M]
+        self,
+        chosen: list[tuple[int, MessageSpan]],
+        topics: list[str],
+        start: int,
+        end: int,
+        made: Callable[[MessagePart], M],
     ) -> Iterator[M | None]:
         """Yield the result of `made` for each chosen span; a thread loads a few spans ahead of their use."""
         waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
@@ -93,7 +98,7 @@ class PartStream:
         pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
         decompress = Decompressor()
 
-        def load(number: int, span: Span) -> M:
+        def load(number: int, span: MessageSpan) -> M:
             # Call `made` in the loading thread, while the bytes are still in the cache.
             return made(self._load(decompress, number, span, wanted[number], start, end))
 
@@ -119,18 +124,18 @@ class PartStream:
         self,
         decompress: Decompressor,
         number: int,
-        span: Span,
+        span: MessageSpan,
         wanted: NDArray[np.bool_],
         start: int,
         end: int,
-    ) -> Part:
+    ) -> MessagePart:
         data = np.frombuffer(self._opened.mcap[number][0].plain(span, decompress), dtype=np.uint8)
         walk = walk_records(data)
         if walk.end != len(data):
             raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
         if walk.impossible:
             self._on_damage(f"{walk.impossible} messages were left out: their time cannot be")
-        part = Part((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel, True)
+        part = MessagePart((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel, True)
         chosen = wanted[walk.channel]
         if start > 0 or end < NEVER:
             chosen &= (walk.log_ns >= start) & (walk.log_ns < end)
@@ -140,7 +145,7 @@ class PartStream:
             part = part.at(np.argsort(part.log_ns, kind="stable"))
         return self._from_ros1(part, number) if self._opened.ros1[number] else part
 
-    def _from_ros1(self, part: Part, number: int) -> Part:
+    def _from_ros1(self, part: MessagePart, number: int) -> MessagePart:
         """Return a part with its messages converted from the ROS 1 encoding to that of ROS 2."""
         types = self._opened.ros1[number]
         rows: list[tuple[int, int, bytes]] = []
@@ -161,7 +166,7 @@ class PartStream:
             self._on_damage(f"{count} messages of {name} are not in the encoding of ROS 1 and are left out: {reason}")
         return dataclasses.replace(part_of(rows), rank=part.rank, file=part.file)
 
-    def _other_parts(self, topics: list[str], start: int, end: int) -> Iterator[Part]:
+    def _other_parts(self, topics: list[str], start: int, end: int) -> Iterator[MessagePart]:
         """Yield the parts of a bag whose storage is not MCAP."""
         numbers = {name: number for number, name in enumerate(self._topics)}
         rows: list[tuple[int, int, bytes]] = []

@@ -19,7 +19,7 @@ from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_files import BagError, TopicInfo
 from mwd_surface.bags.definitions import DefinitionError, Definitions
-from mwd_surface.bags.message_parts import Part, merged, rows_at
+from mwd_surface.bags.message_parts import MessagePart, merged, rows_at
 from mwd_surface.bags.topic_info import FORCE, RATE
 
 Fields = Mapping[str, tuple[str, ...]]
@@ -66,7 +66,7 @@ class SampleDecoder:
             raise BagError(f"a message of {topic} is not a {about.type_name}: {error!r}") from error
 
     def samples(
-        self, part: Part, names: Mapping[int, str], fields: Fields, wanted: set[str] | None = None
+        self, part: MessagePart, names: Mapping[int, str], fields: Fields, wanted: set[str] | None = None
     ) -> Iterator[tuple[str, Stamps, Any]]:
         """
         Yield (topic, log_ns, samples) of a part; messages that are not of their declared type are counted and left out.
@@ -95,7 +95,7 @@ class SampleDecoder:
             yield name, *self._from_messages(name, layout, mine, some)
 
     def _from_messages(
-        self, name: str, layout: wire.Layout | None, part: Part, some: tuple[str, ...] | None
+        self, name: str, layout: wire.Layout | None, part: MessagePart, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Any]:
         """Return the samples of messages that have a layout, else the bytes of the messages."""
         if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
@@ -106,7 +106,7 @@ class SampleDecoder:
         kinds = [part.at(part.size == size) for size in np.unique(part.size)]
         return merged([self._from_rows(name, layout, kind, some) for kind in kinds])
 
-    def _from_vectors(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
+    def _from_vectors(self, name: str, part: MessagePart, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
         """
         Return samples of an IMU or a magnetometer from messages that hold one vector.
 
@@ -128,7 +128,7 @@ class SampleDecoder:
         return log_ns, samples
 
     def _from_rows(
-        self, name: str, layout: wire.Layout, part: Part, some: tuple[str, ...] | None
+        self, name: str, layout: wire.Layout, part: MessagePart, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Samples]:
         """Return the samples of messages that all have the same size."""
         size = int(part.size[0])
@@ -146,7 +146,7 @@ class SampleDecoder:
         log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
         return log_ns, samples
 
-    def _from_bursts(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
+    def _from_bursts(self, name: str, part: MessagePart, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
         """Return the samples inside bursts, each with the log time of its burst."""
         listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
         log_ns, listed = self._from_list(name, None, part.log_ns, listed, some)
@@ -219,7 +219,7 @@ class SampleDecoder:
         return known
 
 
-def _in_frame(part: Part, frame: str) -> Part:
+def _in_frame(part: MessagePart, frame: str) -> MessagePart:
     """Return the messages of a part whose header names a frame; in CDR the frame name follows the stamp."""
     wanted = np.frombuffer(frame.encode() + b"\0", dtype=np.uint8)
     end = wire.FRAME_AT + len(wanted)

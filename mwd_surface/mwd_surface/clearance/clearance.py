@@ -42,7 +42,7 @@ _ROUNDING = 1e-10
 _SAME_HOLE = 0.05
 
 
-class Level(enum.IntEnum):
+class ClearanceLevel(enum.IntEnum):
     """Action that a separation factor requires."""
 
     CLEAR = 0
@@ -93,11 +93,11 @@ class ClearanceRule:
         high=540.0,
     )
 
-    def level(self, factor: float) -> Level:
+    def level(self, factor: float) -> ClearanceLevel:
         """Return the level of a separation factor; the level of NaN is STOP."""
         if not factor >= self.stop_factor:
-            return Level.STOP
-        return Level.WARNING if factor < self.warning_factor else Level.CLEAR
+            return ClearanceLevel.STOP
+        return ClearanceLevel.WARNING if factor < self.warning_factor else ClearanceLevel.CLEAR
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,7 +169,7 @@ class Clearance:
         return int(np.argmin(self.factor))
 
     @property
-    def level(self) -> Level:
+    def level(self) -> ClearanceLevel:
         """Level of the smallest separation factor."""
         return self.rule.level(float(self.factor[self.least]))
 
@@ -189,8 +189,8 @@ class Clearance:
         """Return a sentence that says where the separation factor of the other well is smallest."""
         k = self.least
         limit = {
-            Level.STOP: f", below {self.rule.stop_factor:g}",
-            Level.WARNING: f", below {self.rule.warning_factor:g}",
+            ClearanceLevel.STOP: f", below {self.rule.stop_factor:g}",
+            ClearanceLevel.WARNING: f", below {self.rule.warning_factor:g}",
         }
         return (
             f"{self.name} is {self.distance[k]:.1f} m away at {self.md[k]:.0f} m: separation factor "

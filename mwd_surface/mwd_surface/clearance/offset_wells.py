@@ -29,7 +29,7 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.trajectory.plan import Plan, interpolated
 from mwd_surface.trajectory.plan_file import read_plan
 from mwd_surface.uncertainty.error_terms import ErrorReference
-from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
+from mwd_surface.uncertainty.programme import ProgrammeStations, SurveyProgramme, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 # Usual distance between surveys, m; and distance between surveys, m, above which the hole between them is hardly known.
@@ -188,7 +188,7 @@ def offset_well(
         programme = (
             read_programme(folder / Path(offset.programme).expanduser())
             if offset.programme
-            else Programme.of_code(offset.code)
+            else SurveyProgramme.of_code(offset.code)
         )
         errors = programme.errors(ProgrammeStations.plain(plan.md))
     except ListFileError as error:

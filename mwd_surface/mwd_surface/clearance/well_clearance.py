@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, check_plausible, nearest_first
+from mwd_surface.clearance.clearance import Clearance, ClearanceLevel, ClearanceRule, check_plausible, nearest_first
 from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
 from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.surveys.survey_list import SurveyList
@@ -56,10 +56,10 @@ class WellClearance:
         return tuple(one for one in self.remarks if one.kind == RemarkKind.NOT_COMPARED)
 
     @property
-    def level(self) -> Level:
+    def level(self) -> ClearanceLevel:
         """Level of the smallest separation factor below the last survey."""
         ahead = self.ahead()
-        return ahead[0].level if ahead else Level.CLEAR
+        return ahead[0].level if ahead else ClearanceLevel.CLEAR
 
 
 def well_clearance(

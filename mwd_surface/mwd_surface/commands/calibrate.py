@@ -14,7 +14,7 @@ from mwd_surface.commands.reference_options import FIELD_PANEL, Date, Field, Lat
 if TYPE_CHECKING:
     from mwd_sensors.calibration.triad_calibration import Calibration
     from mwd_sensors.simulator.scenario import Scenario
-    from mwd_surface.runs.calibration_run import Run
+    from mwd_surface.runs.calibration_run import CalibrationReadings
 
 
 @reads_recording
@@ -75,7 +75,7 @@ def calibrate(
 
 def _data(
     run: str, unit: str, grade: str | None, seed: int | None, reading: Reading
-) -> tuple[Run, Scenario | None, int]:
+) -> tuple[CalibrationReadings, Scenario | None, int]:
     """Return the samples of a recording or simulation, its scenario if known, and the day, ns (0: unknown)."""
     from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_files import storage_of
@@ -127,12 +127,12 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
     import dataclasses
 
     from mwd_sensors.simulator import scenario_files
-    from mwd_sensors.simulator.scenario import Unit, read
+    from mwd_sensors.simulator.scenario import SimulatedUnit, read
 
     scenario = read(scenario_files.find(name), {} if seed is None else {"seed": seed})
     if grade is None:
         return scenario
-    known = getattr(scenario, unit) or Unit()
+    known = getattr(scenario, unit) or SimulatedUnit()
     # Build the unit again, which checks that the grade exists and fits the unit.
     changed: dict[str, Any] = {unit: dataclasses.replace(known, grade=grade)}
     return dataclasses.replace(scenario, **changed)

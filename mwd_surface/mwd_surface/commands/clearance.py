@@ -49,7 +49,7 @@ def clearance(
       mwd clearance a1 --offsets wells.yaml -o a1/clearance --programme programme.yaml
       mwd clearance out/run_7 --offsets wells.yaml -o out/near --plan plan.csv
     """
-    from mwd_surface.clearance.clearance import Level
+    from mwd_surface.clearance.clearance import ClearanceLevel
     from mwd_surface.clearance.offset_wells import read_offset_wells
     from mwd_surface.clearance.well_clearance import well_clearance
     from mwd_surface.commands import terminal
@@ -82,7 +82,7 @@ def clearance(
     for one in near.ahead()[:1]:
         terminal.output().print(f"ahead of the last survey at {near.surveyed:.1f} m: {one.sentence()}", markup=False)
     terminal.write(output, files)
-    if near.level == Level.STOP or near.refused:
+    if near.level == ClearanceLevel.STOP or near.refused:
         raise typer.Exit(1)
 
 

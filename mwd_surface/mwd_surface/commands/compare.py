@@ -82,7 +82,7 @@ def _picture(run: Path, expected: Path) -> bytes:
     from mwd_surface.processing import run_folder
 
     ours, theirs = (
-        run_comparison.Run(path.resolve().name, run_folder.attitude(path), run_folder.surveys(path))
+        run_comparison.ComparedRun(path.resolve().name, run_folder.attitude(path), run_folder.surveys(path))
         for path in (run, expected)
     )
     return png(spoken_figure(run_comparison.picture(ours, theirs)))

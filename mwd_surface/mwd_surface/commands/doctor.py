@@ -69,9 +69,9 @@ def _show(results: list[CheckResult]) -> None:
 
     from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_table import SpokenTable
-    from mwd_surface.runs.doctor import Level
+    from mwd_surface.runs.doctor import CheckLevel
 
-    marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
+    marks = {CheckLevel.OK: "[green]ok[/]", CheckLevel.NOTE: "[yellow]note[/]", CheckLevel.MISSING: "[red]missing[/]"}
     table = SpokenTable(box=None, padding=(0, 2, 0, 0))
     for name in ("", "check", "state"):
         table.add_column(name, overflow="fold")

@@ -13,7 +13,7 @@ from mwd_surface.commands.export import WellChanges
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mwd_surface.surveys.final_list import FinalList, Source
+    from mwd_surface.surveys.final_list import FinalList, ListSource
 
 
 def finalize(
@@ -119,9 +119,9 @@ _EXPORTS = {
 }
 
 
-def _source(text: str) -> tuple[Path, Source, tuple[str, ...]]:
+def _source(text: str) -> tuple[Path, ListSource, tuple[str, ...]]:
     """Return the path of a source, its survey list, and notes on its origin."""
-    from mwd_surface.surveys.final_list import Source
+    from mwd_surface.surveys.final_list import ListSource
     from mwd_surface.surveys.survey_source import surveys_of
     from mwd_surface.uncertainty.error_terms import check_tool_code
 
@@ -132,7 +132,7 @@ def _source(text: str) -> tuple[Path, Source, tuple[str, ...]]:
     surveys, notes = surveys_of(path)
     if not surveys.records:
         raise ValueError(f"{path}: the list has no survey")
-    return path, Source(path.name, surveys, code), notes
+    return path, ListSource(path.name, surveys, code), notes
 
 
 def _files(path: Path) -> list[Path]:

@@ -64,7 +64,7 @@ def forecast(
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import list_settings
     from mwd_surface.commands.speech import spoken_figure
-    from mwd_surface.commands.table_reference import Known, table_reference, table_settings
+    from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.drawing import png
@@ -83,7 +83,7 @@ def forecast(
     from_north = planned.north or Well().north_reference
     planned = in_north(planned, plan, from_north)
     settings = table_settings(None, changes, lat, lon, date, field)
-    reference, remarks = table_reference(settings, Known.of(field, declination, convergence))
+    reference, remarks = table_reference(settings, GivenReference.of(field, declination, convergence))
     if reference is None or reference.total is None:
         raise ValueError("a forecast needs the field: give --lat, --lon and --date, or --field")
     for remark in (*sentences(planned.remarks), *remarks):

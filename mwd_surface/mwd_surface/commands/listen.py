@@ -12,7 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-    from mwd_surface.receiver.sources import Source
+    from mwd_surface.receiver.sources import SampleSource
     from mwd_surface.receiver.word_files import WordFiles
     from mwd_surface.receiver.words import ReceivedWord, Reception
 
@@ -105,7 +105,7 @@ def _print(words: list[ReceivedWord]) -> None:
 
 def _opened(
     where: str, configuration: ToolConfiguration, gauge: Path | None, columns: str, clock: Callable[[], float]
-) -> Source:
+) -> SampleSource:
     """Return the source of live samples for a name such as `modbus:HOST:PORT`."""
     from mwd_sensors.core import settings
     from mwd_sensors.core.input_files import read_yaml

@@ -186,7 +186,7 @@ def _imported(
 ) -> tuple[SurveyList, tuple[str, ...]]:
     import dataclasses
 
-    from mwd_surface.commands.table_reference import Known, table_reference, table_settings
+    from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.surveys.imported_list import reference_in, survey_list, well_of
@@ -194,7 +194,7 @@ def _imported(
 
     stations = read_list(source, said.given())
     settings = table_settings(None, options["changes"], *(options[name] for name in ("lat", "lon", "date", "field")))
-    known = Known.of(options["field"], options["declination"], options["convergence"])
+    known = GivenReference.of(options["field"], options["declination"], options["convergence"])
     reference, remarks = table_reference(settings, known, stations.time, _USUAL_DAY)
     if reference is None and beside is not None:
         reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)

@@ -69,7 +69,7 @@ def survey(
         run_sentences,
         show_surveys,
     )
-    from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
+    from mwd_surface.commands.table_reference import GivenReference, RowReference, table_reference, table_settings
     from mwd_surface.list_files.six_axis_columns import find_columns
     from mwd_surface.list_files.six_axis_table import single_stations, table_rows
     from mwd_surface.list_files.table import read_table
@@ -79,7 +79,7 @@ def survey(
     table = read_table(stations).columns()
     settings = table_settings(config, changes, lat, lon, date, field)
     times = table.get(find_columns(table, axial).time or "", ())
-    override, remarks = table_reference(settings, Known.of(field, declination, convergence, gravity), times)
+    override, remarks = table_reference(settings, GivenReference.of(field, declination, convergence, gravity), times)
     rows = RowReference(settings)
     read = table_rows(table, override, axial=axial, refine=rows.at, run=runs)
     params = station_params(settings)

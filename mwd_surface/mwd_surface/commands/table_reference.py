@@ -26,7 +26,7 @@ _ANY_FIELD = ("field", "observatory_file", "observatory_share")
 
 
 @dataclasses.dataclass(frozen=True)
-class Known:
+class GivenReference:
     """Single values of the reference that the user gives, in deg and m/s^2; None if not given."""
 
     declination: float | None = None
@@ -36,7 +36,7 @@ class Known:
     @classmethod
     def of(
         cls, field: str | None, declination: float | None, convergence: float | None, gravity: float | None = None
-    ) -> Known:
+    ) -> GivenReference:
         """
         Return the values of options; the declination in --field is used if --declination is not given.
 
@@ -117,7 +117,7 @@ class RowReference:
 
 
 def table_reference(
-    settings: EstimatorSettings, known: Known, times: Iterable[str] = (), otherwise: str = ""
+    settings: EstimatorSettings, known: GivenReference, times: Iterable[str] = (), otherwise: str = ""
 ) -> tuple[Reference | None, tuple[str, ...]]:
     """
     Return the reference from options and settings, and remarks for the user; the reference is None if it is not given.

@@ -224,7 +224,7 @@ def simulate(
     from mwd_sensors.simulator.earth_channel import EarthChannel, earth_run
     from mwd_sensors.simulator.earth_line import Ground
     from mwd_sensors.simulator.mud_channel import MudChannel
-    from mwd_sensors.simulator.mud_line import Well
+    from mwd_sensors.simulator.mud_line import WellGeometry
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
 
@@ -249,7 +249,7 @@ def simulate(
         _write_samples(output / "voltage.csv", "voltage_v", *coil_run(receiver, read.coil, sent, seconds, seed))
         words, name = sent.words, "voltage.csv"
     else:
-        well, off = Well(depth_m=depth), ((-100.0, flow_on),)
+        well, off = WellGeometry(depth_m=depth), ((-100.0, flow_on),)
         if read.code == "psk":
             siren = carrier_tool.transmit(read, flows, seed, error)
             run = carrier_tool.siren_run(MudChannel(well=well, flow_off_s=off), siren, seconds, seed)
@@ -336,7 +336,7 @@ def locate(
     if configuration is None and calibrate is None:
         terminal.warn(f"no --tool and no --calibrate: the usual coil of {coil.moment_a_m2:g} A m^2 is assumed")
     sent = surface_readings.sent_attitude(words) if words is not None else surface_readings.SentAttitude()
-    known = sonde_locate.Known(
+    known = sonde_locate.SondeFacts(
         coil.moment_a_m2 if calibrate is None else surface_readings.calibrated(calibrate),
         pitch=sent.pitch if pitch is None else math.radians(pitch),
         azimuth=math.nan if azimuth is None else math.radians(azimuth),

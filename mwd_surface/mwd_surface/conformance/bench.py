@@ -35,7 +35,7 @@ class View:
 
 
 @dataclasses.dataclass(frozen=True)
-class Answer:
+class ControlAnswer:
     """Answer to a request for control, with the fields of `control.status.Decision`."""
 
     permission: int
@@ -69,7 +69,7 @@ class Point:
 class AuthorityClient(Protocol):
     """Client of an interface, which the authority can distinguish from all other clients."""
 
-    def ask(self, wish: Wish) -> Answer:
+    def ask(self, wish: Wish) -> ControlAnswer:
         """Request control, or the renewal of a lease."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
@@ -146,7 +146,7 @@ class Bench:
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 
-    def ask(self, peer: AuthorityClient, **wish: object) -> Answer:
+    def ask(self, peer: AuthorityClient, **wish: object) -> ControlAnswer:
         """Request control; a pending request is not granted by the person."""
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mwd_surface.conformance.bench import Answer, Bench, CaseError, NotPossibleError, Point, View, Wish
+from mwd_surface.conformance.bench import Bench, CaseError, ControlAnswer, NotPossibleError, Point, View, Wish
 from mwd_surface.control.set_point import Mode
 
 _REQUEST, _COMMAND, _STATE = 110, 120, 38  # addresses of the blocks
@@ -93,7 +93,7 @@ class ModbusPeer:
         """Write registers by function 16; return whether there was no exception."""
         return not self.client.write_registers(address, list(words), device_id=self._interface.unit).isError()
 
-    def ask(self, wish: Wish) -> Answer:
+    def ask(self, wish: Wish) -> ControlAnswer:
         """Request control; a Modbus request has no limits, and a duration in whole seconds."""
         if wish.wait or wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such field")
@@ -101,11 +101,11 @@ class ModbusPeer:
             raise NotPossibleError("a duration is a whole number of seconds")
         number = self._interface.number_of(wish.name)
         if not self.write(_REQUEST, (_ASK, number, wish.priority, int(wish.duration))):
-            return Answer(0, 0, "exception")
+            return ControlAnswer(0, 0, "exception")
         words = self.client.read_holding_registers(_REQUEST + 4, count=4, device_id=self._interface.unit).registers
         if words[0] != number:
             raise CaseError(f"the request of controller {number} was answered for controller {words[0]}")
-        answer = Answer(words[1], words[2] << 16 | words[3])
+        answer = ControlAnswer(words[1], words[2] << 16 | words[3])
         if answer.lease:
             self._names[answer.lease] = number
         return answer

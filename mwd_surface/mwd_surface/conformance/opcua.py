@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mwd_surface.conformance.bench import Answer, Bench, NotPossibleError, Point, View, Wish
+from mwd_surface.conformance.bench import Bench, ControlAnswer, NotPossibleError, Point, View, Wish
 
 _LAG_S = 0.5  # s; longer than the period of 0.1 s at which the variables are updated
 _NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
@@ -163,7 +163,7 @@ class OpcuaPeer:
         """Call a method of the well."""
         return self._well.call_method(f"{self._index}:{name}", *arguments)
 
-    def ask(self, wish: Wish) -> Answer:
+    def ask(self, wish: Wish) -> ControlAnswer:
         """Request control; the method has no argument for limits."""
         if wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such argument")
@@ -177,7 +177,7 @@ class OpcuaPeer:
             self._variant(wish.wait, self._kinds.Boolean),
             self._variant(wish.duration, self._kinds.Double),
         )
-        return Answer(permission, lease, message)
+        return ControlAnswer(permission, lease, message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
         """Send a set-point."""

@@ -31,13 +31,13 @@ from mwd_surface.control.set_point import LARGEST_NUMBER, LeaseLimits, Mode, Set
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import (
     Achieved,
+    ControlDecision,
+    ControlJudgement,
+    ControlRequest,
     ControlState,
     ControlStatus,
-    Decision,
-    Judgement,
     Permission,
     Reaction,
-    Request,
     Sender,
 )
 
@@ -58,7 +58,7 @@ class _Lease:
     """Lease or waiting request: number, request, limits; begin, end and the controller's last sign of life, all s."""
 
     number: int
-    request: Request
+    request: ControlRequest
     limits: LeaseLimits
     since: float
     ends: float
@@ -112,25 +112,25 @@ class ControlAuthority:
 
     # Requests and decisions.
 
-    def request(self, request: Request, now: float) -> Decision:
+    def request(self, request: ControlRequest, now: float) -> ControlDecision:
         """Decide on a request for control; a new request of the owner prolongs its lease within the granted limits."""
         with self._lock:
             now = self._pass(now)
             try:
                 limits = self._checked(request)
             except ValueError as error:
-                return Decision(Permission.DENIED, 0, str(error))
+                return ControlDecision(Permission.DENIED, 0, str(error))
             if self._closed or not self.settings.enabled:
-                return Decision(Permission.DENIED, 0, self._closed or _SWITCHED_OFF)
+                return ControlDecision(Permission.DENIED, 0, self._closed or _SWITCHED_OFF)
             for lease in (self._lease, self._pending):
                 if lease is not None and (lease.sender == request.sender) != (lease.name == request.controller):
-                    return Decision(Permission.DENIED, 0, _not_the_same(lease, request))
+                    return ControlDecision(Permission.DENIED, 0, _not_the_same(lease, request))
             owner = self._lease
             if owner is not None and owner.sender == request.sender:
                 return self._renew(owner, request, limits, now)
             return self._decide(request, limits, now)
 
-    def _renew(self, owner: _Lease, request: Request, limits: LeaseLimits, now: float) -> Decision:
+    def _renew(self, owner: _Lease, request: ControlRequest, limits: LeaseLimits, now: float) -> ControlDecision:
         """Prolong a lease; refuse a request for more than was granted."""
         beyond = limits.beyond(owner.limits)
         if request.priority > owner.request.priority:
@@ -139,36 +139,36 @@ class ControlAuthority:
             beyond.append("duration")
         if beyond:
             text = "a lease can only be prolonged as it was granted; to get more, give it back and ask again"
-            return Decision(Permission.DENIED, 0, f"{', '.join(beyond)}: more than was granted: {text}")
+            return ControlDecision(Permission.DENIED, 0, f"{', '.join(beyond)}: more than was granted: {text}")
         owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
-        return Decision(Permission.GRANTED, owner.number, "renewed, within what was granted")
+        return ControlDecision(Permission.GRANTED, owner.number, "renewed, within what was granted")
 
-    def _decide(self, request: Request, limits: LeaseLimits, now: float) -> Decision:
+    def _decide(self, request: ControlRequest, limits: LeaseLimits, now: float) -> ControlDecision:
         owner, pending = self._lease, self._pending
         if pending is not None and pending.sender == request.sender:
-            return Decision(Permission.PENDING, pending.number, pending.waits)
+            return ControlDecision(Permission.PENDING, pending.number, pending.waits)
         stronger = owner if owner is not None and owner.request.priority >= request.priority else None
         if stronger is not None and not request.wait:
             text = f"{stronger.name} has control, priority {stronger.request.priority}; ask with wait, or ask later"
-            return Decision(Permission.DENIED, 0, text)
+            return ControlDecision(Permission.DENIED, 0, text)
         if pending is not None and pending.request.priority >= request.priority:
-            return Decision(Permission.DENIED, 0, f"a request of {pending.name} is already waiting; ask later")
+            return ControlDecision(Permission.DENIED, 0, f"a request of {pending.name} is already waiting; ask later")
         if self.upcoming > LARGEST_NUMBER:
-            return Decision(
+            return ControlDecision(
                 Permission.DENIED, 0, "all lease numbers of this well are used; give the well another folder"
             )
         lease = _Lease(self.upcoming, request, limits, now, math.inf, now)
         self.upcoming += 1
         if stronger is None and self.settings.grant == "automatic":
             self._grant(lease, now, "granted automatically")
-            return Decision(Permission.GRANTED, lease.number, "granted")
+            return ControlDecision(Permission.GRANTED, lease.number, "granted")
         reasons = ["for a person to grant it"] if self.settings.grant == "operator" else []
         if stronger is not None:
             reasons.insert(0, f"for {stronger.name} to leave")
         lease.waits = f"waits {' and '.join(reasons)}"
         self._pending = lease
         self._log(f"{lease.name} asks for control and {lease.waits}")
-        return Decision(Permission.PENDING, lease.number, lease.waits)
+        return ControlDecision(Permission.PENDING, lease.number, lease.waits)
 
     def judge(self, judgement: int, operator: str, now: float, reason: str = "", number: int = 0) -> tuple[bool, str]:
         """
@@ -180,21 +180,21 @@ class ControlAuthority:
         with self._lock:
             now = self._pass(now)
             because = f": {reason}" if reason else ""
-            if judgement == Judgement.ABORT:
+            if judgement == ControlJudgement.ABORT:
                 self._abort(operator.strip() or "somebody without a name", because)
                 return True, "the driller controls top drive and pumps"
             if not operator.strip():
                 return False, "operator_name: must not be empty: the log records who did it"
-            if judgement not in (Judgement.GRANT, Judgement.DENY):
+            if judgement not in (ControlJudgement.GRANT, ControlJudgement.DENY):
                 return False, "decision: must be 0 (grant), 1 (deny) or 2 (abort)"
             pending = self._pending
             if pending is None:
                 return False, "no request waits"
-            if number != pending.number and (number or judgement == Judgement.GRANT):
+            if number != pending.number and (number or judgement == ControlJudgement.GRANT):
                 which = f"request {number} is no longer waiting" if number else "number: must be that of the request"
                 return False, f"{which}; request {pending.number} of {pending.name} waits"
             self._pending = None
-            if judgement == Judgement.GRANT:
+            if judgement == ControlJudgement.GRANT:
                 self._grant(pending, now, f"granted by {operator}{because}")
                 return True, f"{pending.name} has control"
             self._reason = f"{operator} denied control to {pending.name}{because}"
@@ -227,7 +227,7 @@ class ControlAuthority:
             self._end_lease(f"{found[0].name} gave control back{because}", Reaction.RELEASE)
             return True, "the driller controls top drive and pumps"
 
-    def _checked(self, request: Request) -> LeaseLimits:
+    def _checked(self, request: ControlRequest) -> LeaseLimits:
         for name in ("controller", "role"):
             text = getattr(request, name)
             if fault := unprintable(text):
@@ -242,7 +242,7 @@ class ControlAuthority:
             raise ValueError(f"duration: must be finite and not below 0, got {request.duration:g}")
         return request.limits.within(self._site)
 
-    def _end(self, request: Request, now: float) -> float:
+    def _end(self, request: ControlRequest, now: float) -> float:
         longest = self.settings.longest_s
         return now + (min(request.duration, longest) if request.duration > 0.0 else longest)
 
@@ -456,7 +456,7 @@ class ControlAuthority:
         self._events.append(text)
 
 
-def _not_the_same(lease: _Lease, request: Request) -> str:
+def _not_the_same(lease: _Lease, request: ControlRequest) -> str:
     """Return why a request is denied whose sender or name, but not both, is that of a lease or a waiting request."""
     if lease.sender == request.sender:
         return f"controller: you already are {lease.name}; give lease {lease.number} back to ask under another name"

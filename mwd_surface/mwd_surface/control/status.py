@@ -39,7 +39,7 @@ class Permission(enum.IntEnum):
     GRANTED = 2
 
 
-class Judgement(enum.IntEnum):
+class ControlJudgement(enum.IntEnum):
     """Decision of a person, as in mwd_msgs/JudgeControl."""
 
     GRANT = 0
@@ -66,7 +66,7 @@ class Sender:
 
 
 @dataclasses.dataclass(frozen=True)
-class Request:
+class ControlRequest:
     """
     Request for control; as mwd_msgs/RequestControl.
 
@@ -86,7 +86,7 @@ class Request:
 
 
 @dataclasses.dataclass(frozen=True)
-class Decision:
+class ControlDecision:
     """Answer to a request: permission, number of the lease or of the pending request (0: denied), and the reason."""
 
     permission: Permission

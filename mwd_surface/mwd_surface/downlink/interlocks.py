@@ -20,7 +20,7 @@ _USUAL_S = 60.0  # time over which the median gives the usual pressure, s
 _POWER = 1.75
 
 
-class Readings(NamedTuple):
+class InterlockReadings(NamedTuple):
     """
     Present readings at the surface; None means unknown.
 
@@ -55,7 +55,7 @@ class Readings(NamedTuple):
 _MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
 
 
-def possible(readings: Readings) -> Readings:
+def possible(readings: InterlockReadings) -> InterlockReadings:
     """Return the readings with impossible values replaced by None."""
     known: dict[str, Any] = {name: getattr(readings, name) for name in _MOST}
     for name, value in known.items():
@@ -91,7 +91,7 @@ class StallWatch:
             self._ratios.append((now, ratio))
 
 
-def medium_value(readings: Readings, downlink: Downlink) -> float | None:
+def medium_value(readings: InterlockReadings, downlink: Downlink) -> float | None:
     """Return the reading of the quantity that the downlink changes (speed or flow); None if unknown."""
     return readings.rotary_speed if downlink.medium == ROTATION else readings.flow
 
@@ -102,7 +102,7 @@ def words(value: float, downlink: Downlink) -> str:
 
 
 def blocked(
-    readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, stalled: bool, running: bool
+    readings: InterlockReadings, downlink: Downlink, settings: DownlinkSettings, *, stalled: bool, running: bool
 ) -> tuple[str, ...]:
     """
     Return the messages of the interlocks that fail.
@@ -129,7 +129,9 @@ def blocked(
     return (*found, *_outside(readings, downlink, settings, running=running))
 
 
-def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, running: bool) -> list[str]:
+def _outside(
+    readings: InterlockReadings, downlink: Downlink, settings: DownlinkSettings, *, running: bool
+) -> list[str]:
     """Return messages for limits of flow or speed that are exceeded, or would be exceeded during the downlink."""
     value = medium_value(readings, downlink)
     medium = "rotary speed" if downlink.medium == ROTATION else "flow"

@@ -14,10 +14,10 @@ from collections import deque
 from typing import NamedTuple
 
 from mwd_sensors.telemetry import tool_commands
-from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION, Frame, Programme, programme
+from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION, DownlinkFrame, DownlinkProgramme, programme
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, medium_value, possible, words
+from mwd_surface.downlink.interlocks import InterlockReadings, StallWatch, blocked, medium_value, possible, words
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.tool_echo import ToolEcho
 
@@ -90,7 +90,7 @@ class Transition(NamedTuple):
 class DownlinkRequest(NamedTuple):
     """A requested command, with the name and value that the person gave."""
 
-    frame: Frame
+    frame: DownlinkFrame
     name: str
     value: float
     by: str
@@ -141,7 +141,7 @@ class Machine:
         self.blocked_by: tuple[str, ...] = ()
         self.base: float | None = None
         self.set_point: float | None = None
-        self.programme: Programme | None = None
+        self.programme: DownlinkProgramme | None = None
         self.transitions: list[Transition] = []
         self._since = self._started = -math.inf
         self._people_s: float | None = None
@@ -167,7 +167,7 @@ class Machine:
         if not by.strip():
             raise ValueError("operator_name: must not be empty: the journal records who asked")
         number, argument = tool_commands.command(self.tool, name, value)
-        frame, _ = self.echo.numbered(Frame(1, number, argument), self.counter)
+        frame, _ = self.echo.numbered(DownlinkFrame(1, number, argument), self.counter)
         # Raise here if the command is not valid in combination with the earlier commands.
         tool_commands.applied(self.tool, self.in_force.after(frame))
         self.request, self.programme = DownlinkRequest(frame, name, value, by.strip()), programme(frame, self.downlink)
@@ -231,7 +231,7 @@ class Machine:
 
     # Updates from time, rig and tool.
 
-    def update(self, now: float, readings: Readings, people_s: float | None = None) -> None:
+    def update(self, now: float, readings: InterlockReadings, people_s: float | None = None) -> None:
         """
         Process the readings of the rig; call at least once per second.
 
@@ -312,7 +312,7 @@ class Machine:
             return 0.0
         return min(max(now - self._started, 0.0), self.programme.duration_s)
 
-    def _before(self, now: float, readings: Readings) -> None:
+    def _before(self, now: float, readings: InterlockReadings) -> None:
         """Wait for the interlocks, then for a steady flow or speed, which the tool uses as the reference level."""
         if self._waited > PERMISSION_S:
             self._go(DownlinkState.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
@@ -352,13 +352,13 @@ class Machine:
         self.counter = frame.counter
         self.echo.send(frame.echo, now + self.programme.duration_s + self.answer_s)
 
-    def _watch(self, base: float, readings: Readings) -> DeviationWatch:
+    def _watch(self, base: float, readings: InterlockReadings) -> DeviationWatch:
         turns, share = self.downlink.medium == ROTATION, self.settings.tolerance
         other, least = (readings.flow, _LEAST_FLOW) if turns else (readings.rotary_speed, _LEAST_SPEED)
         margin = share * max(abs(other or 0.0), least)
         return DeviationWatch(base, other, (share * base, margin), self.downlink.ramp_s)
 
-    def _while_running(self, now: float, readings: Readings, *, lost: bool) -> None:
+    def _while_running(self, now: float, readings: InterlockReadings, *, lost: bool) -> None:
         if self.programme is None or self.base is None or self._deviation is None:
             return
         downlink = self.downlink

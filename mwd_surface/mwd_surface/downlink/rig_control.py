@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
-from mwd_surface.control.status import Judgement, Permission, Request, Sender
+from mwd_surface.control.status import ControlJudgement, ControlRequest, Permission, Sender
 
 _NAME, _ROLE = "downlink", "command to the tool"
 _SENDER = Sender("surface", _NAME)
@@ -48,9 +48,11 @@ class RigControl:
 
         granted_by: name of the person who granted the downlink; this grant includes control of the rig.
         """
-        decision = self._authority.request(Request(_SENDER, _NAME, _ROLE, _PRIORITY), now)
+        decision = self._authority.request(ControlRequest(_SENDER, _NAME, _ROLE, _PRIORITY), now)
         if decision.permission == Permission.PENDING:
-            done, message = self._authority.judge(Judgement.GRANT, granted_by, now, "for the downlink", decision.lease)
+            done, message = self._authority.judge(
+                ControlJudgement.GRANT, granted_by, now, "for the downlink", decision.lease
+            )
             if not done:
                 return message
         elif decision.permission == Permission.DENIED:

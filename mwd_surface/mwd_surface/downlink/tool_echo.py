@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mwd_sensors.telemetry.downlink import COUNTERS, Frame, frame_of, next_counter
+from mwd_sensors.telemetry.downlink import COUNTERS, DownlinkFrame, frame_of, next_counter
 
 
 class ToolEcho:
@@ -62,7 +62,7 @@ class ToolEcho:
         """Return whether the tool may repeat this code without receiving a new command."""
         return self.heard is None or code == self.heard or code in self._sent
 
-    def numbered(self, frame: Frame, last: int) -> tuple[Frame, bool]:
+    def numbered(self, frame: DownlinkFrame, last: int) -> tuple[DownlinkFrame, bool]:
         """
         Return the frame with the counter to send, and whether its echo will prove that the command arrived.
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from mwd_surface.clearance.clearance import Clearance, Level
+from mwd_surface.clearance.clearance import Clearance, ClearanceLevel
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
 from mwd_surface.list_files.remark import sentences
@@ -18,7 +18,7 @@ from mwd_surface.trajectory.plan import Plan
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
 from mwd_surface.uncertainty.position_covariance import ellipse
 
-_TINTS = {Level.CLEAR: GOOD, Level.WARNING: DOUBTFUL, Level.STOP: REJECT}
+_TINTS = {ClearanceLevel.CLEAR: GOOD, ClearanceLevel.WARNING: DOUBTFUL, ClearanceLevel.STOP: REJECT}
 _COLUMNS = (
     *(("Offset well", ""), ("Part", ""), ("MD", "m"), ("its MD", "m"), ("Distance", "m"), ("Allowed", "m")),
     *(("Factor", ""), ("Toolface", "deg"), ("Level", "")),

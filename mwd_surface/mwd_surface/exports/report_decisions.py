@@ -11,7 +11,7 @@ from mwd_surface.exports.report_section import Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import Printed, Typed, fixed, plain, typed, utc
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
-from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch, yields
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch, yields
 
 _DEG = 180.0 / math.pi
 _VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May be disturbed by", "Details")
@@ -132,7 +132,7 @@ def slides(table: SurveyTable) -> Section | None:
     return Section("Slide sheet", sheets=(sheet, motor) if gave else (sheet,))
 
 
-def _stretch(s: Stretch) -> tuple[str, ...]:
+def _stretch(s: DrilledStretch) -> tuple[str, ...]:
     known = s.toolface is not None
     return (
         fixed(s.from_depth, 2),

@@ -19,7 +19,7 @@ from mwd_surface.exports.report_section import Drawing, Section, Sheet
 from mwd_surface.language.language import Language
 from mwd_surface.plots.drawing import translate
 from mwd_surface.signals.cells import Printed, Typed, fixed
-from mwd_surface.signals.units import FIELD, FOOT, UNITS, Scale
+from mwd_surface.signals.units import FIELD, FOOT, UNITS, UnitScale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mwd_surface.exports.report_content import Content
 
 # Field unit, and SI scale, of each quantity by the symbol of the metric unit in the report.
-_FIELD: dict[str, Scale] = {unit.people.symbol: unit.fps for unit in UNITS.values() if unit.endings[1]}
-_SI: dict[str, Scale] = {unit.people.symbol: unit.people for unit in UNITS.values() if unit.endings[1]}
+_FIELD: dict[str, UnitScale] = {unit.people.symbol: unit.fps for unit in UNITS.values() if unit.endings[1]}
+_SI: dict[str, UnitScale] = {unit.people.symbol: unit.people for unit in UNITS.values() if unit.endings[1]}
 # Symbols that the report writes with a space, by their form in data files.
 _SYMBOLS = {"deg/100ft": "deg/100 ft"}
 # Pattern of a length or a dogleg severity in a sentence; coordinates of a map grid (m E, m N) are not matched.

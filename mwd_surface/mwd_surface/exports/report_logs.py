@@ -13,7 +13,7 @@ from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, 
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.logs.tool_health import ToolHealth
 from mwd_surface.signals.signal import Display
-from mwd_surface.signals.units import UNITS, Scale
+from mwd_surface.signals.units import UNITS, UnitScale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -134,8 +134,8 @@ def _image(axis: object, curve: Curve) -> None:
     axis.set_title("sectors", fontsize=8)  # type: ignore[attr-defined]
 
 
-def _scale(unit: str, display: Display) -> Scale:
-    return UNITS[unit].shown_in(display.units) if unit in UNITS else Scale(unit, 1.0)
+def _scale(unit: str, display: Display) -> UnitScale:
+    return UNITS[unit].shown_in(display.units) if unit in UNITS else UnitScale(unit, 1.0)
 
 
 def _number(value: float) -> str:

@@ -36,7 +36,7 @@ from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_position import uncertain
 from mwd_surface.trajectory.plan import Plan
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 _DEG = 180.0 / math.pi
@@ -93,7 +93,7 @@ class SurveyTable:
     plan: Plan | None
     left_out: tuple[str, ...]
     made_ns: int
-    stretches: tuple[Stretch, ...] = ()
+    stretches: tuple[DrilledStretch, ...] = ()
     sections: tuple[Section, ...] = ()
     display: Display = AS_STORED
 
@@ -139,7 +139,7 @@ def survey_table(
     bit_depth: float | None = None,
     plan: Plan | None = None,
     software: str = "",
-    stretches: Sequence[Stretch] = (),
+    stretches: Sequence[DrilledStretch] = (),
     sections: Sequence[Section] = (),
 ) -> SurveyTable:
     """
@@ -184,7 +184,7 @@ def table_of(
     path: Definitive,
     made_ns: int,
     software: str = "",
-    stretches: Sequence[Stretch] = (),
+    stretches: Sequence[DrilledStretch] = (),
 ) -> SurveyTable:
     """Return the printed table of a path of the list, with its plan; see `survey_table`."""
     plan = surveys.plan

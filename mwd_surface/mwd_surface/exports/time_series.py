@@ -25,7 +25,7 @@ from mwd_surface.processing.input_stream import SampleStream
 from mwd_surface.signals import signal
 from mwd_surface.signals.cells import fixed, utc
 from mwd_surface.signals.table import SERIES
-from mwd_surface.signals.units import Scale
+from mwd_surface.signals.units import UnitScale
 
 ATTITUDE, RIG = "attitude", "rig/state"
 NORTHS = ("", "magnetic", "true", "grid")
@@ -41,7 +41,7 @@ class SeriesQuantity(NamedTuple):
 
     key: str
     field: str
-    unit: Scale
+    unit: UnitScale
     decimals: int
     wrap: float = 0.0
 

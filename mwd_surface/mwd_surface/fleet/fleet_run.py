@@ -22,7 +22,7 @@ import distributed
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_surface.fleet import fleet_dataset
-from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, changes_text, config_text, failed
+from mwd_surface.fleet.fleet_task import FleetWork, Outcome, carry_out, changes_text, config_text, failed
 from mwd_surface.processing.bag_input import InputSettings
 
 SCHEDULERS = ("local", "processes", "threads")
@@ -163,7 +163,7 @@ def run(
     text = config_text(estimator)
     place = str(folder.resolve())
     own = "" if changes is None else changes_text(changes)
-    works = [Work(str(bag), place, text, given or InputSettings(), own) for bag in bags]
+    works = [FleetWork(str(bag), place, text, given or InputSettings(), own) for bag in bags]
     # If a worker dies, Dask gives its task to another worker, until the task has killed a few workers.
     futures = {client.submit(carry_out, work, pure=False): work for work in works}
     outcomes: dict[str, Outcome] = {}
@@ -180,7 +180,7 @@ def run(
     return [outcomes[work.bag] for work in works]
 
 
-def _outcome(future: distributed.Future, work: Work) -> Outcome:
+def _outcome(future: distributed.Future, work: FleetWork) -> Outcome:
     if future.status == "finished":
         outcome: Outcome = future.result()
         return outcome

@@ -32,7 +32,7 @@ from mwd_surface.surveys.survey_csv import list_cells
 
 
 @dataclasses.dataclass(frozen=True)
-class Work:
+class FleetWork:
     """
     Recording to process, with the settings for it.
 
@@ -73,7 +73,7 @@ def changes_text(changes: Mapping[str, Any]) -> str:
     return text
 
 
-def carry_out(work: Work) -> Outcome:
+def carry_out(work: FleetWork) -> Outcome:
     """
     Process a recording and write its rows, unless the rows exist.
 
@@ -97,12 +97,12 @@ def carry_out(work: Work) -> Outcome:
     return Outcome(work.bag, key, tables["bags"][0])
 
 
-def failed(work: Work, key: str, reason: str, began: float | None = None) -> Outcome:
+def failed(work: FleetWork, key: str, reason: str, began: float | None = None) -> Outcome:
     """Return the outcome of a recording that failed."""
     return Outcome(work.bag, key, _row(work, key, began) | {"outcome": FAILED, "reason": reason, "warnings": []})
 
 
-def _row(work: Work, key: str, began: float | None) -> dict[str, Any]:
+def _row(work: FleetWork, key: str, began: float | None) -> dict[str, Any]:
     """Return the row of table `bags` with the columns that every recording has; the other columns are None."""
     return dict.fromkeys(fleet_dataset.SCHEMAS["bags"].names) | {
         "key": key,
@@ -114,7 +114,7 @@ def _row(work: Work, key: str, began: float | None) -> dict[str, Any]:
     }
 
 
-def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[dict[str, Any]]]:
+def _tables(path: Path, key: str, work: FleetWork, began: float) -> dict[str, list[dict[str, Any]]]:
     tables: dict[str, list[dict[str, Any]]] = {"surveys": [], "attitude": []}
     found: list[Summary] = []
     with Bag(path) as bag:
@@ -146,7 +146,7 @@ def _estimated(
     return process.estimate(bag, estimator, given, take, recorded), statistics
 
 
-def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
+def _settings(recorded: Recorded, work: FleetWork) -> EstimatorSettings:
     """Return the estimator's settings: those in the recording with the changes, or else `config` of the work."""
     if recorded.estimator is None:
         return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
@@ -162,7 +162,9 @@ def _survey_row(cells: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def _bag_row(work: Work, key: str, found: list[Summary], estimator: EstimatorSettings, began: float) -> dict[str, Any]:
+def _bag_row(
+    work: FleetWork, key: str, found: list[Summary], estimator: EstimatorSettings, began: float
+) -> dict[str, Any]:
     verdicts = [Verdict(record.survey.verdict).word for one in found for record in one.listed.records]
     lowest = [one.lowest for one in found if not math.isnan(one.lowest)]
     highest = [one.highest for one in found if not math.isnan(one.highest)]

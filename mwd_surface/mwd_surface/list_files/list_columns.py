@@ -369,7 +369,7 @@ def columns_of(text: str) -> dict[str, str]:
 
 
 @dataclasses.dataclass(frozen=True)
-class Column:
+class ListColumn:
     """
     One column: its index, its name, and its quantity, "" if the quantity is not one that is read.
 
@@ -385,15 +385,15 @@ class Column:
 
 
 @dataclasses.dataclass(frozen=True)
-class Columns:
+class ListColumns:
     """
     Columns of a list by quantity, in the order of the file.
 
     `unread` holds the columns that resemble a quantity but are not read.
     """
 
-    of: Mapping[str, tuple[Column, ...]]
-    unread: tuple[Column, ...] = ()
+    of: Mapping[str, tuple[ListColumn, ...]]
+    unread: tuple[ListColumn, ...] = ()
 
     @property
     def missing(self) -> list[str]:
@@ -401,7 +401,7 @@ class Columns:
         return [what for what in NEEDED if what not in self.of and not (what == "inclination" and "dip" in self.of)]
 
 
-def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] = ()) -> Columns:
+def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] = ()) -> ListColumns:
     """
     Match columns to quantities.
 
@@ -409,7 +409,7 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
     names, as LAS does.
     """
     given = given or Given()
-    of: dict[str, tuple[Column, ...]] = {}
+    of: dict[str, tuple[ListColumn, ...]] = {}
     unread = []
     chosen_names = {column.strip().lower(): q for q, column in given.columns.items() if column.strip()}
     for k, name in enumerate(names):
@@ -431,10 +431,10 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
     if "inclination" in of:
         # A list with inclinations may also have the dip of the magnetic field.
         of.pop("dip", None)
-    return Columns(of, tuple(unread))
+    return ListColumns(of, tuple(unread))
 
 
-def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Column:
+def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> ListColumn:
     """
     Return the quantity, unit and north that a column name states.
 
@@ -464,7 +464,7 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
         quantity = ""
     if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
         strange = [unit.strip()]
-    return Column(number, name.strip(), quantity, own, north, " ".join(strange))
+    return ListColumn(number, name.strip(), quantity, own, north, " ".join(strange))
 
 
 def points(text: str) -> str:
@@ -524,7 +524,7 @@ def mentions_north(text: str) -> bool:
     return any(_north_word(word) or any(stem in word for stem in _CORRECTED) for word in words)
 
 
-def factor(column: Column, at: str, given: Given | None = None, otherwise: str = "") -> float:
+def factor(column: ListColumn, at: str, given: Given | None = None, otherwise: str = "") -> float:
     """
     Return the factor that converts a column to m or rad.
 

@@ -28,7 +28,17 @@ from mwd_surface.list_files.list_checks import (
     fits,
     turn_between,
 )
-from mwd_surface.list_files.list_columns import ANGLES, FIGURES, NEEDED, NORTHS, TEXTS, Column, Columns, Given, points
+from mwd_surface.list_files.list_columns import (
+    ANGLES,
+    FIGURES,
+    NEEDED,
+    NORTHS,
+    TEXTS,
+    Given,
+    ListColumn,
+    ListColumns,
+    points,
+)
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
@@ -173,7 +183,7 @@ def _stations(table: Table, given: Given) -> StationList:
     if head.horizontal and "inclination" in columns.of:
         turned = tuple(dataclasses.replace(one, quantity="dip") for one in columns.of["inclination"])
         of = {what: found for what, found in columns.of.items() if what != "inclination"}
-        columns = Columns({**of, "dip": turned}, columns.unread)
+        columns = ListColumns({**of, "dip": turned}, columns.unread)
     if columns.missing:
         raise ListFileError(_missing(table, columns))
     reader = _ListReader(table, columns, head, given, provenance)
@@ -181,7 +191,7 @@ def _stations(table: Table, given: Given) -> StationList:
     return reader.list_of(stations)
 
 
-def _missing(table: Table, columns: Columns) -> str:
+def _missing(table: Table, columns: ListColumns) -> str:
     unread = [repr(one.name) for one in columns.unread]
     strange = f"; {', '.join(unread)} is not understood" if unread else ""
     return (
@@ -214,7 +224,7 @@ class _ListReader:
     """
 
     def __init__(
-        self, table: Table, columns: Columns, head: Head, given: Given, provenance: Provenance | None = None
+        self, table: Table, columns: ListColumns, head: Head, given: Given, provenance: Provenance | None = None
     ) -> None:
         confirmed = () if provenance is None else provenance.confirmed
         given = dataclasses.replace(given, confirm=(*given.confirm, *confirmed))
@@ -304,10 +314,10 @@ class _ListReader:
         here, before = (_roughly(one.cells[depth]) for one in (row, above))
         return not here > before
 
-    def _cells(self, column: Column) -> list[number_cells.Cell]:
+    def _cells(self, column: ListColumn) -> list[number_cells.Cell]:
         return [row.cells[column.number] if column.number < len(row.cells) else "" for row in self.rows]
 
-    def _chosen(self) -> dict[str, Column]:
+    def _chosen(self) -> dict[str, ListColumn]:
         """
         Return one column for each quantity.
 
@@ -323,7 +333,7 @@ class _ListReader:
                 self._same(what, found)
         return chosen
 
-    def _azimuth_column(self, found: Sequence[Column]) -> Column:
+    def _azimuth_column(self, found: Sequence[ListColumn]) -> ListColumn:
         norths = {one.north for one in found}
         named = [one for one in found if one.north]
         if len(norths) == 1:
@@ -338,7 +348,7 @@ class _ListReader:
                 return match
         return found[0]
 
-    def _same(self, what: str, found: Sequence[Column]) -> None:
+    def _same(self, what: str, found: Sequence[ListColumn]) -> None:
         """Refuse two columns of the same quantity whose values differ."""
         values = []
         for one in found:
@@ -359,7 +369,7 @@ class _ListReader:
 
     # Numbers
 
-    def _mark(self, column: Column) -> str:
+    def _mark(self, column: ListColumn) -> str:
         """Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity."""
         if self.given.decimal:
             return {"point": ".", "comma": ","}[self.given.decimal]
@@ -378,7 +388,7 @@ class _ListReader:
             return ""
         return self._decided(column, unclear)
 
-    def _decided(self, column: Column, unclear: Sequence[str]) -> str:
+    def _decided(self, column: ListColumn, unclear: Sequence[str]) -> str:
         """Return the decimal mark of a column whose numbers, such as 1,000, allow both readings."""
         mark = "," if "," in unclear[0] else "."
         other = "." if mark == "," else ","
@@ -412,7 +422,7 @@ class _ListReader:
             " the list decides; say it with --decimal point or --decimal comma"
         )
 
-    def _rises(self, column: Column, mark: str) -> bool:
+    def _rises(self, column: ListColumn, mark: str) -> bool:
         values = []
         for cell in self._cells(column):
             found = None if number_cells.is_null(cell) else number_cells.split(cell)
@@ -423,7 +433,7 @@ class _ListReader:
                     return False
         return bool(np.all(np.diff(values) >= 0.0))
 
-    def _numbers(self, column: Column, *, needed: bool = False) -> Array:
+    def _numbers(self, column: ListColumn, *, needed: bool = False) -> Array:
         """Return the numbers of a column as written; nan if a cell has none."""
         mark = self._mark(column)
         numbers = np.full(len(self.rows), math.nan)
@@ -438,7 +448,7 @@ class _ListReader:
             numbers[k] = self._number(cell, mark, column, row.at)
         return numbers
 
-    def _number(self, cell: number_cells.Cell, mark: str, column: Column, at: str) -> float:
+    def _number(self, cell: number_cells.Cell, mark: str, column: ListColumn, at: str) -> float:
         if column.quantity in ANGLES:
             angle = number_cells.angle(str(cell), bearing=column.quantity == "azimuth")
             if math.isfinite(angle):
@@ -456,7 +466,7 @@ class _ListReader:
             raise ListFileError(f"{at}: {column.quantity}: expected a finite number, got {shown!r}")
         return value
 
-    def _unit_in_cell(self, words: str, column: Column) -> bool:
+    def _unit_in_cell(self, words: str, column: ListColumn) -> bool:
         """Return whether the words after a number are the unit of its column, or a compass direction."""
         if column.quantity in (*_LOCAL, *_MAP) and words.lower() in ("n", "s", "e", "w"):
             return True
@@ -467,7 +477,7 @@ class _ListReader:
         stated = column.unit or ("deg" if column.quantity in ANGLES else self.head.length_unit)
         return not stated or known.get(stated) == known[unit]
 
-    def _factor(self, column: Column) -> float:
+    def _factor(self, column: ListColumn) -> float:
         """Return the factor to m or rad; if the column states no unit, the unit in its cells or in the head is used."""
         otherwise = ""
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
@@ -496,20 +506,20 @@ class _ListReader:
             self._say(RemarkKind.COLUMN_NOT_READ, text)
         return factor
 
-    def _given_unit(self, column: Column) -> str:
+    def _given_unit(self, column: ListColumn) -> str:
         """Return the unit that the caller states; "" for coordinates whose unit the head states."""
         if column.quantity in ANGLES:
             return self.given.angle_unit
         return "" if column.quantity in (*_LOCAL, *_MAP) and self.head.map_unit else self.given.length_unit
 
-    def _cell_unit(self, column: Column) -> str:
+    def _cell_unit(self, column: ListColumn) -> str:
         for cell in self._cells(column):
             found = None if number_cells.is_null(cell) else number_cells.split(cell)
             if found is not None and found[1]:
                 return list_columns.unit_word(found[1])
         return ""
 
-    def _length_unit(self, column: Column) -> str:
+    def _length_unit(self, column: ListColumn) -> str:
         """
         Return the unit for a column of lengths whose name and cells have no unit.
 

@@ -95,7 +95,7 @@ _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "times
 
 
 @dataclass(frozen=True)
-class Columns:
+class SixAxisColumns:
     """Names of the columns that hold each quantity."""
 
     #: `gravity`, `field`: columns of the axial and the two transverse axes.
@@ -113,7 +113,7 @@ class Columns:
     printed: Mapping[str, str]  #: key of `_PRINTED` (inclination, azimuth, azimuth_true ...) -> column
 
 
-def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
+def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> SixAxisColumns:
     """
     Match the columns of a table to their quantities.
 
@@ -150,7 +150,7 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         factors[depth] = _factor(table, depth, _DEPTH, assumed)
     time = next((name for name in names if _plain(name) in _TIME), None)
     run = tuple(name for words in (_RUN, _TOOL) for name in names if _plain(name) in words and name not in factors)
-    return Columns(
+    return SixAxisColumns(
         gravity=gravity,
         field=field,
         sign=-1.0 if down else 1.0,

@@ -20,7 +20,7 @@ from mwd_estimation.core.reference_field import NORTHS, Reference, best_north, n
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import table_wiring
-from mwd_surface.list_files.six_axis_columns import Columns, find_columns, numbers
+from mwd_surface.list_files.six_axis_columns import SixAxisColumns, find_columns, numbers
 
 Refine = Callable[[Reference, str], Reference]
 
@@ -106,7 +106,7 @@ def table_rows(
     return _wired([_read(table, columns, values, row, override, refine) for row in range(count)], columns)
 
 
-def _wired(rows: list[TableRow], columns: Columns) -> list[TableRow]:
+def _wired(rows: list[TableRow], columns: SixAxisColumns) -> list[TableRow]:
     """Return the rows with the faults of the sensor columns of their run added."""
     found = list(rows)
     for name in dict.fromkeys(row.run for row in rows):
@@ -124,7 +124,7 @@ def _wired(rows: list[TableRow], columns: Columns) -> list[TableRow]:
                 float(np.median(totals)) if totals else math.nan,
                 columns.factors[columns.field[0]],
             ),
-            table_wiring.Expected(
+            table_wiring.ExpectedRows(
                 np.array([_dip(row.reference) for row in of_run]),
                 np.array([row.inclination for row in of_run]),
                 np.array([row.azimuth for row in of_run]),
@@ -141,7 +141,7 @@ def _dip(reference: Reference | None) -> float:
 
 def _read(
     table: Mapping[str, Sequence[Any]],
-    columns: Columns,
+    columns: SixAxisColumns,
     values: Mapping[str, Array],
     row: int,
     override: Reference | None,
@@ -174,7 +174,7 @@ def _read(
 
 
 def _printed(
-    columns: Columns, values: Mapping[str, Array], row: int, reference: Reference | None
+    columns: SixAxisColumns, values: Mapping[str, Array], row: int, reference: Reference | None
 ) -> tuple[float, float]:
     """Return the inclination, and the azimuth from magnetic north, given in a row, rad; nan if not given."""
 

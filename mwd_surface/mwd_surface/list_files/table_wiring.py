@@ -63,7 +63,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedRows:
     """Expected values of the rows, shape (n,), rad; NaN if unknown."""
 
     dip: Array
@@ -81,7 +81,7 @@ def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit:
     return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
 
 
-def wiring_faults(force: Sensor, field: Sensor, expected: Expected) -> tuple[Reason, ...]:
+def wiring_faults(force: Sensor, field: Sensor, expected: ExpectedRows) -> tuple[Reason, ...]:
     """Return the faults of the sensor columns of a run, with the column names of the table; empty if none is found."""
     usable = np.isfinite(force.values).all(axis=1) & np.isfinite(field.values).all(axis=1)
     usable &= (np.linalg.norm(force.values, axis=1) > 0.0) & (np.linalg.norm(field.values, axis=1) > 0.0)
@@ -166,7 +166,7 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
     Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`.
 
     The list is empty if the table may have the right wiring. f_t, b_t: shape (n, 3). dip, printed_inclination, printed:
-    shape (n,), as in `Expected`.
+    shape (n,), as in `ExpectedRows`.
     """
     f = np.einsum("pij,nj->pni", _WAYS, f_t / np.linalg.norm(f_t, axis=1, keepdims=True))
     b = np.einsum("qij,nj->qni", _WAYS, b_t / np.linalg.norm(b_t, axis=1, keepdims=True))

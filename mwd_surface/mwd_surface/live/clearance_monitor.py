@@ -6,7 +6,7 @@ from __future__ import annotations
 import concurrent.futures
 
 from mwd_sensors.core.foreign_text import without_contents
-from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.clearance import ClearanceLevel
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Severity
@@ -19,8 +19,8 @@ from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
 _BIT_STEP = 5.0  # m; the wells are compared again after the bit has moved by this
 _SEPARATION, _FILE = "clearance.separation", "clearance.wells"
 _REMEDIES = {
-    Level.STOP: "stop drilling; review the separation with the survey engineer before going on",
-    Level.WARNING: "review the separation with the survey engineer; steer away or survey more often",
+    ClearanceLevel.STOP: "stop drilling; review the separation with the survey engineer before going on",
+    ClearanceLevel.WARNING: "review the separation with the survey engineer; steer away or survey more often",
 }
 
 
@@ -74,11 +74,11 @@ class ClearanceMonitor:
         self._live.show(self._clock.now, clearance=tuple(ahead), clearance_remarks=tuple(near.remarks))
         # Assumptions are shown on the page. Only a well that was not compared raises an alarm, because it may be near.
         self._report_file(sentences(near.not_compared))
-        if near.level == Level.CLEAR:
+        if near.level == ClearanceLevel.CLEAR:
             if not near.refused:
                 log.clear_alarm(_SEPARATION)
             return
-        severity = Severity.CRITICAL if near.level == Level.STOP else Severity.WARNING
+        severity = Severity.CRITICAL if near.level == ClearanceLevel.STOP else Severity.WARNING
         beyond = float(ahead[0].md[ahead[0].least]) - near.bit
         place = f"{beyond:.0f} m ahead of the bit" if beyond > 0.0 else "at the bit"
         log.raise_alarm(_SEPARATION, severity, f"{ahead[0].sentence()}; {place}", _REMEDIES[near.level])

@@ -12,7 +12,7 @@ from mwd_sensors.core.wire import OVER
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.live.well_state import DiagnosticLevel, NodeDiagnostic, ReferenceField, SurveyProgress
+from mwd_surface.live.well_state import DiagnosticLevel, NodeDiagnostic, ReferenceFieldState, SurveyProgress
 from mwd_surface.surveys.well import Well
 
 _TIMEOUT_S = 2.0  # time without feedback or progress after which its source counts as silent
@@ -41,7 +41,7 @@ class DiagnosticsMonitor:
     """
 
     def __init__(self, context: WellContext, full_name: str) -> None:
-        self.reference: ReferenceField | None = None
+        self.reference: ReferenceFieldState | None = None
         self.over_at: float | None = None
         self._source = ""
         self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"
@@ -122,7 +122,7 @@ class DiagnosticsMonitor:
         reference = None
         numbers = {name: or_nan(_number(values[name])) for name in _REFERENCE if name in values}
         if "total" in numbers and all(map(math.isfinite, numbers.values())):
-            reference = ReferenceField(**numbers, source=source)
+            reference = ReferenceFieldState(**numbers, source=source)
         if reference != self.reference:
             self.reference = reference
             self.show_well(self._well)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_sensors.telemetry.tool_limits import Battery
+from mwd_sensors.telemetry.tool_limits import BatteryLimits
 from mwd_surface.live.alarms import Severity
 from mwd_surface.logs.tool_health import BatteryHealth, Exposure, ToolHealth
 
@@ -15,7 +15,7 @@ _DOSE_WARNING = 0.8
 _EMPTY_H = 3.0  # h; remaining battery time for a critical alarm, shorter than a trip out of a deep hole
 
 
-def health_alarms(health: ToolHealth, battery: Battery) -> Causes:
+def health_alarms(health: ToolHealth, battery: BatteryLimits) -> Causes:
     """Return the alarms about a tool by their id: severity, text and remedy."""
     found: Causes = {}
     if health.battery is not None:
@@ -34,7 +34,7 @@ def health_alarms(health: ToolHealth, battery: Battery) -> Causes:
     return found
 
 
-def _of_battery(state: BatteryHealth, battery: Battery) -> Causes:
+def _of_battery(state: BatteryHealth, battery: BatteryLimits) -> Causes:
     found: Causes = {}
     if state.voltage < battery.least_v:
         text = f"battery voltage {state.voltage:.1f} V is below {battery.least_v:.1f} V"

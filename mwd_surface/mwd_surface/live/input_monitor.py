@@ -8,7 +8,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 from mwd_surface.list_files.list_checks import DEEPEST
-from mwd_surface.live.inputs import GAUGE, SONDE, Clock, DepthSources, InputClock, InputTable
+from mwd_surface.live.inputs import GAUGE, SONDE, DepthSources, InputClock, InputTable, StampClock
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS, SourceSelection, short_name
 from mwd_surface.live.well_context import WellContext
 
@@ -98,19 +98,19 @@ class InputMonitor:
         """
         source = name if name == SONDE else short_name(self._selection.source or "")
         clock = self._clocks.get(source)
-        if clock is None or self._clock_of(source) in (Clock.SIMULATED, Clock.HOST):
+        if clock is None or self._clock_of(source) in (StampClock.SIMULATED, StampClock.HOST):
             return now
         return clock.measured_at(stamp_ns, self._clock, now)
 
     def _note(self, name: str, stamp_ns: int) -> None:
         self._clocks.setdefault(name, InputClock()).note(stamp_ns, self._clock.now_ns, self._clock.now)
 
-    def _clock_of(self, name: str) -> Clock:
+    def _clock_of(self, name: str) -> StampClock:
         if name in _OURS:
-            return Clock.HOST
+            return StampClock.HOST
         if self._outlet.is_simulated():
-            return Clock.SIMULATED
-        return Clock.TOOL if name == SONDE and not self._over_link else Clock.RIG
+            return StampClock.SIMULATED
+        return StampClock.TOOL if name == SONDE and not self._over_link else StampClock.RIG
 
     def update(self, now: float, *, shown: bool = True) -> None:
         """

@@ -29,7 +29,7 @@ DISAGREEMENT = 3.0
 _WINDOW = 60.0  # s; time in which the message with the shortest delay is sought
 
 
-class Clock(enum.IntEnum):
+class StampClock(enum.IntEnum):
     """Owner of the clock that stamps an input, with the numbers of mwd_msgs/InputState."""
 
     HOST = 0
@@ -58,7 +58,7 @@ class InputState(MessageRecord):
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputState"
 
     name: str
-    clock: Clock
+    clock: StampClock
     clock_offset: float = math.nan
     offset_age: float = math.nan
     data_age: float = math.nan
@@ -114,12 +114,12 @@ class InputClock:
         offset = max((row[2] for row in self._best), default=0.0)
         return min(now, well.seconds(stamp_ns) - offset) if self._best else now
 
-    def state(self, name: str, clock: Clock, host_ns: int, now: float) -> InputState:
+    def state(self, name: str, clock: StampClock, host_ns: int, now: float) -> InputState:
         """Return the state of the input at `now`; data stamped by the surface itself have the offset 0."""
         if self._stamp_ns is None:
             return InputState(name, clock)
         _, at, offset = max(self._best, key=lambda row: row[2])
-        offset = 0.0 if clock == Clock.HOST else offset
+        offset = 0.0 if clock == StampClock.HOST else offset
         age = max((host_ns - self._stamp_ns) / NANOSECONDS + offset, 0.0)
         return InputState(name, clock, offset, now - at, age)
 
@@ -182,9 +182,9 @@ class DepthSources:
         if self._hand is not None:
             age = now - self._hand[0]
             role = {HAND: Role.IN_FORCE, BLOCK: Role.STANDBY}.get(name, Role.SILENT)
-            rows.append(InputState(HAND, Clock.HOST, 0.0, age, age, role, 1, self._hand[1]))
+            rows.append(InputState(HAND, StampClock.HOST, 0.0, age, age, role, 1, self._hand[1]))
         if name == BLOCK:
-            of_source = states.get(source, InputState(BLOCK, Clock.RIG))
+            of_source = states.get(source, InputState(BLOCK, StampClock.RIG))
             begun = "a depth by hand" if hand is not None else f"the last depth of {source}"
             words = f"{begun}, carried on by the block"
             row = dataclasses.replace(of_source, name=BLOCK, role=Role.IN_FORCE, priority=1, bit_depth=or_nan(depth))

@@ -45,9 +45,9 @@ from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.advice import Advice, AdvisorySettings, Known, advise
+from mwd_surface.trajectory.advice import Advice, AdviceBasis, AdvisorySettings, advise
 from mwd_surface.trajectory.plan import Plan
-from mwd_surface.trajectory.slide_sheet import SlideRules, SlideSheet, Stretch, yields
+from mwd_surface.trajectory.slide_sheet import DrilledStretch, SlideRules, SlideSheet, yields
 
 CELL_NS = 50_000_000
 _LINK_PERIOD = 2.0  # longest usual time between attitudes over a link, s
@@ -132,7 +132,7 @@ class LiveWell:
         book: SurveyBook,
         plan: PlanMonitor,
         full_name: str = "/surface",
-        stretches: Iterable[Stretch] = (),
+        stretches: Iterable[DrilledStretch] = (),
         said: Collection[str] = (),
     ) -> None:
         self.context, self.settings, self.book, self.plan = context, settings, book, plan
@@ -399,7 +399,7 @@ class AdviceMonitor:
         plan: Plan | None,
         surveys: SurveyList,
         bit_depth: float | None,
-        stretches: tuple[Stretch, ...],
+        stretches: tuple[DrilledStretch, ...],
     ) -> None:
         """Publish and show the advice if it has changed; called once a second. now: steady time, s."""
         path = surveys.definitive(bit_depth=bit_depth)
@@ -417,12 +417,12 @@ class AdviceMonitor:
         self._outlet.on_advice(advice)
 
 
-def _last_survey(surveys: SurveyList, *, magnetic: bool) -> Known:
+def _last_survey(surveys: SurveyList, *, magnetic: bool) -> AdviceBasis:
     last = max((r for r in surveys.records if r.in_use), key=lambda r: r.survey.stamp_ns, default=None)
     if last is None:
-        return Known(magnetic=magnetic)
+        return AdviceBasis(magnetic=magnetic)
     survey = last.survey
-    return Known(survey.sequence, survey.stamp_ns, survey.sigma_inclination, survey.sigma_azimuth, magnetic)
+    return AdviceBasis(survey.sequence, survey.stamp_ns, survey.sigma_inclination, survey.sigma_azimuth, magnetic)
 
 
 # Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle.
@@ -446,13 +446,13 @@ class SlideRecorder:
         Intervals from earlier runs of the surface, oldest first.
     """
 
-    def __init__(self, context: WellContext, rules: SlideRules, earlier: Iterable[Stretch] = ()) -> None:
+    def __init__(self, context: WellContext, rules: SlideRules, earlier: Iterable[DrilledStretch] = ()) -> None:
         self._clock, self._live, self._outlet = context.clock, context.live, context.outlet
         self._sheet = SlideSheet(rules, tuple(earlier))
         self._rotating = False
         self._shown: tuple[Any, ...] = ()
 
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> tuple[DrilledStretch, ...]:
         """Return the intervals recorded so far."""
         return self._sheet.stretches
 
@@ -496,7 +496,7 @@ class SlideRecorder:
         """End the current interval; the next run of the surface continues after it."""
         self._keep(self._sheet.finish())
 
-    def _keep(self, stretch: Stretch | None) -> None:
+    def _keep(self, stretch: DrilledStretch | None) -> None:
         if stretch is not None:
             self._outlet.on_stretch(stretch)
 

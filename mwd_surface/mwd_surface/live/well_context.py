@@ -18,7 +18,7 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.advice import Advice
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
 
@@ -41,7 +41,7 @@ class WellOutlet:
     def on_advice(self, advice: Advice) -> None:
         """Accept changed advice."""
 
-    def on_stretch(self, stretch: Stretch) -> None:
+    def on_stretch(self, stretch: DrilledStretch) -> None:
         """Accept an interval of the slide sheet that has ended."""
 
     def on_accepted(self, record: SurveyRecord) -> None:

@@ -38,7 +38,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
 from mwd_surface.trajectory.plan import Offset, Plan
-from mwd_surface.trajectory.slide_sheet import Stretch, Yield
+from mwd_surface.trajectory.slide_sheet import DrilledStretch, Yield
 from mwd_surface.trajectory.well_path import Definitive
 
 NO_STATUS = Status(0)
@@ -181,7 +181,7 @@ class RigState:
 
 
 @dataclasses.dataclass(frozen=True)
-class ReferenceField:
+class ReferenceFieldState:
     """Reference field and gravity, T, rad and m/s^2, NaN if unknown; source: origin of the values, in words."""
 
     total: float = math.nan
@@ -192,7 +192,7 @@ class ReferenceField:
     source: str = ""
 
     @classmethod
-    def of_survey(cls, survey: Survey) -> ReferenceField:
+    def of_survey(cls, survey: Survey) -> ReferenceFieldState:
         """Return the reference field with which a survey was judged."""
         return cls(
             total=survey.b_reference,
@@ -365,7 +365,7 @@ class WellState:
     well_given: bool = True
     over_link: bool | None = None
     over: bool = False
-    reference_given: ReferenceField | None = None
+    reference_given: ReferenceFieldState | None = None
     surveys: SurveyList = dataclasses.field(default_factory=SurveyList)
     path: Definitive | None = None
     covariance: Array | None = None
@@ -377,7 +377,7 @@ class WellState:
     closure: Closure | None = None
     clearance: tuple[Clearance, ...] = ()
     clearance_remarks: tuple[Remark, ...] = ()
-    stretches: tuple[Stretch, ...] = ()
+    stretches: tuple[DrilledStretch, ...] = ()
     yields: tuple[Yield, ...] = ()
     quill: float | None = None
     link: LinkStatus | None = None
@@ -399,13 +399,13 @@ class WellState:
     changes: Mapping[str, Change] = dataclasses.field(default_factory=dict)
 
     @property
-    def reference(self) -> ReferenceField:
+    def reference(self) -> ReferenceFieldState:
         """Reference field in force: `reference_given`, else the reference of the latest survey that has one."""
         if self.reference_given is not None:
             return self.reference_given
         known = (record.survey for record in self.surveys.records if record.survey.has_reference)
         last = max(known, key=lambda survey: survey.stamp_ns, default=None)
-        return ReferenceField() if last is None else ReferenceField.of_survey(last)
+        return ReferenceFieldState() if last is None else ReferenceFieldState.of_survey(last)
 
     @property
     def section_azimuth(self) -> float:

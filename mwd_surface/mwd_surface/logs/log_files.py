@@ -27,7 +27,7 @@ _QUALITY = (
 )
 
 
-class Column(NamedTuple):
+class LogColumn(NamedTuple):
     """Column of a log file: name in tables, mnemonic in LAS, unit for people, description, and values, shape (n,)."""
 
     key: str
@@ -37,7 +37,7 @@ class Column(NamedTuple):
     values: Array
 
 
-def columns(log: DepthLog, which: str) -> list[Column]:
+def columns(log: DepthLog, which: str) -> list[LogColumn]:
     """
     Return the columns of a log: depth; and value, sigma, quality, time, counts and sectors of each channel.
 
@@ -45,13 +45,13 @@ def columns(log: DepthLog, which: str) -> list[Column]:
     """
     curves = [curve for curve in log.curves(which) if len(curve.depth)]
     depth, rows = on_grid(curves, log.step_m)
-    found = [Column("md_m", "DEPT", "m", "measured depth of the middle of the step", depth)]
+    found = [LogColumn("md_m", "DEPT", "m", "measured depth of the middle of the step", depth)]
     for curve, row in zip(curves, rows, strict=True):
         found += _columns_of(curve, row, len(depth))
     return found
 
 
-def _columns_of(curve: Curve, rows: Array, count: int) -> list[Column]:
+def _columns_of(curve: Curve, rows: Array, count: int) -> list[LogColumn]:
     def spread(values: Array, factor: float = 1.0) -> Array:
         out = np.full(count, np.nan)
         out[rows] = values * factor
@@ -64,16 +64,18 @@ def _columns_of(curve: Curve, rows: Array, count: int) -> list[Column]:
     short = MNEMONICS.get(curve.channel, curve.channel.upper())
     key = curve.channel
     found = [
-        Column(key, short, unit, curve.channel, spread(curve.value, factor) + offset),
-        Column(f"{key}_sigma", f"{short}S", unit, f"1 sigma of {curve.channel}", spread(curve.sigma, factor)),
-        Column(f"{key}_quality", f"{short}Q", "", _QUALITY, spread(curve.quality)),
-        Column(f"{key}_seconds", f"{short}T", "s", f"time of measurement of {curve.channel}", spread(curve.seconds)),
+        LogColumn(key, short, unit, curve.channel, spread(curve.value, factor) + offset),
+        LogColumn(f"{key}_sigma", f"{short}S", unit, f"1 sigma of {curve.channel}", spread(curve.sigma, factor)),
+        LogColumn(f"{key}_quality", f"{short}Q", "", _QUALITY, spread(curve.quality)),
+        LogColumn(f"{key}_seconds", f"{short}T", "s", f"time of measurement of {curve.channel}", spread(curve.seconds)),
     ]
     if np.isfinite(curve.counts).any():
-        found.append(Column(f"{key}_counts", f"{short}N", "", f"counts of {curve.channel}", spread(curve.counts)))
+        found.append(LogColumn(f"{key}_counts", f"{short}N", "", f"counts of {curve.channel}", spread(curve.counts)))
     for k in range(curve.sectors.shape[1]):
         where = f"{curve.channel}, sector {k + 1} of {curve.sectors.shape[1]} from the high side, clockwise"
-        found.append(Column(f"{key}_{k + 1}", f"{short}{k + 1:02d}", unit, where, spread(curve.sectors[:, k], factor)))
+        found.append(
+            LogColumn(f"{key}_{k + 1}", f"{short}{k + 1:02d}", unit, where, spread(curve.sectors[:, k], factor))
+        )
     return found
 
 

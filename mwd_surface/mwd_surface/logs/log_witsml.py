@@ -6,7 +6,7 @@ from __future__ import annotations
 from xml.sax.saxutils import escape, quoteattr
 
 from mwd_surface.logs.depth_log import DepthLog
-from mwd_surface.logs.log_files import Column, columns, printed
+from mwd_surface.logs.log_files import LogColumn, columns, printed
 from mwd_surface.signals.cells import plain
 from mwd_surface.surveys.well import Well
 
@@ -56,11 +56,11 @@ def _head(well: Well, which: str) -> tuple[tuple[str, str], ...]:
     return ("nameWell", well.name), ("nameWellbore", well.wellbore_name), ("name", f"MWD log, {which} pass")
 
 
-def _symbol(column: Column) -> str:
+def _symbol(column: LogColumn) -> str:
     return _SYMBOLS.get(column.unit, column.unit) or "unitless"
 
 
-def _curve(column: Column) -> str:
+def _curve(column: LogColumn) -> str:
     return (
         f'<logCurveInfo uid="{column.mnemonic}"><mnemonic>{column.mnemonic}</mnemonic>'
         f"<unit>{escape(_symbol(column))}</unit><curveDescription>{escape(column.description[:256])}</curveDescription>"

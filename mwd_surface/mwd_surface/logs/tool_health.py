@@ -22,7 +22,7 @@ from typing import Any
 
 from mwd_sensors.core.wire import NANOSECONDS, SELF_TESTS
 from mwd_sensors.telemetry.log_channels import BATTERY_VOLTAGE, SOURCES, LogSample
-from mwd_sensors.telemetry.tool_limits import EXPOSURES, Battery, ExposureLimit, Part, ToolLimits
+from mwd_sensors.telemetry.tool_limits import EXPOSURES, BatteryLimits, ExposureLimit, ToolLimits, ToolPart
 
 _HOUR_S = 3600.0
 # Longest gap between two samples that counts as exposure at the later value, s. A link sends its words in turn, so gaps
@@ -38,7 +38,7 @@ _FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps
 _SILENCE_HELD_S, _LONGEST_SILENCE_S = 3600.0, 30 * 86400.0
 _LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
 # Battery of a usual kit, used if the tool file states none; relative 1 sigma of its capacity and of its currents.
-_ASSUMED = Battery(capacity_sigma=0.25, current_sigma=0.4)
+_ASSUMED = BatteryLimits(capacity_sigma=0.25, current_sigma=0.4)
 _ROOM_C = 25.0  # room temperature, degC
 _MOST_SOURCES, _MOST_BINS = 64, 100  # largest number of sources; largest index of a histogram bin, on each side of 0
 
@@ -483,7 +483,7 @@ class _Charge:
     total: sum, C. used: used share of the capacity. in_run, seconds: charge drawn during the run, C, and its time, s.
     """
 
-    def __init__(self, battery: Battery, sums: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
+    def __init__(self, battery: BatteryLimits, sums: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         self._battery = battery
         self.total, self.used, self.in_run, self.seconds = sums
 
@@ -512,7 +512,7 @@ def _ratio(charge: float, current: float) -> float:
     return charge / current if current > 0.0 else math.nan
 
 
-def _part(name: str, part: Part, day: datetime.date | None) -> PartHealth:
+def _part(name: str, part: ToolPart, day: datetime.date | None) -> PartHealth:
     return PartHealth(name, part.serial_number, part.calibrated, 0 if day is None else part.overdue_days(day))
 
 

@@ -20,7 +20,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.control.set_point import LeaseLimits, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Permission, Request, Sender
+from mwd_surface.control.status import Achieved, ControlRequest, ControlState, ControlStatus, Permission, Sender
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue
 from mwd_surface.ros.context import SurfaceContext
@@ -102,7 +102,7 @@ class ControlServer:
         limits = LeaseLimits(
             **{field.name: getattr(request, f"{field.name}_limit") for field in dataclasses.fields(LeaseLimits)}
         )
-        wish = Request(
+        wish = ControlRequest(
             sender, request.controller, request.role, request.priority, request.wait, request.duration, limits
         )
         decision = self.authority.request(wish, time.monotonic())

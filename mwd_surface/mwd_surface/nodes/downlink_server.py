@@ -22,7 +22,7 @@ from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
 from mwd_surface.control.authority import ControlAuthority
-from mwd_surface.downlink.interlocks import Readings
+from mwd_surface.downlink.interlocks import InterlockReadings
 from mwd_surface.downlink.machine import ENDED, NEXT, DownlinkState, Machine, Transition
 from mwd_surface.downlink.memory import Kept, Memory
 from mwd_surface.downlink.rig_clock import RigClock
@@ -199,10 +199,10 @@ class DownlinkServer:
         """Update the machine if the rig has stopped sending data; now: monotonic time, s."""
         machine = self._machine
         if machine is not None and self._clock.silent(now):
-            machine.update(self._now(), Readings(), now)
+            machine.update(self._now(), InterlockReadings(), now)
             self._follow(machine, self._now())
 
-    def _readings(self, row: Samples) -> Readings:
+    def _readings(self, row: Samples) -> InterlockReadings:
         valid, kind = int(row["valid"]), msg.RigState
         known = {
             name: float(row[field]) if valid & bit else None
@@ -213,7 +213,7 @@ class DownlinkServer:
             )
         }
         at, locked = self._link_seen
-        return Readings(
+        return InterlockReadings(
             rig_age_s=0.0,
             in_slips=bool(row["in_slips"]) if valid & kind.SLIPS else None,
             link_locked=locked,

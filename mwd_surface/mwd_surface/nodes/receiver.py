@@ -31,7 +31,7 @@ from mwd_sensors.ros.message_buffer import MessageBuffer, ReceivedMessage
 from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.telemetry import on_air, tool_commands, tool_configuration
-from mwd_sensors.telemetry.downlink import COMMANDS, Frame
+from mwd_sensors.telemetry.downlink import COMMANDS, DownlinkFrame
 from mwd_sensors.telemetry.pulse_position import PULSE_TU
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_sensors.telemetry.tool_commands import ToolSettings
@@ -357,7 +357,7 @@ def _follow(feed: LinkFeed, message: msg.DownlinkState) -> None:
     if message.state not in (msg.DownlinkState.RUNNING, msg.DownlinkState.SENT):
         feed.following.go_on_as(feed.in_force)
         return
-    frame = Frame(message.counter, COMMANDS.index(message.command), message.argument)
+    frame = DownlinkFrame(message.counter, COMMANDS.index(message.command), message.argument)
     if feed.following.expects != frame.echo:
         feed.following.go_on_as(feed.in_force)
         feed.following.expect(tool_commands.applied(feed.tool, settings.after(frame)), frame.echo)

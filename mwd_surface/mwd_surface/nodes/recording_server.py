@@ -17,7 +17,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.recorder import Recorder
-from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState, RecorderStatus
+from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderState, RecorderStatus
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
@@ -28,7 +28,11 @@ _ATTACH_TIMEOUT_S = 0.4  # for each table or file that is added to a recording
 _RETRY_S = 5.0  # between two attempts to start a recording
 _RESUMES = "free the disk, or make its folder writable; recording resumes by itself"
 _FASTER = "use a faster disk, or record fewer topics"
-_SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
+_SEVERITIES = {
+    EventLevel.INFO: Severity.INFO,
+    EventLevel.WARNING: Severity.WARNING,
+    EventLevel.ERROR: Severity.CRITICAL,
+}
 
 # Topics of samples that the estimator uses.
 SAMPLES = ("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature")

@@ -44,7 +44,7 @@ from mwd_surface.surveys.survey_record import SurveyRecord, Value
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
 
@@ -74,7 +74,7 @@ class SurveyListServer(SurveyBook):
         The list on disk cannot be used.
     """
 
-    slide_sheet: Callable[[], tuple[Stretch, ...]]
+    slide_sheet: Callable[[], tuple[DrilledStretch, ...]]
     on_depth_by_hand: Callable[[float, float], None]
 
     def __init__(self, context: SurfaceContext, settings: SurfaceSettings, *, plan: PlanMonitor) -> None:

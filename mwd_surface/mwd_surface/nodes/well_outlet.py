@@ -31,7 +31,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.advice import Advice
 from mwd_surface.trajectory.slide_file import append_stretch
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
 
@@ -131,7 +131,7 @@ class NodeOutlet(WellOutlet):
         alarms.header.stamp = stamp(stamp_ns)
         self._alarms.publish(alarms)
 
-    def on_stretch(self, stretch: Stretch) -> None:
+    def on_stretch(self, stretch: DrilledStretch) -> None:
         """Save a stretch of the slide sheet; raise an alarm if it cannot be saved."""
         try:
             append_stretch(self._slide_file, stretch)

@@ -51,7 +51,7 @@ def read_token(file: str, environment: Mapping[str, str]) -> str:
     return token
 
 
-class Access:
+class SecretAccess:
     """
     Checker of the secrets that come with commands.
 

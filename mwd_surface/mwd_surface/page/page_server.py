@@ -32,7 +32,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.foreign_text import not_a_file_name
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import port_problem, refused_host
-from mwd_surface.page.access import Access
+from mwd_surface.page.access import SecretAccess
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
 from mwd_surface.page.request_body import json_object, read_body
 from mwd_surface.page.settings import PageSettings
@@ -131,7 +131,7 @@ class PageServer:
             raise ValueError(why)
         self.refused = 0
         self._words = words_handler(self.settings.language)
-        self._access = Access(token, clock) if token else None
+        self._access = SecretAccess(token, clock) if token else None
         self._on_command = on_command if token else None
         self._page, self._exports = page, exports
         self._feed = StateFeed(1.0 / self.settings.max_rate, self.settings.send_timeout, clock, now or clock)

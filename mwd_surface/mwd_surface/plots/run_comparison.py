@@ -20,7 +20,7 @@ _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 
 
-class Run(NamedTuple):
+class ComparedRun(NamedTuple):
     """Results of `mwd process`: name, blocks of attitude (stamp_ns, ns, and angles, deg), and surveys."""
 
     name: str
@@ -48,7 +48,7 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     return {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in kept.items()}
 
 
-def picture(ours: Run, expected: Run) -> Figure:
+def picture(ours: ComparedRun, expected: ComparedRun) -> Figure:
     """Draw inclination and azimuth of two runs with their surveys, and the differences."""
     from matplotlib.figure import Figure
 

@@ -32,7 +32,7 @@ _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 
-class Lines:
+class CsvLines:
     """Formatter of the lines of successive blocks in a reused buffer: a result is valid until the next call."""
 
     def __init__(self) -> None:

@@ -34,7 +34,7 @@ _FLOATS = [field.name for field in SCHEMA if field.type == pa.float64()]
 _GROUP_ROWS = 131_072  # least number of rows in a row group, except the last
 
 
-class Writer:
+class ParquetWriter:
     """
     Writer of a file, one row group at a time.
 
@@ -89,7 +89,7 @@ class Writer:
             self._file.write_table(table, row_group_size=self._rows)
             self._waiting, self._rows = [], 0
 
-    def __enter__(self) -> Writer:
+    def __enter__(self) -> ParquetWriter:
         return self
 
     def __exit__(

@@ -23,7 +23,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
-from mwd_estimation.gravity.bounded.filter import Params
+from mwd_estimation.gravity.bounded.filter import BoundedParams
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
@@ -49,7 +49,7 @@ from mwd_surface.processing.bag_input import (
 from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
-from mwd_surface.processing.recorded_requests import RecordedRequests, Request
+from mwd_surface.processing.recorded_requests import RecordedRequest, RecordedRequests
 from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
 from mwd_surface.surveys.recorded_settings import Recorded
@@ -228,7 +228,7 @@ class BagEstimate:
             for request in requests:
                 yield from self._asked(request)
 
-    def _asked(self, request: Request) -> Iterator[_Result]:
+    def _asked(self, request: RecordedRequest) -> Iterator[_Result]:
         """Repeat a request of the recording."""
         try:
             output = request.apply(self._pipeline)
@@ -374,10 +374,10 @@ def _last_log(block: Block, originals: list[Originals]) -> int:
     return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
 
 
-def _smoothing(estimator: EstimatorSettings, start_ns: int) -> Params:
+def _smoothing(estimator: EstimatorSettings, start_ns: int) -> BoundedParams:
     """Return the parameters of the smoother: those of the bounded filter, with the local gravity."""
     reference = derivation.reference(estimator, start_ns)
-    found: Params = derivation.gravity_params(estimator, reference.gravity if reference is not None else None)
+    found: BoundedParams = derivation.gravity_params(estimator, reference.gravity if reference is not None else None)
     return found
 
 
@@ -596,7 +596,7 @@ class ImuQueue:
     the tool; gravity is smoothed in tool axes.
     """
 
-    def __init__(self, smooth: Params | None = None, mount: Mount | None = None) -> None:
+    def __init__(self, smooth: BoundedParams | None = None, mount: Mount | None = None) -> None:
         self._mount = mount or resolve(MountSettings())
         self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
         self._jumps = RateJumps()

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core.fault_messages import describe, unit_words
-from mwd_estimation.core.sensor_fault import FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import FaultCode, FaultUnit, SensorFault
 from mwd_sensors.core import burst, units, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.foreign_text import first_of
@@ -29,7 +29,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.records import MAGIC
 from mwd_surface.bags.mcap.writer import is_being_written
 from mwd_surface.bags.topic_info import FORCE, MAGNETIC, RATE, REMEDY
-from mwd_surface.processing.half_imu import Kind, is_accelerometer, kind_of
+from mwd_surface.processing.half_imu import ImuKind, is_accelerometer, kind_of
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
@@ -120,7 +120,7 @@ class Topics:
     #: topic of the accelerometer if `imu` is only the gyro
     accelerometer: str | None = None
     #: vectors that the messages of `imu` carry
-    kind: Kind = Kind.WHOLE
+    kind: ImuKind = ImuKind.WHOLE
 
     @property
     def all(self) -> list[str]:
@@ -171,7 +171,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         named_topic(bag, given.temperature_topic, wire.TEMPERATURE) or beside(wire.TEMPERATURE, TEMPERATURE),
         named_topic(bag, given.rig_topic, wire.RIG_STATE) or beside(wire.RIG_STATE, RIG, alone=True),
         accelerometer,
-        Kind.GYRO if accelerometer else Kind.WHOLE if used_live else _kind(bag, imu),
+        ImuKind.GYRO if accelerometer else ImuKind.WHOLE if used_live else _kind(bag, imu),
     )
     _use_first_frames(bag, [name for name in (imu, accelerometer, topics.mag, topics.precision) if name is not None])
     return topics
@@ -266,10 +266,10 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
         others = [n for n in _measured(bag, others) if n not in used and not n.endswith(wells)]
         if others:
             remarks.append(f"not used: {', '.join(others)}; choose the precision unit with --gyro-topic")
-    if topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY):
+    if topics.kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY):
         remarks.append(
             f"{topics.imu}: gyro and accelerometer alternate, with zeros for the other: paired by time"
-            if topics.kind == Kind.IN_TURNS
+            if topics.kind == ImuKind.IN_TURNS
             else f"{topics.imu}: messages of zeros among the readings are left out"
         )
     rigs = [name for name in bag.topics if _has(bag, name, wire.RIG_STATE) and name != topics.rig]
@@ -347,7 +347,7 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
 
 def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
     """Raise OptionNeededError if the motion indicated another unit until the end; the message names the option."""
-    last = {fault.check: fault for fault in faults if fault.unit == Unit.CONVENTIONAL}
+    last = {fault.check: fault for fault in faults if fault.unit == FaultUnit.CONVENTIONAL}
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
             option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
@@ -508,22 +508,22 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
 def _likely(bag: Bag, candidates: list[str]) -> list[str]:
     """Return the topics that may be a complete IMU, without accelerometer halves and topics without gravity."""
     first = {name: first_samples(bag, name) for name in candidates}
-    whole = [name for name in candidates if kind_of(first[name]) != Kind.GYRO and not is_accelerometer(first[name])]
+    whole = [name for name in candidates if kind_of(first[name]) != ImuKind.GYRO and not is_accelerometer(first[name])]
     if whole:
         return [name for name in whole if not without_gravity(first[name])] or whole
-    gyros = [name for name in candidates if kind_of(first[name]) == Kind.GYRO]
+    gyros = [name for name in candidates if kind_of(first[name]) == ImuKind.GYRO]
     return gyros if len(gyros) == 1 and len(candidates) == 2 else candidates
 
 
 def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
     """Return the topics of gyro and accelerometer; one topic and None if the IMU is complete."""
     kind, alone = _kind(bag, imu), _is_accelerometer(bag, imu)
-    if kind != Kind.GYRO and not alone:
+    if kind != ImuKind.GYRO and not alone:
         return imu, None
     others = [name for name in bag.topics if _has(bag, name, wire.IMU)]
     others = [name for name in _measured(bag, others) if name != imu]
     if alone:
-        gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
+        gyro = _nearest(imu, [name for name in others if _kind(bag, name) == ImuKind.GYRO])
         return (gyro, imu) if gyro is not None else (imu, None)
     halves = [name for name in others if _is_accelerometer(bag, name)]
     # A driver may publish the acceleration with and without gravity: prefer topics with gravity.
@@ -540,10 +540,10 @@ def _nearest(name: str, others: list[str]) -> str | None:
     return best[0] if len(best) == 1 else None
 
 
-def _kind(bag: Bag, imu: str) -> Kind:
+def _kind(bag: Bag, imu: str) -> ImuKind:
     """Return the kind of an IMU topic, by the vectors that its messages carry."""
     if quantity := bag.topics[imu].quantity:
-        return Kind.GYRO if quantity == RATE else Kind.ACCELEROMETER
+        return ImuKind.GYRO if quantity == RATE else ImuKind.ACCELEROMETER
     return kind_of(first_samples(bag, imu))
 
 

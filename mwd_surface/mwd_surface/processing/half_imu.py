@@ -28,7 +28,7 @@ _RATED = 16  # number of first intervals whose median is the interval of the acc
 
 
 @unique
-class Kind(StrEnum):
+class ImuKind(StrEnum):
     """Vectors that the messages of an IMU topic carry."""
 
     WHOLE = "whole"
@@ -38,19 +38,19 @@ class Kind(StrEnum):
     SOME_EMPTY = "some empty"
 
 
-def kind_of(samples: Samples) -> Kind:
+def kind_of(samples: Samples) -> ImuKind:
     """Return the kind of a topic, by the vectors in some of its samples, which include covariances."""
     no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
     if not len(samples) or (no_gyro & no_accel).all():
-        return Kind.WHOLE
+        return ImuKind.WHOLE
     if no_accel.mean() >= _HALF and no_gyro.mean() < _HALF:
-        return Kind.GYRO
+        return ImuKind.GYRO
     # Zero rates may come from a gyro at rest: a half needs rates that are declared absent, or NaN throughout.
     if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
-        return Kind.ACCELEROMETER
+        return ImuKind.ACCELEROMETER
     if among_readings(no_accel):
-        return Kind.IN_TURNS if (no_accel & ~no_gyro).any() else Kind.SOME_EMPTY
-    return Kind.WHOLE
+        return ImuKind.IN_TURNS if (no_accel & ~no_gyro).any() else ImuKind.SOME_EMPTY
+    return ImuKind.WHOLE
 
 
 def among_readings(empty: NDArray[np.bool_]) -> bool:
@@ -76,7 +76,7 @@ class Joiner:
         Kind of the gyro's topic. If the topic has both halves, the values of each message show its half.
     """
 
-    def __init__(self, kind: Kind) -> None:
+    def __init__(self, kind: ImuKind) -> None:
         self._kind = kind
         self._gyro: list[tuple[Stamps, Samples]] = []
         self._accel_ns = np.empty(0, dtype=np.int64)
@@ -93,11 +93,11 @@ class Joiner:
         self, gyro: tuple[Stamps, Samples] | None, accel: tuple[Stamps, Samples] | None = None
     ) -> tuple[Stamps, Samples] | None:
         """Accept (log_ns, samples) of a block and return the complete samples; None if there are none."""
-        if self._kind in (Kind.IN_TURNS, Kind.SOME_EMPTY) and gyro is not None:
+        if self._kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY) and gyro is not None:
             log_ns, samples = gyro
             no_accel = _without(samples, _ACCEL)
             # If all messages are either complete or empty, a rate of zero is a measurement.
-            has_gyro = ~_without(samples, _GYRO) if self._kind == Kind.IN_TURNS else ~no_accel
+            has_gyro = ~_without(samples, _GYRO) if self._kind == ImuKind.IN_TURNS else ~no_accel
             accel = log_ns[~no_accel], samples[~no_accel]
             gyro = log_ns[has_gyro], samples[has_gyro]
         if gyro is not None and len(gyro[0]):

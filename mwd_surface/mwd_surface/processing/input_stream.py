@@ -33,7 +33,7 @@ from mwd_surface.processing.bag_input import (
     wells,
     without_gravity,
 )
-from mwd_surface.processing.half_imu import Joiner, Kind, among_readings
+from mwd_surface.processing.half_imu import ImuKind, Joiner, among_readings
 from mwd_surface.processing.stream_times import PACE
 
 # Width of the time bins in which the clocks of a sensor and of the recorder are compared, ns.
@@ -47,7 +47,7 @@ CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
 _RAW = "record the driver's raw data (its topic often ends in data_raw), or disable its removal of gravity"
 
 
-class Problem(NamedTuple):
+class StreamProblem(NamedTuple):
     """Reason why samples cannot be used as they are; `option` has name and value of a helpful setting, or is empty."""
 
     sentence: str
@@ -173,7 +173,7 @@ class InputStream(SampleStream):
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
         super().__init__(bag, topics.all, given, topics.imu)
         self.topics = topics
-        self.problems: list[Problem] = []
+        self.problems: list[StreamProblem] = []
         self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
         self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
 
@@ -298,15 +298,15 @@ def asked_span(bag: Bag, given: InputSettings) -> tuple[int | None, int | None]:
     return start, bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
 
 
-def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[Problem]:
+def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[StreamProblem]:
     """Return why the samples of a recording cannot be used at a place, judged by the first samples."""
-    found: list[Problem] = []
+    found: list[StreamProblem] = []
     accelerometer = topics.accelerometer or topics.imu
     samples = first_samples(bag, accelerometer)
-    if topics.kind == Kind.GYRO and topics.accelerometer is None:
+    if topics.kind == ImuKind.GYRO and topics.accelerometer is None:
         sentence = f"{topics.imu} is the gyro of an IMU alone, and the recording has no topic of its accelerometer"
-        return [Problem(f"{sentence}; record both, or choose a complete IMU with --imu-topic")]
-    if topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY):
+        return [StreamProblem(f"{sentence}; record both, or choose a complete IMU with --imu-topic")]
+    if topics.kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY):
         samples = samples[(samples["linear_acceleration"] != 0.0).any(axis=1)]
     if without_gravity(samples):
         others = [
@@ -317,16 +317,16 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
         raw = [name for name in others if not without_gravity(first_samples(bag, name))]
         sentence = f"{accelerometer}: the driver has removed gravity from the acceleration, which the inclination needs"
         option = ("imu_topic", raw[0]) if len(raw) == 1 else None
-        found.append(Problem(sentence if option else f"{sentence}; {_RAW}", option))
+        found.append(StreamProblem(sentence if option else f"{sentence}; {_RAW}", option))
     if given.stamps == "header":
         found += _clock_problems(bag, topics)
         if not found and place.model and not place.date and not clock_was_set(bag, topics):
             sentence = f"the clock of {topics.imu} was never set, and the field model needs the date"
-            found.append(Problem(f"{sentence}; the recorder knows the date", ("stamps", "recording")))
+            found.append(StreamProblem(f"{sentence}; the recorder knows the date", ("stamps", "recording")))
     return found
 
 
-def refuse(found: list[Problem]) -> None:
+def refuse(found: list[StreamProblem]) -> None:
     """Raise ValueError for problems; OptionNeededError if options of the input solve them."""
     if not found:
         return
@@ -335,7 +335,7 @@ def refuse(found: list[Problem]) -> None:
     raise OptionNeededError(f"{sentence}; set it with {options}") if options else ValueError(sentence)
 
 
-def _clock_problems(bag: Bag, topics: Topics) -> list[Problem]:
+def _clock_problems(bag: Bag, topics: Topics) -> list[StreamProblem]:
     """Return a problem if the clocks of the units differ at the beginning."""
     first: Block = {}
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG)}
@@ -379,7 +379,7 @@ def _gain(block: Block, imu: str) -> float:
     return float(np.median(1.0 - stamped[passed] / logged[passed])) if passed.any() else 0.0
 
 
-def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Problem]:
+def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[StreamProblem]:
     """Return a problem if the clocks of the units differ in some time bin of a block."""
     offsets: dict[str, dict[int, float]] = {}
     for name in _units(topics):
@@ -403,7 +403,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Proble
                     f"the clock of {name} is {_duration(abs(seconds))} {side} that of {topics.imu}: their samples "
                     "cannot be paired by these stamps, but by the times of recording"
                 )
-                return [Problem(sentence, ("stamps", "recording"))]
+                return [StreamProblem(sentence, ("stamps", "recording"))]
     return []
 
 
@@ -537,7 +537,7 @@ def _comes_empty(bag: Bag, mag: str) -> bool:
 
 
 def _in_turns(topics: Topics) -> bool:
-    return topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY)
+    return topics.kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY)
 
 
 def _duration(seconds: float) -> str:

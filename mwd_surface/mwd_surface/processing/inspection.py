@@ -44,7 +44,7 @@ from mwd_surface.processing.bag_input import (
     mount_of,
     option_of,
 )
-from mwd_surface.processing.input_stream import CLOCK_SET_NS, InputStream, Problem, problems
+from mwd_surface.processing.input_stream import CLOCK_SET_NS, InputStream, StreamProblem, problems
 from mwd_surface.processing.process import estimate
 from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary
@@ -130,7 +130,7 @@ class _InspectionPass:
     turn: list[str] = dataclasses.field(default_factory=list)
     turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
-    problems: list[Problem] = dataclasses.field(default_factory=list)
+    problems: list[StreamProblem] = dataclasses.field(default_factory=list)
 
 
 def inspect(
@@ -300,7 +300,7 @@ def _read(
     return reading
 
 
-def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -> None:
+def _expect(state: monitor.MonitorState, estimator: EstimatorSettings, first_ns: int) -> None:
     """Set the expected field of the place for the checks."""
     reference = reference_of(estimator, first_ns)
     if reference is not None:

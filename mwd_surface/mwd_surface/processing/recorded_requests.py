@@ -28,7 +28,7 @@ _LATEST_NS = 10 * NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
-class Request:
+class RecordedRequest:
     """One request: stamp of the last sample before it, ns, log time of its message, ns, kind as text, and action."""
 
     stamp_ns: int
@@ -87,7 +87,7 @@ class RecordedRequests:
 
     def __init__(self, bag: Bag, namespace: str, begin_ns: int, *, with_field: bool) -> None:
         self.remarks: list[str] = []
-        self._waiting: list[Request] = []
+        self._waiting: list[RecordedRequest] = []
         about = bag.topics.get(f"{namespace}{EVENTS}")
         if about is None or about.type_name != EVENT_TYPE:
             return
@@ -100,7 +100,9 @@ class RecordedRequests:
                 continue
             self._waiting.append(_request(log_ns, event))
 
-    def cut(self, stamps: NDArray[np.int64], log_ns: NDArray[np.int64]) -> Iterator[tuple[slice, list[Request]]]:
+    def cut(
+        self, stamps: NDArray[np.int64], log_ns: NDArray[np.int64]
+    ) -> Iterator[tuple[slice, list[RecordedRequest]]]:
         """
         Split samples, shapes (n,), ns, after the sample of each request.
 
@@ -117,13 +119,13 @@ class RecordedRequests:
             start = stop
         yield slice(start, len(stamps)), []
 
-    def rest(self) -> list[Request]:
+    def rest(self) -> list[RecordedRequest]:
         """Remove and return the requests after the last sample."""
         waiting, self._waiting = self._waiting, []
         return waiting
 
 
-def _request(log_ns: int, event: Any) -> Request:
+def _request(log_ns: int, event: Any) -> RecordedRequest:
     kind, act = _KINDS[event.kind]
     stamp_ns = stamp_of(event.header.stamp)
-    return Request(stamp_ns, log_ns, kind, lambda pipeline: act(pipeline, event), event.kind == _RESET)
+    return RecordedRequest(stamp_ns, log_ns, kind, lambda pipeline: act(pipeline, event), event.kind == _RESET)

@@ -16,7 +16,7 @@ import numpy as np
 from mwd_estimation.survey.static_survey import BIN_NS, MAX_FORCE_NOISE, MAX_FORCE_STEP, MAX_RATE
 from mwd_estimation.survey.survey_settings import SurveySettings
 from mwd_sensors.core.arrays import Array, Samples
-from mwd_surface.processing.input_stream import Problem
+from mwd_surface.processing.input_stream import StreamProblem
 
 _DEG = math.pi / 180.0
 # Least noise ratio of a gyro's quietest to noisiest axis; a turning string has most noise along its axis.
@@ -76,7 +76,7 @@ class Rests:
         """Number of rests, as described above."""
         return self._count if 2 * self._sampled > self._half_seconds else None
 
-    def problems(self, imu: str, gyro_unit: str) -> list[Problem]:
+    def problems(self, imu: str, gyro_unit: str) -> list[StreamProblem]:
         """Return a problem if a wrong unit of the gyro hides rests; gyro_unit is the unit with which it was read."""
         if self.count or self.hidden_s < self._needed_s or gyro_unit != "rad/s":
             return []
@@ -84,7 +84,7 @@ class Rests:
             f"{imu}: the accelerometers rest for {self.hidden_s:.0f} s while the gyro turns or scatters like "
             "values in deg/s read as rad/s"
         )
-        return [Problem(sentence, ("gyro_unit", "deg/s"))]
+        return [StreamProblem(sentence, ("gyro_unit", "deg/s"))]
 
     def _close(self, mean: Array, noise: Array, follows: bool) -> None:
         """Judge half a second by mean and standard deviation of rate and force, shape (6,)."""

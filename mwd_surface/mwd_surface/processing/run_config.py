@@ -14,7 +14,7 @@ from mwd_estimation.settings.place import day_of
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.processing.bag_input import InputSettings, Topics
-from mwd_surface.processing.half_imu import Kind
+from mwd_surface.processing.half_imu import ImuKind
 from mwd_surface.processing.run_output import CONFIG, INPUT, OutputSettings
 from mwd_surface.surveys.recorded_settings import kept
 
@@ -22,7 +22,7 @@ from mwd_surface.surveys.recorded_settings import kept
 def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
     """Return config.yaml: every setting in force, for --config; comments state the topics and options of the run."""
     head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
-    head += [f"# {name}: {value}" for name, value in vars(topics).items() if value and value != Kind.WHOLE]
+    head += [f"# {name}: {value}" for name, value in vars(topics).items() if value and value != ImuKind.WHOLE]
     for used, default in ((given, InputSettings()), (wanted, OutputSettings())):
         head += [
             f"# {field.name}: {getattr(used, field.name)}"

@@ -96,7 +96,7 @@ def destination(
         # Import only if needed: loading this module takes longer than processing a short recording.
         from mwd_surface.processing import attitude_parquet
 
-        with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
+        with attitude_parquet.ParquetWriter(folder / "attitude.parquet") as writer:
 
             def write_table(output: Output) -> None:
                 picked = thinner(output.attitude["stamp_ns"])
@@ -106,7 +106,7 @@ def destination(
         return
     with (folder / "attitude.csv").open("wb") as file:
         file.write(attitude_csv.HEADER.encode() + b"\n")
-        lines = attitude_csv.Lines()
+        lines = attitude_csv.CsvLines()
 
         def write_lines(output: Output) -> None:
             picked = thinner(output.attitude["stamp_ns"])

@@ -21,7 +21,7 @@ SURVEY_S = 10.0
 _LEAST_PA = 1.0e6
 
 
-class Span(NamedTuple):
+class NoFlowSpan(NamedTuple):
     """Span without flow, s on the clock of the pressure; the end is inf while the span lasts."""
 
     start_s: float
@@ -44,8 +44,8 @@ class FlowSpans:
         self._sum = self._count = 0.0
         self._usual = 0.0
         self._known = False
-        self.spans: list[Span] = []
-        self._gaps: list[Span] = []
+        self.spans: list[NoFlowSpan] = []
+        self._gaps: list[NoFlowSpan] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
         """Add samples, shape (n,): rising times, s, and Pa; samples beyond any gauge are ignored."""
@@ -60,7 +60,7 @@ class FlowSpans:
             if self._cell is not None and cell != self._cell and self._count:
                 self._judge(self._cell * self._block_s, self._sum / self._count)
                 self._sum = self._count = 0.0
-                unseen = Span((self._cell + 1.0) * self._block_s, cell * self._block_s)
+                unseen = NoFlowSpan((self._cell + 1.0) * self._block_s, cell * self._block_s)
                 self._gaps += [unseen] if unseen.end_s - unseen.start_s >= SURVEY_S else []
             self._cell = cell
             self._sum += float(pressure[inside].sum())
@@ -71,9 +71,9 @@ class FlowSpans:
         self._known = True
         off = bool(self.spans) and math.isinf(self.spans[-1].end_s)
         if off and flowing:
-            self.spans[-1] = Span(self.spans[-1].start_s, at_s)
+            self.spans[-1] = NoFlowSpan(self.spans[-1].start_s, at_s)
         elif not off and not flowing:
-            self.spans.append(Span(at_s, math.inf))
+            self.spans.append(NoFlowSpan(at_s, math.inf))
 
     def flowing(self, at_s: float) -> bool | None:
         """Return whether the pumps are on at a time, s, within the known span; None before anything is known."""
@@ -93,7 +93,7 @@ class FlowSpans:
         """Return the end of the last rest or data gap before a time, s: the earliest flow-on; -inf if not seen."""
         return max((span.end_s for span in (*self.spans, *self._gaps) if span.end_s <= time_s), default=-math.inf)
 
-    def before(self, time_s: float) -> Span | None:
+    def before(self, time_s: float) -> NoFlowSpan | None:
         """Return the last span without flow before a time, s; None if there is none or a data gap may hide one."""
         last = next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
         gap = next((gap for gap in reversed(self._gaps) if gap.end_s <= time_s), None)

@@ -57,7 +57,7 @@ class SurfaceReadings(NamedTuple):
     strength: Array
 
 
-class Known(NamedTuple):
+class SondeFacts(NamedTuple):
     """
     Facts about the sonde, each with 1 sigma.
 
@@ -141,7 +141,7 @@ class SondeFix:
         return max(abs(float(self.position[2])), 0.1)
 
 
-def locate(readings: SurfaceReadings, known: Known, errors: ReadingErrors = ReadingErrors()) -> SondeFix:  # noqa: B008
+def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors = ReadingErrors()) -> SondeFix:  # noqa: B008
     """
     Locate a sonde from readings of its field at the surface.
 
@@ -203,7 +203,7 @@ def moment_of(strength: float, distance_m: float) -> float:
 class _Model:
     """Readings, prior knowledge and sigmas as residuals of one vector of unknowns."""
 
-    def __init__(self, readings: SurfaceReadings, known: Known, errors: ReadingErrors) -> None:
+    def __init__(self, readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors) -> None:
         self._point, self._known = readings.point, known
         self._vector = np.isfinite(readings.field).all(axis=1)
         self._field, self._strength = readings.field[self._vector], readings.strength[~self._vector]

@@ -30,7 +30,7 @@ _RETRY_S = 2.0
 WAV_FULL_SCALE_PA = 1.0e7
 
 
-class Source(Protocol):
+class SampleSource(Protocol):
     """Interface of a source of samples."""
 
     @property

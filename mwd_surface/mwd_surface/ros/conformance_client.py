@@ -14,8 +14,8 @@ from mwd_msgs import msg, srv
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from mwd_sensors.ros.qos import STATE
-from mwd_surface.conformance.bench import Answer, Bench, NotPossibleError, Point, View, Wish
-from mwd_surface.control.status import Judgement
+from mwd_surface.conformance.bench import Bench, ControlAnswer, NotPossibleError, Point, View, Wish
+from mwd_surface.control.status import ControlJudgement
 from mwd_surface.ros.controller import Controller
 
 _DISCOVERY_S, _ANSWER_S = 30.0, 30.0  # longest waits for the authority and for the answer of a service, s
@@ -100,11 +100,11 @@ class RosConformance:
 
     def grant(self, number: int) -> bool:
         """Grant a request, as the person at the rig."""
-        return self._judged(decision=int(Judgement.GRANT), number=number, operator_name="conformance")
+        return self._judged(decision=int(ControlJudgement.GRANT), number=number, operator_name="conformance")
 
     def abort(self, name: str = "conformance") -> bool:
         """Take control back, as the person at the rig."""
-        return self._judged(decision=int(Judgement.ABORT), operator_name=name)
+        return self._judged(decision=int(ControlJudgement.ABORT), operator_name=name)
 
     def _judged(self, **fields: Any) -> bool:
         return bool(self.answer(self._judge.call_async(srv.JudgeControl.Request(**fields))).success)
@@ -213,7 +213,7 @@ class RosPeer:
         """Send a message unchanged."""
         self._controller.publish(copy.deepcopy(sealed))
 
-    def ask(self, wish: Wish) -> Answer:
+    def ask(self, wish: Wish) -> ControlAnswer:
         """Request control."""
         if not 0 <= wish.priority <= 255:
             raise NotPossibleError("a priority is a byte")
@@ -221,7 +221,7 @@ class RosPeer:
         self._controller.name = wish.name
         limits = {"speed_limit": wish.speed, "left_speed_limit": wish.left_speed}
         answer = self._interface.answer(self._controller.ask(**fields, **limits))
-        return Answer(answer.permission, answer.lease, answer.message)
+        return ControlAnswer(answer.permission, answer.lease, answer.message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
         """Send a set-point, and return whether it comes into force; True for a heartbeat (sequence 0)."""

@@ -45,7 +45,7 @@ _MARGIN = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
+class CalibrationReadings:
     """
     Readings of one unit over a run.
 
@@ -72,7 +72,7 @@ class Run:
     rate: float
 
 
-def simulated(scenario: Scenario, unit: str) -> Run:
+def simulated(scenario: Scenario, unit: str) -> CalibrationReadings:
     """
     Simulate the calibration run of a unit.
 
@@ -92,7 +92,7 @@ def simulated(scenario: Scenario, unit: str) -> Run:
     return _run(f"scenario {scenario.name}, seed {scenario.seed}", unit, joined, wanted)
 
 
-def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[Run, list[str]]:
+def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[CalibrationReadings, list[str]]:
     """
     Read the calibration run of a unit from a recording; return the run, and sentences about unusual data.
 
@@ -146,7 +146,7 @@ def field_of(scenario: Scenario) -> tuple[float, tuple[float, float]]:
     return reference.gravity, (reference.total, reference.dip)
 
 
-def calibrated(run: Run, gravity: float, field: tuple[float, float] | None) -> Calibration:
+def calibrated(run: CalibrationReadings, gravity: float, field: tuple[float, float] | None) -> Calibration:
     """
     Return the calibration of a run; without a magnetic field the magnetometer is not calibrated.
 
@@ -221,7 +221,9 @@ def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSett
     return dataclasses.replace(settings, tool=dataclasses.replace(settings.tool, calibrated_c=calibrated))
 
 
-def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str | None, str | None]) -> Run:
+def _run(
+    source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str | None, str | None]
+) -> CalibrationReadings:
     imu = _ordered([joined[topics[0]]])
     if len(imu) < 100:
         raise ValueError(f"{source}: {len(imu)} samples are too few for a calibration")
@@ -237,7 +239,7 @@ def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[st
         raise ValueError(f"{source}: there is no temperature; a calibration needs {_TEMPERATURE}")
     heat = _ordered([joined[topics[2]]])
     celsius = _interpolated(stamps, heat["stamp_ns"], heat["temperature"])
-    return Run(source, unit, imu, mag, celsius, rate)
+    return CalibrationReadings(source, unit, imu, mag, celsius, rate)
 
 
 def _ordered(parts: Iterable[Samples]) -> Samples:

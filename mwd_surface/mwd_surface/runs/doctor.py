@@ -28,7 +28,7 @@ _LEAST_DISK = 2 * 10**9  # bytes that must be free for recordings
 _RECEIVE_BUFFER = 4 * 2**20
 
 
-class Level(enum.IntEnum):
+class CheckLevel(enum.IntEnum):
     """Severity of the result of a check."""
 
     OK = 0
@@ -41,7 +41,7 @@ class CheckResult:
     """Result of a check: its subject, level and state, and the remedy (empty if there is nothing to do)."""
 
     name: str
-    level: Level
+    level: CheckLevel
     state: str
     remedy: str = ""
 
@@ -110,28 +110,28 @@ def python() -> CheckResult:
     """Compare the Python version with the versions for which the ROS wheels are made."""
     version = platform.python_version()
     if sys.version_info[:2] in _PYTHONS:
-        return CheckResult("Python", Level.OK, version)
+        return CheckResult("Python", CheckLevel.OK, version)
     wanted = " or ".join(f"{a}.{b}" for a, b in _PYTHONS)
     return CheckResult(
-        "Python", Level.MISSING, version, f"install Python {wanted} and run `make setup PYTHON=python3.12`"
+        "Python", CheckLevel.MISSING, version, f"install Python {wanted} and run `make setup PYTHON=python3.12`"
     )
 
 
 def package(name: str, why: str) -> CheckResult:
     """Check that a required package is installed."""
     if importlib.util.find_spec(name) is None:
-        level = Level.NOTE if "without it" in why else Level.MISSING
+        level = CheckLevel.NOTE if "without it" in why else CheckLevel.MISSING
         return CheckResult(name, level, f"not installed: {why}", "run `make setup`, or pip install it into this Python")
     distribution = {"yaml": "PyYAML"}.get(name, name)
-    return CheckResult(name, Level.OK, _version(distribution))
+    return CheckResult(name, CheckLevel.OK, _version(distribution))
 
 
 def interface(what: str, module: str, distribution: str) -> CheckResult:
     """Check that the package of an optional interface is installed."""
     if importlib.util.find_spec(module) is None:
         remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
-        return CheckResult(what, Level.NOTE, f"off: {distribution} is not installed", remedy)
-    return CheckResult(what, Level.OK, f"{distribution} {_version(distribution)}")
+        return CheckResult(what, CheckLevel.NOTE, f"off: {distribution} is not installed", remedy)
+    return CheckResult(what, CheckLevel.OK, f"{distribution} {_version(distribution)}")
 
 
 def rig_port(what: str, port: int) -> CheckResult:
@@ -139,8 +139,8 @@ def rig_port(what: str, port: int) -> CheckResult:
     taken = _taken(port)
     if taken:
         remedy = "`mwd run` takes another; a surface node: set its rig.*.port"
-        return CheckResult(f"{what} port", Level.NOTE, f"port {port}: {taken}", remedy)
-    return CheckResult(f"{what} port", Level.OK, f"port {port} is free")
+        return CheckResult(f"{what} port", CheckLevel.NOTE, f"port {port}: {taken}", remedy)
+    return CheckResult(f"{what} port", CheckLevel.OK, f"port {port} is free")
 
 
 def middleware() -> CheckResult:
@@ -149,18 +149,18 @@ def middleware() -> CheckResult:
     words = "import rclpy, sys; from rclpy.utilities import get_rmw_implementation_identifier as f; print(f())"
     done = _ask([sys.executable, "-c", words], environment)
     if done.returncode == 0:
-        return CheckResult("ROS 2", Level.OK, f"rclpy with {done.stdout.strip()}")
+        return CheckResult("ROS 2", CheckLevel.OK, f"rclpy with {done.stdout.strip()}")
     last = (done.stderr.strip().splitlines() or ["no answer"])[-1]
     remedy = "run `make setup` for the wheels, or source /opt/ros/jazzy/setup.bash; recordings can be processed without"
-    return CheckResult("ROS 2", Level.MISSING, f"rclpy does not import: {last}", remedy)
+    return CheckResult("ROS 2", CheckLevel.MISSING, f"rclpy does not import: {last}", remedy)
 
 
 def messages() -> CheckResult:
     """Check whether mwd_msgs is built for this Python."""
     if importlib.util.find_spec("mwd_msgs") is None:
         remedy = "run `make setup`, or `colcon build` and source install/setup.bash"
-        return CheckResult("mwd_msgs", Level.MISSING, "not built", remedy)
-    return CheckResult("mwd_msgs", Level.OK, "built")
+        return CheckResult("mwd_msgs", CheckLevel.MISSING, "not built", remedy)
+    return CheckResult("mwd_msgs", CheckLevel.OK, "built")
 
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
@@ -168,14 +168,18 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell without sourcing it"
-        return CheckResult("environment", Level.MISSING, f"ROS {distro} is sourced; the program needs jazzy", remedy)
+        return CheckResult(
+            "environment", CheckLevel.MISSING, f"ROS {distro} is sourced; the program needs jazzy", remedy
+        )
     here = Path(sys.prefix).resolve()
     prefixes = [p for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     others = [p for p in prefixes if Path(p).resolve() != here]
     if others and importlib.util.find_spec("ros_wheels_bootstrapper") is not None:
         state = f"AMENT_PREFIX_PATH also names {', '.join(others)}"
-        return CheckResult("environment", Level.NOTE, state, "unset AMENT_PREFIX_PATH unless that workspace is meant")
-    return CheckResult("environment", Level.OK, distro or "wheels, nothing sourced")
+        return CheckResult(
+            "environment", CheckLevel.NOTE, state, "unset AMENT_PREFIX_PATH unless that workspace is meant"
+        )
+    return CheckResult("environment", CheckLevel.OK, distro or "wheels, nothing sourced")
 
 
 def discovery(environment: Mapping[str, str]) -> CheckResult:
@@ -183,11 +187,15 @@ def discovery(environment: Mapping[str, str]) -> CheckResult:
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
-        return CheckResult("domain", Level.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101")
+        return CheckResult(
+            "domain", CheckLevel.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101"
+        )
     if reach.upper() == "SUBNET":
         state = f"domain {domain}, the whole network discovers the nodes and may publish to them"
-        return CheckResult("discovery", Level.NOTE, state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless that is meant")
-    return CheckResult("discovery", Level.OK, f"domain {domain}, {reach}")
+        return CheckResult(
+            "discovery", CheckLevel.NOTE, state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless that is meant"
+        )
+    return CheckResult("discovery", CheckLevel.OK, f"domain {domain}, {reach}")
 
 
 def receive_buffer() -> CheckResult:
@@ -196,12 +204,12 @@ def receive_buffer() -> CheckResult:
     try:
         most = int(limit.read_text(encoding="ascii"))
     except (OSError, ValueError):
-        return CheckResult("receive buffer", Level.NOTE, f"{limit} cannot be read, so its limit is unknown")
+        return CheckResult("receive buffer", CheckLevel.NOTE, f"{limit} cannot be read, so its limit is unknown")
     state = f"{most / 2**20:.1f} MiB of a socket"
     if most < _RECEIVE_BUFFER:
         remedy = f"streams at 1 kHz lose samples on a busy machine: sudo sysctl -w net.core.rmem_max={_RECEIVE_BUFFER}"
-        return CheckResult("receive buffer", Level.NOTE, state, remedy)
-    return CheckResult("receive buffer", Level.OK, state)
+        return CheckResult("receive buffer", CheckLevel.NOTE, state, remedy)
+    return CheckResult("receive buffer", CheckLevel.OK, state)
 
 
 def disk(folder: Path) -> CheckResult:
@@ -213,39 +221,41 @@ def disk(folder: Path) -> CheckResult:
         with tempfile.TemporaryFile(dir=place):
             free = shutil.disk_usage(place).free
     except OSError as error:
-        return CheckResult("recordings", Level.MISSING, f"{folder}: {error.strerror}", "choose another --output folder")
+        return CheckResult(
+            "recordings", CheckLevel.MISSING, f"{folder}: {error.strerror}", "choose another --output folder"
+        )
     state = f"{folder}: {free / 1e9:.0f} GB free"
     if free < _LEAST_DISK:
-        return CheckResult("recordings", Level.NOTE, state, "free some space, or choose another --output folder")
-    return CheckResult("recordings", Level.OK, state)
+        return CheckResult("recordings", CheckLevel.NOTE, state, "free some space, or choose another --output folder")
+    return CheckResult("recordings", CheckLevel.OK, state)
 
 
 def page_port(port: int) -> CheckResult:
     """Check whether the live page can listen on its port."""
     taken = _taken(port)
     if taken:
-        return CheckResult("page", Level.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
-    return CheckResult("page", Level.OK, f"port {port} is free")
+        return CheckResult("page", CheckLevel.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
+    return CheckResult("page", CheckLevel.OK, f"port {port} is free")
 
 
 def clock() -> CheckResult:
     """Check whether a service synchronises the clock, because stamps of different machines are compared."""
     if shutil.which("timedatectl") is None:
-        return CheckResult("clock", Level.OK, "not known here")
+        return CheckResult("clock", CheckLevel.OK, "not known here")
     done = _ask(["timedatectl", "show", "-p", "NTPSynchronized", "--value"], dict(os.environ))
     if done.returncode == 0 and done.stdout.strip() == "no":
         remedy = "install chrony, if rig data comes from another machine"
-        return CheckResult("clock", Level.NOTE, "not synchronised", remedy)
-    return CheckResult("clock", Level.OK, "synchronised" if done.returncode == 0 else "not known here")
+        return CheckResult("clock", CheckLevel.NOTE, "not synchronised", remedy)
+    return CheckResult("clock", CheckLevel.OK, "synchronised" if done.returncode == 0 else "not known here")
 
 
 def tool(name: str, why: str) -> CheckResult:
     """Check for a program that is needed only to build the packages."""
     found = shutil.which(name)
     if found:
-        return CheckResult(name, Level.OK, found)
+        return CheckResult(name, CheckLevel.OK, found)
     remedy = f"on Debian or Ubuntu: sudo apt install {'g++' if name == 'c++' else name}"
-    return CheckResult(name, Level.NOTE, f"not found: {why}", remedy)
+    return CheckResult(name, CheckLevel.NOTE, f"not found: {why}", remedy)
 
 
 def _version(distribution: str) -> str:

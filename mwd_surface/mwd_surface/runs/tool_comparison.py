@@ -36,7 +36,7 @@ _SHORTEST = 20.0  # s; in a shorter rest no survey is requested, so only the too
 
 
 @dataclasses.dataclass(frozen=True)
-class Reading:
+class ToolDirection:
     """Inclination and azimuth from true north of one tool, rad; sigma_azimuth: 1 sigma, rad; NaN if unknown."""
 
     inclination: float
@@ -53,9 +53,9 @@ class ToolStation:
     """
 
     measured_depth: float
-    conventional: Reading
-    gyro: Reading
-    truth: Reading
+    conventional: ToolDirection
+    gyro: ToolDirection
+    truth: ToolDirection
     automatic: bool
     accepted: bool
 
@@ -135,9 +135,9 @@ def _station(one: DecidedSurvey, truth: Samples, precision: Samples) -> ToolStat
     mean = precision["linear_acceleration"][start:end].mean(axis=0) if end > start else np.full(3, math.nan)
     return ToolStation(
         float(at["measured_depth"]),
-        Reading(survey.inclination, *_azimuth(survey, AzimuthMethod.RAW)),
-        Reading(float(inclination(mean)), *_azimuth(survey, AzimuthMethod.GYRO)),
-        Reading(float(at["inclination"]), float(at["azimuth"])),
+        ToolDirection(survey.inclination, *_azimuth(survey, AzimuthMethod.RAW)),
+        ToolDirection(float(inclination(mean)), *_azimuth(survey, AzimuthMethod.GYRO)),
+        ToolDirection(float(at["inclination"]), float(at["azimuth"])),
         automatic=not survey.requested,
         accepted=one.station.verdicts.azimuth == "accept",
     )
@@ -152,6 +152,6 @@ def _azimuth(survey: Survey, method: AzimuthMethod) -> tuple[float, float]:
     return (math.nan if turned is None else turned), estimate.sigma
 
 
-def azimuth_error(reading: Reading, truth: Reading) -> float:
+def azimuth_error(reading: ToolDirection, truth: ToolDirection) -> float:
     """Return measured minus true azimuth, rad, within half a turn."""
     return float(wrap_pi(reading.azimuth - truth.azimuth))

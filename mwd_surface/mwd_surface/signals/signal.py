@@ -7,7 +7,7 @@ import dataclasses
 from typing import NamedTuple
 
 from mwd_sensors.core.angle_convention import AngleConvention
-from mwd_surface.signals.units import DEG_PER_H, METRIC, UNITS, Scale
+from mwd_surface.signals.units import DEG_PER_H, METRIC, UNITS, UnitScale
 
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
 CONTROL, ADVICE, INPUT, SURFACE, LOG = "control", "advice", "input", "surface", "log"
@@ -66,7 +66,7 @@ class Wits(NamedTuple):
     decimals: int
 
 
-class Column(NamedTuple):
+class FileColumn(NamedTuple):
     """Column of a file: name, which ends with the unit, and number of decimals."""
 
     key: str
@@ -171,8 +171,8 @@ class Signal:
     reads: int | None = None
     record: str = ""
     listed: Listed | None = None
-    series: Column | None = None
-    attitude: Column | None = None
+    series: FileColumn | None = None
+    attitude: FileColumn | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError for a unit without conversions, or for an unknown source or type."""
@@ -187,12 +187,12 @@ class Signal:
             raise ValueError(f"signal {self.name}: a signal sent to a rig needs an OPC UA name")
 
     @property
-    def people(self) -> Scale:
+    def people(self) -> UnitScale:
         """Metric unit in files and on paper."""
         return UNITS[self.unit].people
 
     @property
-    def listed_scale(self) -> Scale:
+    def listed_scale(self) -> UnitScale:
         """Unit in the tables of surveys: the metric unit of files, or deg/h for the rate of a gyro at rest."""
         return DEG_PER_H if self.listed and self.listed.key.endswith("_degph") else self.people
 

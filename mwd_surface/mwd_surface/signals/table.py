@@ -23,7 +23,7 @@ from mwd_surface.signals.signal import (
     SOURCES,
     SURFACE,
     SURVEY,
-    Column,
+    FileColumn,
     Listed,
     Shown,
     Signal,
@@ -83,9 +83,9 @@ def _signal(row: Mapping[str, str]) -> Signal:
         raise ValueError(f"{FILE.name}, signal {row['name']}: {error}") from error
 
 
-def _column(text: str) -> Column:
+def _column(text: str) -> FileColumn:
     key, _, decimals = text.partition(" ")
-    return Column(key, int(decimals or 0))
+    return FileColumn(key, int(decimals or 0))
 
 
 def _flag(text: str) -> bool:

@@ -23,7 +23,7 @@ _DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi
 
 
-class Scale(NamedTuple):
+class UnitScale(NamedTuple):
     """Unit of a protocol or file: the number in this unit is `factor` times the SI number plus `offset`."""
 
     symbol: str
@@ -39,7 +39,7 @@ class Scale(NamedTuple):
         return (number - self.offset) / self.factor
 
 
-DEG_PER_H = Scale("deg/h", 3600.0 * _DEG)
+DEG_PER_H = UnitScale("deg/h", 3600.0 * _DEG)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,15 +69,15 @@ class UnitConversions:
     unece: str
     name: str
     quantity: str
-    people: Scale
-    modbus: Scale
-    metric: Scale
-    fps: Scale
+    people: UnitScale
+    modbus: UnitScale
+    metric: UnitScale
+    fps: UnitScale
     witsml: str = ""
     endings: tuple[str, str] = ("", "")
     field_witsml: str = ""
 
-    def shown_in(self, system: str) -> Scale:
+    def shown_in(self, system: str) -> UnitScale:
         """Return the unit in files and on paper of a well in metric or field units."""
         return self.fps if system == FIELD and self.endings[1] else self.people
 
@@ -91,35 +91,35 @@ class UnitConversions:
         return self.field_witsml or self.witsml if system == FIELD else self.witsml
 
 
-def _same(unece: str, name: str, quantity: str, scale: Scale, witsml: str = "") -> UnitConversions:
+def _same(unece: str, name: str, quantity: str, scale: UnitScale, witsml: str = "") -> UnitConversions:
     """Return a unit with the same conversion in all protocols except OPC UA."""
     return UnitConversions(unece, name, quantity, scale, scale, scale, scale, witsml)
 
 
 UNITS: dict[str, UnitConversions] = {
-    "1": _same("C62", "one", "ProportionStandardQuantity", Scale("1", 1.0)),
-    "rad": _same("C81", "radian", "PlaneAngleDrillingQuantity", Scale("deg", _DEG), "dega"),
+    "1": _same("C62", "one", "ProportionStandardQuantity", UnitScale("1", 1.0)),
+    "rad": _same("C81", "radian", "PlaneAngleDrillingQuantity", UnitScale("deg", _DEG), "dega"),
     "rad/m": UnitConversions(
         "C84",
         "radian per metre",
         "CurvatureDrillingQuantity",
-        people=Scale("deg/30 m", 30.0 * _DEG),
-        modbus=Scale("deg/30m", 30.0 * _DEG),
-        metric=Scale("deg/30m", 30.0 * _DEG),
-        fps=Scale("deg/100ft", 100.0 * FOOT * _DEG),
+        people=UnitScale("deg/30 m", 30.0 * _DEG),
+        modbus=UnitScale("deg/30m", 30.0 * _DEG),
+        metric=UnitScale("deg/30m", 30.0 * _DEG),
+        fps=UnitScale("deg/100ft", 100.0 * FOOT * _DEG),
         witsml="dega/30m",
         endings=("deg_per_30m", "deg_per_100ft"),
         field_witsml="dega/100ft",
     ),
-    "rad/s": _same("2A", "radian per second", "AngularVelocityDrillingQuantity", Scale("rpm", _RPM)),
+    "rad/s": _same("2A", "radian per second", "AngularVelocityDrillingQuantity", UnitScale("rpm", _RPM)),
     "m": UnitConversions(
         "MTR",
         "metre",
         "LengthStandardQuantity",
-        people=Scale("m", 1.0),
-        modbus=Scale("m", 1.0),
-        metric=Scale("m", 1.0),
-        fps=Scale("ft", 1.0 / FOOT),
+        people=UnitScale("m", 1.0),
+        modbus=UnitScale("m", 1.0),
+        metric=UnitScale("m", 1.0),
+        fps=UnitScale("ft", 1.0 / FOOT),
         witsml="m",
         endings=("_m", "_ft"),
         field_witsml="ft",
@@ -128,70 +128,70 @@ UNITS: dict[str, UnitConversions] = {
         "MTS",
         "metre per second",
         "RateOfPenetrationDrillingQuantity",
-        people=Scale("m/h", 3600.0),
-        modbus=Scale("m/h", 3600.0),
-        metric=Scale("m/h", 3600.0),
-        fps=Scale("ft/h", 3600.0 / FOOT),
+        people=UnitScale("m/h", 3600.0),
+        modbus=UnitScale("m/h", 3600.0),
+        metric=UnitScale("m/h", 3600.0),
+        fps=UnitScale("ft/h", 3600.0 / FOOT),
         endings=("_mph", "_ftph"),
     ),
     "m/s^2": UnitConversions(
         "MSK",
         "metre per second squared",
         "AccelerationDrillingQuantity",
-        people=Scale("m/s^2", 1.0),
-        modbus=Scale("g", 1.0 / STANDARD_GRAVITY),
-        metric=Scale("g", 1.0 / STANDARD_GRAVITY),
-        fps=Scale("g", 1.0 / STANDARD_GRAVITY),
+        people=UnitScale("m/s^2", 1.0),
+        modbus=UnitScale("g", 1.0 / STANDARD_GRAVITY),
+        metric=UnitScale("g", 1.0 / STANDARD_GRAVITY),
+        fps=UnitScale("g", 1.0 / STANDARD_GRAVITY),
     ),
-    "T": _same("D33", "tesla", "EarthMagneticFluxDensityQuantity", Scale("nT", 1e9)),
+    "T": _same("D33", "tesla", "EarthMagneticFluxDensityQuantity", UnitScale("nT", 1e9)),
     "degC": UnitConversions(
         "CEL",
         "degree Celsius",
         "TemperatureDrillingQuantity",
-        people=Scale("degC", 1.0),
-        modbus=Scale("degC", 1.0),
-        metric=Scale("degC", 1.0),
-        fps=Scale("degF", 1.8, 32.0),
+        people=UnitScale("degC", 1.0),
+        modbus=UnitScale("degC", 1.0),
+        metric=UnitScale("degC", 1.0),
+        fps=UnitScale("degF", 1.8, 32.0),
         endings=("_degc", "_degf"),
     ),
     # API units are relative to a calibration pit, and UNECE has no code for them; C62 is the code of the unit one.
-    "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", Scale("gAPI", 1.0)),
-    "s": _same("SEC", "second", "DurationDrillingQuantity", Scale("s", 1.0)),
+    "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", UnitScale("gAPI", 1.0)),
+    "s": _same("SEC", "second", "DurationDrillingQuantity", UnitScale("s", 1.0)),
     "N": UnitConversions(
         "NEW",
         "newton",
         "ForceDrillingQuantity",
-        people=Scale("kN", 1e-3),
-        modbus=Scale("kN", 1e-3),
-        metric=Scale("kdaN", 1e-4),
-        fps=Scale("klbf", 1e-3 / POUND_FORCE),
+        people=UnitScale("kN", 1e-3),
+        modbus=UnitScale("kN", 1e-3),
+        metric=UnitScale("kdaN", 1e-4),
+        fps=UnitScale("klbf", 1e-3 / POUND_FORCE),
         endings=("_kn", "_klbf"),
     ),
     "N m": UnitConversions(
         "NU",
         "newton metre",
         "TorqueDrillingQuantity",
-        people=Scale("kN m", 1e-3),
-        modbus=Scale("N m", 1.0),
-        metric=Scale("kN m", 1e-3),
-        fps=Scale("klbf ft", 1e-3 / (POUND_FORCE * FOOT)),
+        people=UnitScale("kN m", 1e-3),
+        modbus=UnitScale("N m", 1.0),
+        metric=UnitScale("kN m", 1e-3),
+        fps=UnitScale("klbf ft", 1e-3 / (POUND_FORCE * FOOT)),
     ),
     "Pa": UnitConversions(
         "PAL",
         "pascal",
         "PressureDrillingQuantity",
-        people=Scale("kPa", 1e-3),
-        modbus=Scale("kPa", 1e-3),
-        metric=Scale("kPa", 1e-3),
-        fps=Scale("psi", 1.0 / PSI),
+        people=UnitScale("kPa", 1e-3),
+        modbus=UnitScale("kPa", 1e-3),
+        metric=UnitScale("kPa", 1e-3),
+        fps=UnitScale("psi", 1.0 / PSI),
     ),
     "m^3/s": UnitConversions(
         "MQS",
         "cubic metre per second",
         "VolumetricFlowrateDrillingQuantity",
-        people=Scale("L/min", 60000.0),
-        modbus=Scale("L/min", 60000.0),
-        metric=Scale("L/min", 60000.0),
-        fps=Scale("gal/min", 60.0 / GALLON),
+        people=UnitScale("L/min", 60000.0),
+        modbus=UnitScale("L/min", 60000.0),
+        metric=UnitScale("L/min", 60000.0),
+        fps=UnitScale("gal/min", 60.0 / GALLON),
     ),
 }

@@ -101,7 +101,7 @@ def _depth_column(names: list[str], path: Path) -> tuple[str, bool, float]:
                 if lower == word or lower.startswith(word + "_"):
                     rest = lower.removeprefix(word).replace("_", " ").strip()
                     unit = list_columns.unit_word(rest)
-                    column = list_columns.Column(0, name, "md", unit, strange="" if unit else rest)
+                    column = list_columns.ListColumn(0, name, "md", unit, strange="" if unit else rest)
                     return name, of_bit, list_columns.factor(column, str(path))
     raise ListFileError(f"{path}: no column of depths; expected bit_depth_m or md_m, got {', '.join(names)}")
 

@@ -30,14 +30,14 @@ from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_position import programme_of, uncertain_well
 from mwd_surface.trajectory.list_comparison import covariance_between
 from mwd_surface.trajectory.well_path import Definitive
-from mwd_surface.uncertainty.programme import Interval, Programme
+from mwd_surface.uncertainty.programme import Interval, SurveyProgramme
 
 # Least number of stations for a multi-station analysis.
 _TOGETHER = 3
 
 
 @dataclasses.dataclass(frozen=True)
-class Source:
+class ListSource:
     """A survey list of the well: name for people, the list, and the tool code of its stations."""
 
     name: str
@@ -69,12 +69,12 @@ class FinalList:
     """The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people."""
 
     surveys: SurveyList
-    programme: Programme
+    programme: SurveyProgramme
     overlaps: tuple[Overlap, ...] = ()
     remarks: tuple[str, ...] = ()
 
 
-def final_list(sources: Sequence[Source]) -> FinalList:
+def final_list(sources: Sequence[ListSource]) -> FinalList:
     """
     Combine the sources of one well; well, legs and rules are those of the first one.
 
@@ -99,7 +99,7 @@ def final_list(sources: Sequence[Source]) -> FinalList:
     return found
 
 
-def _joined(whole: FinalList, source: Source, name: str) -> FinalList:
+def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
     """Return the list with the stations of another source; name: name of the source of the present stations."""
     surveys = whole.surveys
     mine = [r for r in surveys.records if r.in_use and r.leg == surveys.leg]
@@ -133,7 +133,7 @@ def _joined(whole: FinalList, source: Source, name: str) -> FinalList:
     return dataclasses.replace(chosen, overlaps=(*whole.overlaps, overlap))
 
 
-def _renamed(source: Source, surveys: SurveyList) -> list[SurveyRecord]:
+def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
     """Return the stations of a source, numbered for the current leg of a list, without those already in the list."""
     known = {record.survey.uuid for record in surveys.records}
     above = surveys.find_leg().tie_on.measured_depth
@@ -152,7 +152,7 @@ def _renamed(source: Source, surveys: SurveyList) -> list[SurveyRecord]:
 
 
 def _with(
-    whole: FinalList, records: Sequence[SurveyRecord], theirs: Sequence[SurveyRecord], source: Source
+    whole: FinalList, records: Sequence[SurveyRecord], theirs: Sequence[SurveyRecord], source: ListSource
 ) -> FinalList:
     """Return the list with these records; the intervals of the new source precede the others of the programme."""
     code = source.code or source.surveys.well.error_model

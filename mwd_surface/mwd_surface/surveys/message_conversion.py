@@ -17,7 +17,7 @@ from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Decision, Judgement, SurveyRecord
+from mwd_surface.surveys.survey_record import Judgement, SurveyDecisionRecord, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan, plan_of
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, Definitive
@@ -31,7 +31,9 @@ def record_of(message: Any) -> SurveyRecord:
     record = SurveyRecord.from_message(message)
     if record.judgement == Judgement.NOT_JUDGED:
         return record
-    last = Decision(record.judgement, record.operator_name, record.reason, record.judged_ns, record.measured_depth)
+    last = SurveyDecisionRecord(
+        record.judgement, record.operator_name, record.reason, record.judged_ns, record.measured_depth
+    )
     return dataclasses.replace(record, decisions=(last,))
 
 

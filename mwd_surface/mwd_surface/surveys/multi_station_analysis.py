@@ -31,7 +31,7 @@ from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import inclination
-from mwd_surface.surveys.multi_station_problem import Problem
+from mwd_surface.surveys.multi_station_problem import StationsProblem
 from mwd_surface.surveys.multi_station_problem import corrected as corrected_readings
 
 __all__ = ["Multistation", "analyse"]
@@ -107,7 +107,7 @@ def analyse(
     f, b = _readings(f_t, b_t)
     if not reference.has_field:
         raise ValueError("reference: a multi-station analysis needs the strength and dip of the field")
-    problem = Problem(f, b, reference, errors)
+    problem = StationsProblem(f, b, reference, errors)
     return _result(problem, _fitted(problem))
 
 
@@ -134,7 +134,7 @@ class _ErrorFit:
     probability: float
 
 
-def _fitted(problem: Problem) -> _ErrorFit:
+def _fitted(problem: StationsProblem) -> _ErrorFit:
     """Solve, dropping one outlier after the other, and rescale the noise if there are enough stations."""
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
@@ -155,7 +155,7 @@ def _fitted(problem: Problem) -> _ErrorFit:
     return _ErrorFit(solution, used, misfit, chi_square, degrees, float(chi2.sf(chi_square, degrees)))
 
 
-def _result(problem: Problem, fit: _ErrorFit) -> Multistation:
+def _result(problem: StationsProblem, fit: _ErrorFit) -> Multistation:
     f, b, solution, used = problem.f, problem.b, fit.solution, fit.used
     slope = problem.slope(solution, used)
     covariance_x = np.asarray(np.linalg.inv(slope.T @ slope), dtype=float)

@@ -23,7 +23,7 @@ SENSORS = 12
 
 
 # Prior of the axial interference, 1 sigma, relative to the expected value; the same as for the magnetic samples.
-_AXIAL = interference_state.Params().axial / (SensorErrors.axial_interference_nt * 1e-9)
+_AXIAL = interference_state.InterferenceParams().axial / (SensorErrors.axial_interference_nt * 1e-9)
 # Cross-axial bias from a hot spot in the collar, in addition to the sensors' own bias, 1 sigma, nT.
 _CROSS_AXIAL = 150.0
 # Noise of a station's mean field, T, and specific force, m/s^2, per axis.
@@ -34,7 +34,7 @@ _FIELD_VARIATION = 60e-9
 _DIP_VARIATION = math.radians(0.08)
 
 
-class Problem:
+class StationsProblem:
     """Whitened residuals of the stations against one reference, together with the priors."""
 
     def __init__(self, f: Array, b: Array, reference: Reference, errors: SensorErrors) -> None:

@@ -33,7 +33,7 @@ from mwd_surface.surveys.station_checks import (
     obstacles,
     placed,
 )
-from mwd_surface.surveys.survey_record import Decision, Judgement, SurveyRecord, Value, checked_survey
+from mwd_surface.surveys.survey_record import Judgement, SurveyDecisionRecord, SurveyRecord, Value, checked_survey
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.well_path import Definitive
@@ -425,7 +425,7 @@ def _commented(record: SurveyRecord, note: str) -> SurveyRecord:
 
 def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, stamp_ns: int) -> SurveyRecord:
     """Return the record with a new decision in force, appended to the earlier ones."""
-    decision = Decision(int(judgement), who, reason, stamp_ns, record.measured_depth)
+    decision = SurveyDecisionRecord(int(judgement), who, reason, stamp_ns, record.measured_depth)
     return dataclasses.replace(
         record,
         judgement=int(judgement),

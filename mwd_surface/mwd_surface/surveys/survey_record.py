@@ -38,7 +38,7 @@ class Value(enum.IntEnum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Decision(MessageRecord):
+class SurveyDecisionRecord(MessageRecord):
     """A person's decision about a survey: `Judgement`, name, reason, time in ns, and depth at that time in m."""
 
     judgement: int
@@ -85,7 +85,7 @@ class SurveyRecord(MessageRecord):
     leg: str = ""
     tool: str = ""
     comment: str = ""
-    decisions: tuple[Decision, ...] = ()
+    decisions: tuple[SurveyDecisionRecord, ...] = ()
     first: tuple[Survey, ...] = ()
     revised: tuple[Survey, ...] = ()
     decided_revision: int = 0

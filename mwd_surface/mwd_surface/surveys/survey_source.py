@@ -27,7 +27,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import decoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.slide_file import NAME, read_stretches
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 
 LIST_TYPE, PATH_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Trajectory"
 _NO_WELL = (
@@ -83,7 +83,7 @@ def _read(path: Path, given: Given | None) -> StationList:
         ) from error
 
 
-def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+def stretches_of(path: Path) -> tuple[tuple[DrilledStretch, ...], tuple[str, ...]]:
     """
     Return the slide sheet of the same well as `surveys_of`, and notes for people; a recording has no slide sheet.
 

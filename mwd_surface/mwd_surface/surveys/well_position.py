@@ -30,7 +30,7 @@ from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan, interpolated, nearest
 from mwd_surface.trajectory.well_path import Definitive, path_of
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference
-from mwd_surface.uncertainty.programme import ROTARY, ROTARY_CODE, Programme, ProgrammeStations, read_programme
+from mwd_surface.uncertainty.programme import ROTARY, ROTARY_CODE, ProgrammeStations, SurveyProgramme, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 AHEAD = "planned"
@@ -51,7 +51,7 @@ class UncertainPath:
     note: str
 
 
-def programme_of(well: Well) -> Programme | None:
+def programme_of(well: Well) -> SurveyProgramme | None:
     """
     Return the programme of a well; None if neither programme nor tool code is set.
 
@@ -62,7 +62,7 @@ def programme_of(well: Well) -> Programme | None:
     """
     if well.programme:
         return read_programme(Path(well.programme).expanduser())
-    return Programme.of_code(well.error_model) if well.error_model else None
+    return SurveyProgramme.of_code(well.error_model) if well.error_model else None
 
 
 def error_reference(well: Well, survey: Survey) -> ErrorReference:
@@ -115,7 +115,7 @@ def uncertain_well(
     path: Definitive,
     records: Sequence[SurveyRecord | None],
     radius: float = 0.0,
-    programme: Programme | None = None,
+    programme: SurveyProgramme | None = None,
 ) -> UncertainWell:
     """
     Return a path of the list with the survey tools of its stations.

@@ -138,7 +138,7 @@ class Advice(MessageRecord):
 
 
 @dataclasses.dataclass(frozen=True)
-class Known:
+class AdviceBasis:
     """
     Survey on which an advice is based: number, stamp, and sigmas, rad, NaN if unknown.
 
@@ -159,7 +159,7 @@ def motor_yield(yields: Sequence[Yield]) -> float | None:
 
 
 def advise(
-    settings: AdvisorySettings, plan: Plan | None, path: Definitive, yields: Sequence[Yield], known: Known
+    settings: AdvisorySettings, plan: Plan | None, path: Definitive, yields: Sequence[Yield], known: AdviceBasis
 ) -> Advice:
     """
     Return the advice for the next interval.
@@ -193,7 +193,7 @@ def _to_plan(
     plan: Plan,
     path: Definitive,
     yields: Sequence[Yield],
-    known: Known,
+    known: AdviceBasis,
     base: Advice,
 ) -> Advice:
     depth, inclination, azimuth = (float(row[-1]) for row in (path.md, path.inclination, path.azimuth))
@@ -232,7 +232,7 @@ def _to_plan(
     )
 
 
-def _toolface_sigma(toolface: float, inclination: float, turn: float, known: Known) -> float:
+def _toolface_sigma(toolface: float, inclination: float, turn: float, known: AdviceBasis) -> float:
     """
     Return 1 sigma of the steering direction, rad, from the sigmas of the survey; NaN if these are unknown.
 

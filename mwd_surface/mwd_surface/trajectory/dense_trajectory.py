@@ -20,7 +20,7 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
-from mwd_surface.trajectory.slide_sheet import SLIDE, Stretch
+from mwd_surface.trajectory.slide_sheet import SLIDE, DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
 STATION, CONTINUOUS, SLIDES, ARC = "station", "continuous", "slide sheet", "arc"
@@ -82,7 +82,7 @@ class DenseTrajectory:
 
 
 def dense_trajectory(
-    path: Definitive, continuous: Continuous | None = None, stretches: Sequence[Stretch] = (), step: float = 1.0
+    path: Definitive, continuous: Continuous | None = None, stretches: Sequence[DrilledStretch] = (), step: float = 1.0
 ) -> DenseTrajectory:
     """
     Join the stations of a path by the best available description of the hole between them.
@@ -184,7 +184,7 @@ class _Interval:
                 azimuth = wrap_tau(azimuth + self._anchored(places, turned))
         return np.clip(inclination, 0.0, math.pi), azimuth
 
-    def by_slides(self, stretches: Sequence[Stretch]) -> tuple[Array, Array] | None:
+    def by_slides(self, stretches: Sequence[DrilledStretch]) -> tuple[Array, Array] | None:
         """
         Return inclination and azimuth at the points, rad, with the dogleg where the string slid.
 

@@ -14,41 +14,41 @@ from pathlib import Path
 
 from mwd_sensors.core import budgets, settings
 from mwd_sensors.core.input_files import load_json, read_file
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 
 NAME = "slides.jsonl"
 SLIDES = "slide_sheet"  # name of the table in a recording
 _ROWS = "stretches"
 
 
-def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
+def read_stretches(path: Path) -> tuple[tuple[DrilledStretch, ...], int]:
     """Return the slid and rotated stretches of a slide sheet, and the number of invalid lines; none without a file."""
     text = read_file(path, budgets.JSON).decode(errors="replace") if path.is_file() else ""
     return _stretches(text)
 
 
-def stretch_table(stretches: Iterable[Stretch]) -> dict[str, str]:
+def stretch_table(stretches: Iterable[DrilledStretch]) -> dict[str, str]:
     """Return the table that stores these stretches at the beginning of a recording."""
     return {_ROWS: "\n".join(json.dumps(settings.to_mapping(one)) for one in stretches)}
 
 
-def recorded_stretches(table: Mapping[str, str]) -> tuple[Stretch, ...]:
+def recorded_stretches(table: Mapping[str, str]) -> tuple[DrilledStretch, ...]:
     """Return the stretches in the slide sheet's table of a recording; empty if the table is empty."""
     return _stretches(table.get(_ROWS, ""))[0]
 
 
-def _stretches(text: str) -> tuple[tuple[Stretch, ...], int]:
+def _stretches(text: str) -> tuple[tuple[DrilledStretch, ...], int]:
     found, bad = [], 0
     for line in text.splitlines():
         try:
-            found.append(settings.from_mapping(Stretch, load_json(line), "stretch"))
+            found.append(settings.from_mapping(DrilledStretch, load_json(line), "stretch"))
         except ValueError:
             # A power cut in the middle of a line damages only that line.
             bad += 1
     return tuple(found), bad
 
 
-def append_stretch(path: Path, stretch: Stretch) -> None:
+def append_stretch(path: Path, stretch: DrilledStretch) -> None:
     """
     Append a stretch to the file.
 

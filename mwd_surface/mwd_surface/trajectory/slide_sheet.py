@@ -41,7 +41,7 @@ class SlideRules:
 
 
 @dataclasses.dataclass(frozen=True)
-class Stretch:
+class DrilledStretch:
     """
     Stretch of hole that was drilled in one mode.
 
@@ -118,11 +118,11 @@ class _Open:
     faced: float = 0.0
     magnetic: float = 0.0
 
-    def closed(self) -> Stretch:
+    def closed(self) -> DrilledStretch:
         """Return the stretch with the means of speed and toolface."""
         length = self.to_depth - self.from_depth
         known = self.mode == SLIDE and self.faced > 0.0 and abs(self.faces) > 0.0
-        return Stretch(
+        return DrilledStretch(
             self.mode,
             self.from_depth,
             self.to_depth,
@@ -145,7 +145,7 @@ class SlideSheet:
         Stretches drilled before, read from a file.
     """
 
-    def __init__(self, rules: SlideRules | None = None, earlier: Sequence[Stretch] = ()) -> None:
+    def __init__(self, rules: SlideRules | None = None, earlier: Sequence[DrilledStretch] = ()) -> None:
         self.rules = rules or SlideRules()
         self._done = list(earlier)
         self._open: _Open | None = None
@@ -160,7 +160,7 @@ class SlideSheet:
         toolface: float | None = None,
         *,
         magnetic: bool = False,
-    ) -> Stretch | None:
+    ) -> DrilledStretch | None:
         """
         Process one reading; return a stretch that ended with it, or None.
 
@@ -215,11 +215,11 @@ class SlideSheet:
         self._depth = None
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> tuple[DrilledStretch, ...]:
         """All stretches, with the present one last."""
         return (*self._done, *([self._open.closed()] if self._open is not None else []))
 
-    def finish(self) -> Stretch | None:
+    def finish(self) -> DrilledStretch | None:
         """End the present stretch, for example at shutdown; return the stretch, or None if its length is zero."""
         if self._open is None:
             return None
@@ -244,7 +244,7 @@ class SlideSheet:
             stretch.magnetic += made if magnetic else 0.0
 
 
-def yields(stretches: Sequence[Stretch], path: Definitive) -> tuple[Yield, ...]:
+def yields(stretches: Sequence[DrilledStretch], path: Definitive) -> tuple[Yield, ...]:
     """
     Return the lengths slid and rotated in each interval between surveys, with the dogleg of the interval.
 

@@ -66,7 +66,7 @@ class ErrorReference:
 
 
 @dataclasses.dataclass(frozen=True)
-class Tool:
+class ErrorTool:
     """Tool that measured a station: tool code, and the run within which its systematic errors stay the same."""
 
     code: str
@@ -154,7 +154,7 @@ def check_tool_code(code: str) -> None:
 
 def error_terms(
     stations: tuple[Array, Array, Array],
-    tools: Sequence[Tool | None],
+    tools: Sequence[ErrorTool | None],
     reference: ErrorReference,
     *,
     first_tvd: float = 0.0,
@@ -191,7 +191,7 @@ def error_terms(
     return terms
 
 
-def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference: ErrorReference) -> Array:
+def angle_covariance(stations: tuple[Array, Array, Array], tool: ErrorTool, reference: ErrorReference) -> Array:
     """
     Return the covariance of inclination and azimuth along a well surveyed by one tool, shape (n, 2, 2), rad^2.
 
@@ -209,7 +209,7 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference
 
 
 def _of_tool(
-    whole: _CourseStations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask
+    whole: _CourseStations, tool: ErrorTool, own: Mask, reference: ErrorReference, bare: Mask
 ) -> Iterator[ErrorTerm]:
     """Yield the terms of one tool; own, bare, shape (n,): its stations, and stations without errors of angles."""
     n = whole.md.size
@@ -270,7 +270,7 @@ def _check_azimuth(code: str, errors: dict[str, Any], whole: _CourseStations, ow
             )
 
 
-def _shared(propagation: str, tool: Tool) -> str:
+def _shared(propagation: str, tool: ErrorTool) -> str:
     if propagation == RANDOM:
         return RANDOM
     # The tool's own errors are constant within a run; errors of the well and of the Earth's field are constant within

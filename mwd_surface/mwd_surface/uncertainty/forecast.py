@@ -29,7 +29,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_tau
 from mwd_surface.trajectory.plan import Plan, interpolated
-from mwd_surface.uncertainty.error_terms import ErrorReference, Mask, Tool, angle_covariance, tool_codes
+from mwd_surface.uncertainty.error_terms import ErrorReference, ErrorTool, Mask, angle_covariance, tool_codes
 
 # Toolfaces over which the limits of quality control are averaged; the limits hardly depend on the toolface.
 _TOOLFACES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
@@ -192,7 +192,7 @@ def _to_true(north: str, reference: Reference) -> float:
 def _sigmas(code: str, stations: tuple[Array, Array, Array], field: ErrorReference) -> Array:
     """Return the sigmas of inclination and azimuth by a code, shape (n, 2), rad."""
     inc = stations[1]
-    covariance = angle_covariance(stations, Tool(code), field)
+    covariance = angle_covariance(stations, ErrorTool(code), field)
     sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     near = np.sin(inc) < math.sin(_VERTICAL)
     return np.column_stack([sigmas[:, 0], np.where(near, math.nan, sigmas[:, 1])])

@@ -26,7 +26,7 @@ from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
-from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
+from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, ErrorTool, Mask, error_terms
 
 # Inclination above which the azimuth of a station is used without the azimuth of the adjacent hole, rad. It is 1 sigma
 # of the angle between the tool at a single station and the hole in the OWSG codes (XYM3E, XYM4E).
@@ -69,7 +69,7 @@ class StationErrors:
         Covariance of the first station, in the axes of the result, m^2.
     """
 
-    tools: Sequence[Tool | None]
+    tools: Sequence[ErrorTool | None]
     sigmas: Array | None = None
     tie_on: Array | None = None
 
@@ -114,7 +114,7 @@ def position_covariance(
         `welleng` is not installed.
     """
     depth, inc, azi = mc.checked_stations(md, inclination, azimuth)
-    given = StationErrors([Tool(errors)] * depth.size) if isinstance(errors, str) else errors
+    given = StationErrors([ErrorTool(errors)] * depth.size) if isinstance(errors, str) else errors
     terms = well_terms((depth, inc, azi), north, given, reference, first_tvd)
     covariance = covariance_of(terms, depth.size)
     if given.tie_on is None:
@@ -240,7 +240,7 @@ def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
 
 
 def _own_terms(
-    stations: tuple[Array, Array, Array], tools: Sequence[Tool | None], sigmas: Array, bare: Mask
+    stations: tuple[Array, Array, Array], tools: Sequence[ErrorTool | None], sigmas: Array, bare: Mask
 ) -> list[ErrorTerm]:
     """
     Return the error terms for the sigmas that stations have themselves, two per run: inclination and azimuth.

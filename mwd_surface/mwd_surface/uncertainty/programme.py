@@ -18,7 +18,7 @@ from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
-from mwd_surface.uncertainty.error_terms import Tool, check_tool_code
+from mwd_surface.uncertainty.error_terms import ErrorTool, check_tool_code
 from mwd_surface.uncertainty.position_covariance import StationErrors
 
 CODE, STATION = "code", "station"
@@ -88,7 +88,7 @@ class TieOnErrors:
 
 
 @dataclasses.dataclass(frozen=True)
-class Programme:
+class SurveyProgramme:
     """Survey programme; name: name of the file, for messages."""
 
     intervals: tuple[Interval, ...]
@@ -96,7 +96,7 @@ class Programme:
     name: str = ""
 
     @classmethod
-    def of_code(cls, code: str) -> Programme:
+    def of_code(cls, code: str) -> SurveyProgramme:
         """Return the programme of a well that is surveyed by one tool from top to bottom."""
         return cls((Interval(code, run="all"),), name=code)
 
@@ -109,7 +109,7 @@ class Programme:
         ProgrammeError
             A station is covered by no interval, or has no sigmas although its interval uses those of the stations.
         """
-        tools: list[Tool | None] = []
+        tools: list[ErrorTool | None] = []
         sigmas = np.full((stations.md.size, 2), np.nan)
         for k, md in enumerate(stations.md):
             if k == 0 and md > 0.0:
@@ -119,7 +119,7 @@ class Programme:
             number, row = self._interval(float(md), stations.legs[k], first=k == 0)
             code = row.code_of(stations.methods[k])
             run = row.run or f"interval {number + 1}"
-            tools.append(Tool(code, f"{run}, {stations.tools[k]}" if stations.tools[k] else run))
+            tools.append(ErrorTool(code, f"{run}, {stations.tools[k]}" if stations.tools[k] else run))
             if row.angles == STATION and k > 0 and stations.measured[k]:
                 if not np.all(np.isfinite(stations.sigmas[k])):
                     raise ProgrammeError(
@@ -166,7 +166,7 @@ class ProgrammeStations:
         return cls(md, np.full((n, 2), np.nan), [True] * n, empty, empty, empty)
 
 
-def read_programme(path: Path) -> Programme:
+def read_programme(path: Path) -> SurveyProgramme:
     """
     Read a survey programme.
 
@@ -185,7 +185,7 @@ def read_programme(path: Path) -> Programme:
     if not isinstance(table, dict) or not table.get("intervals"):
         raise ProgrammeError(f"{path.name}: expected a table with intervals, each with to_m and code")
     try:
-        programme = settings.from_mapping(Programme, {"name": path.name, **table})
+        programme = settings.from_mapping(SurveyProgramme, {"name": path.name, **table})
         for row in programme.intervals:
             for code in (row.code, *row.methods.values()):
                 check_tool_code(code)

@@ -9,8 +9,8 @@ import pytest
 
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.clearance.clearance import ClearanceRule, Level, clearance, nearest_first
-from mwd_surface.uncertainty.error_terms import ErrorReference, Tool, error_terms
+from mwd_surface.clearance.clearance import ClearanceLevel, ClearanceRule, clearance, nearest_first
+from mwd_surface.uncertainty.error_terms import ErrorReference, ErrorTool, error_terms
 from mwd_surface.uncertainty.position_covariance import StationErrors, covariance_of
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
@@ -31,7 +31,7 @@ class AsPrinted(UncertainWell):
 def well(name, md, inc_deg, azi_deg, start, diameter, code="ISCWSA MWD Rev4"):
     md = np.asarray(md, dtype=float)
     inc, azi = np.radians(np.broadcast_to(inc_deg, md.shape)), np.radians(np.broadcast_to(azi_deg, md.shape))
-    tools = [Tool(code)] * md.size
+    tools = [ErrorTool(code)] * md.size
     positions = mc.path(md, inc, azi, start)
     errors = StationErrors(tools)
     return UncertainWell(name, md, inc, azi, positions, North.TRUE, errors, REFERENCE, 0.5 * diameter * INCH)
@@ -107,7 +107,7 @@ def test_between_stations_the_least_factor_is_found():
     k = found.least
     assert found.factor[k] < 0.2
     assert 2880.0 < found.md[k] < 2910.0
-    assert found.level == Level.STOP
+    assert found.level == ClearanceLevel.STOP
     assert "11 is " in found.sentence()
     assert "below 1" in found.sentence()
 
@@ -152,16 +152,16 @@ def test_wells_from_other_norths_are_refused():
 
 def test_levels_follow_the_factor():
     assert [RULE.level(f) for f in (-0.2, 0.99, 1.0, 1.24, 1.25)] == [
-        Level.STOP,
-        Level.STOP,
-        Level.WARNING,
-        Level.WARNING,
-        Level.CLEAR,
+        ClearanceLevel.STOP,
+        ClearanceLevel.STOP,
+        ClearanceLevel.WARNING,
+        ClearanceLevel.WARNING,
+        ClearanceLevel.CLEAR,
     ]
     found = nearest_first([clearance(drilled(), offset(n), RULE) for n in (1, 11, 5)])
     assert [c.name for c in found] == ["11", "05", "01"]
     assert found[2].between(3000.0, 4000.0) is None
-    assert found[2].between(0.0, 500.0).level == Level.CLEAR
+    assert found[2].between(0.0, 500.0).level == ClearanceLevel.CLEAR
 
 
 def test_a_plan_of_two_stations_serves_as_an_offset_well():

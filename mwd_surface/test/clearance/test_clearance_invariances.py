@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance import clearance as clearance_module
-from mwd_surface.clearance.clearance import ClearanceRule, Level, check_plausible, clearance, nearest_first
-from mwd_surface.uncertainty.error_terms import ErrorReference, Tool
+from mwd_surface.clearance.clearance import ClearanceLevel, ClearanceRule, check_plausible, clearance, nearest_first
+from mwd_surface.uncertainty.error_terms import ErrorReference, ErrorTool
 from mwd_surface.uncertainty.position_covariance import StationErrors
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
@@ -30,7 +30,7 @@ bounded = settings(max_examples=8, deadline=None)
 def well(name, md, inc, azi, start, code="MWD+SRGM"):
     md = np.asarray(md, dtype=float)
     inc, azi = (np.array(np.broadcast_to(row, md.shape), dtype=float) for row in (inc, azi))
-    errors = StationErrors([Tool(code)] * md.size)
+    errors = StationErrors([ErrorTool(code)] * md.size)
     return UncertainWell(name, md, inc, azi, mc.path(md, inc, azi, start), North.GRID, errors, REFERENCE, 0.15)
 
 
@@ -93,7 +93,7 @@ def test_every_factor_is_a_number_at_first_stations_of_any_direction(azimuth, ti
     apart = (-7.0 * math.sin(azimuth), 7.0 * math.cos(azimuth), 0.0)
     pair = (vertical("A", azimuth, inc=tilt, end=90.0), vertical("B", azimuth, apart, inc=tilt, end=90.0))
     assert np.all(np.isfinite(clearance(*pair, RULE).factor))
-    assert RULE.level(math.nan) == Level.STOP
+    assert RULE.level(math.nan) == ClearanceLevel.STOP
 
 
 @bounded
@@ -217,7 +217,7 @@ def test_wells_that_cannot_be_where_they_are_said_to_be_are_an_error_to_confirm(
     with pytest.raises(ValueError, match=r"B lies 18 km from A: .* rule.farthest_km"):
         clearance(near, other, RULE)
     confirmed = clearance(vertical("A"), far, ClearanceRule(farthest_km=1000.0))
-    assert confirmed.level == Level.CLEAR
+    assert confirmed.level == ClearanceLevel.CLEAR
 
 
 def test_an_impossible_dogleg_is_an_error_to_confirm():

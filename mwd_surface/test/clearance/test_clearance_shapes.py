@@ -15,7 +15,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance.clearance import clearance
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.surveys.imported_list import survey_list
-from mwd_surface.uncertainty.error_terms import Tool
+from mwd_surface.uncertainty.error_terms import ErrorTool
 from mwd_surface.uncertainty.position_covariance import StationErrors
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
@@ -50,7 +50,7 @@ def shaped(draw, start=(0.0, 0.0, 0.0), name="A"):
         draw(st.floats(0.0, 6.2)),
     )
     # Below a third of the hole another tool takes over, as in a survey programme.
-    tools = [Tool(code) if m < md[-1] / 3.0 or code != "MWD+SRGM" else Tool("MWD+IFR1+SAG+MS") for m in md]
+    tools = [ErrorTool(code) if m < md[-1] / 3.0 or code != "MWD+SRGM" else ErrorTool("MWD+IFR1+SAG+MS") for m in md]
     return UncertainWell(
         name, md, inc, azi, mc.path(md, inc, azi, start), North.GRID, StationErrors(tools), REFERENCE, 0.15
     )
@@ -96,7 +96,7 @@ def test_ten_azimuths_at_the_vertical_stations_of_a_shape_give_one_clearance(cod
             path = mc.path(md, *angles, start)
             wells.append(
                 UncertainWell(
-                    name, md, *angles, path, North.GRID, StationErrors([Tool(code)] * md.size), REFERENCE, 0.15
+                    name, md, *angles, path, North.GRID, StationErrors([ErrorTool(code)] * md.size), REFERENCE, 0.15
                 )
             )
         found.append(least(clearance(*wells, RULE)))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.clearance import ClearanceLevel
 from mwd_surface.clearance.offset_wells import OffsetWell, OffsetWellError, clearances, offset_well, read_offset_wells
 from mwd_surface.list_files.list_file import read_list
 from mwd_surface.list_files.remark import RemarkKind, sentences
@@ -73,7 +73,7 @@ def test_a_plan_counts_as_surveyed_at_the_usual_spacing(tmp_path):
         allowed.append(found[0].allowed[found[0].least])
         assert bool(remarks) is (planned == "false")
     assert allowed[0] < 0.5 * allowed[1]
-    assert found[0].level == Level.CLEAR
+    assert found[0].level == ClearanceLevel.CLEAR
 
 
 @pytest.mark.parametrize(("north", "turn"), [("grid", 0.0), ("true", 1.0), ("magnetic", 3.0)])

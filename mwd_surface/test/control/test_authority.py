@@ -15,7 +15,15 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.rig_commands import RIG_TIMEOUT
 from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, ramped
 from mwd_surface.control.settings import REACTIONS, ControlSettings
-from mwd_surface.control.status import Achieved, ControlState, Judgement, Permission, Reaction, Request, Sender
+from mwd_surface.control.status import (
+    Achieved,
+    ControlJudgement,
+    ControlRequest,
+    ControlState,
+    Permission,
+    Reaction,
+    Sender,
+)
 
 AUTOMATIC = ControlSettings(enabled=True, grant="automatic")
 BY_A_PERSON = ControlSettings(enabled=True, grant="operator")
@@ -23,7 +31,7 @@ BY_A_PERSON = ControlSettings(enabled=True, grant="operator")
 
 def asks(name, interface="graph", **request):
     """A request of a controller, which is known by its name."""
-    return Request(Sender(interface, name), name, **request)
+    return ControlRequest(Sender(interface, name), name, **request)
 
 
 def command(authority, point, now, name="controller", interface="graph"):
@@ -41,7 +49,7 @@ def owned(settings=AUTOMATIC, **request):
     authority = ControlAuthority(settings)
     decision = authority.request(asks("controller", **request), 0.0)
     if decision.permission == Permission.PENDING:
-        authority.judge(Judgement.GRANT, "toolpusher", 0.0, number=decision.lease)
+        authority.judge(ControlJudgement.GRANT, "toolpusher", 0.0, number=decision.lease)
     return authority, decision.lease
 
 
@@ -64,7 +72,7 @@ def test_nobody_but_the_sender_of_its_request_uses_a_lease_or_the_name(other):
     thief = Sender(other.get("interface", "graph"), other.get("name", "controller"))
     assert not authority.release(lease, 0.1, thief)[0]
     for priority in (0, 255):
-        posing = authority.request(Request(thief, "controller", priority=priority), 0.2)
+        posing = authority.request(ControlRequest(thief, "controller", priority=priority), 0.2)
         assert (posing.permission, posing.lease) == (Permission.DENIED, 0)
         assert "the name of another controller" in posing.message
     # Who poses does not keep the lease alive either.
@@ -75,7 +83,7 @@ def test_nobody_but_the_sender_of_its_request_uses_a_lease_or_the_name(other):
 
 def test_an_owner_asks_under_no_second_name():
     authority, lease = owned()
-    decision = authority.request(Request(Sender("graph", "controller"), "stronger", priority=9), 0.1)
+    decision = authority.request(ControlRequest(Sender("graph", "controller"), "stronger", priority=9), 0.1)
     assert (decision.permission, authority.status(0.1).lease) == (Permission.DENIED, lease)
 
 
@@ -83,7 +91,9 @@ def test_a_request_that_waits_is_withdrawn_by_its_sender_alone():
     authority = ControlAuthority(BY_A_PERSON)
     waits = authority.request(asks("controller"), 0.0).lease
     assert not release(authority, waits, 0.1, "another")[0]
-    assert authority.request(Request(Sender("graph", "another"), "controller"), 0.2).permission == Permission.DENIED
+    assert (
+        authority.request(ControlRequest(Sender("graph", "another"), "controller"), 0.2).permission == Permission.DENIED
+    )
     assert release(authority, waits, 0.3) == (True, "withdrawn")
 
 
@@ -163,10 +173,10 @@ def test_a_request_waits_for_a_person_and_lapses():
     decision = authority.request(asks("controller"), 0.0)
     assert (decision.permission, decision.message) == (Permission.PENDING, "waits for a person to grant it")
     assert authority.request(asks("controller"), 1.0) == decision
-    assert authority.judge(Judgement.GRANT, "  ", 2.0, number=decision.lease)[0] is False
+    assert authority.judge(ControlJudgement.GRANT, "  ", 2.0, number=decision.lease)[0] is False
     authority.update(BY_A_PERSON.pending_s + 0.1)
     assert authority.status(121.0).state == ControlState.IDLE
-    assert authority.judge(Judgement.GRANT, "toolpusher", 122.0, number=1) == (False, "no request waits")
+    assert authority.judge(ControlJudgement.GRANT, "toolpusher", 122.0, number=1) == (False, "no request waits")
 
 
 def test_nobody_grants_a_request_that_came_in_the_place_of_the_one_that_was_seen():
@@ -174,21 +184,21 @@ def test_nobody_grants_a_request_that_came_in_the_place_of_the_one_that_was_seen
     seen = authority.request(asks("holds the toolface", priority=1), 0.0).lease
     other = authority.request(asks("rotates", priority=2), 0.1).lease
     for number, words in ((seen, f"request {seen} is no longer waiting"), (0, "number: must be that of the request")):
-        done, why = authority.judge(Judgement.GRANT, "toolpusher", 0.2, number=number)
+        done, why = authority.judge(ControlJudgement.GRANT, "toolpusher", 0.2, number=number)
         assert (done, why) == (False, f"{words}; request {other} of rotates waits")
-    assert not authority.judge(Judgement.DENY, "toolpusher", 0.2, number=seen)[0]
+    assert not authority.judge(ControlJudgement.DENY, "toolpusher", 0.2, number=seen)[0]
     assert authority.status(0.3).pending == other
-    assert authority.judge(Judgement.GRANT, "toolpusher", 0.3, number=other) == (True, "rotates has control")
+    assert authority.judge(ControlJudgement.GRANT, "toolpusher", 0.3, number=other) == (True, "rotates has control")
 
 
 def test_a_person_grants_denies_and_takes_back_and_the_log_has_the_name():
     authority, lease = owned(BY_A_PERSON)
     assert authority.status(0.0).owner == "controller"
-    assert authority.judge(Judgement.ABORT, "driller", 1.0, "pick up")[0]
+    assert authority.judge(ControlJudgement.ABORT, "driller", 1.0, "pick up")[0]
     assert authority.status(1.0).state == ControlState.IDLE
     assert not command(authority, SetPoint(Mode.HOLD, lease, 1), 1.0)[0]
     authority.request(asks("other"), 2.0)
-    assert authority.judge(Judgement.DENY, "driller", 3.0)[0]
+    assert authority.judge(ControlJudgement.DENY, "driller", 3.0)[0]
     log = " | ".join(authority.take_events())
     assert "granted by toolpusher" in log
     assert "driller took control back: pick up" in log
@@ -415,7 +425,7 @@ def test_a_dead_controller_ends_in_the_declared_reaction(how, reaction):
         assert sent[-1][1].mode == (Mode.HOLD if reaction == "hold" else mode)
         assert sent[-1][0] > settings.heartbeat_s + 3.0 - RIG_TIMEOUT
         assert status.state == ControlState.FAULT
-        assert authority.judge(Judgement.ABORT, "driller", 6.0)[0]
+        assert authority.judge(ControlJudgement.ABORT, "driller", 6.0)[0]
         assert authority.update(6.1)[0].mode == Mode.RELEASE
         assert authority.status(6.1).state == ControlState.IDLE
 
@@ -452,7 +462,7 @@ def test_abort_gives_the_rig_to_the_driller_in_every_state_and_nobody_follows_by
         authority.request(asks("second", wait=True), 0.0)
     now = 3.0 if state in ("held", "kept") else 0.1
     authority.update(now)
-    assert authority.judge(Judgement.ABORT, operator, now)[0]
+    assert authority.judge(ControlJudgement.ABORT, operator, now)[0]
     sent = passes(authority, now, now + 2.0)
     assert {point.mode for _, point in sent} <= {Mode.RELEASE}
     status = authority.status(now + 2.0)
@@ -565,7 +575,7 @@ class AnyController(RuleBasedStateMachine):
         self.speed, self.mwd = None, True
         self.asks("a", 0, wait=False, duration=0.0, limits=limits)
         if grant == "operator":
-            self.decides(Judgement.GRANT, 0)
+            self.decides(ControlJudgement.GRANT, 0)
 
     def status(self):
         return self.authority.status(self.now)
@@ -620,7 +630,7 @@ class AnyController(RuleBasedStateMachine):
     def asks_under_the_name_of_another(self, name, owner, priority):
         self.authority.update(self.now)
         before = self.status()
-        thief = Request(Sender("graph", f"{name} as {owner}"), owner, priority=priority)
+        thief = ControlRequest(Sender("graph", f"{name} as {owner}"), owner, priority=priority)
         if owner in (before.owner, before.pending_controller):
             assert self.authority.request(thief, self.now).permission == Permission.DENIED
 
@@ -668,18 +678,18 @@ class AnyController(RuleBasedStateMachine):
         if done:
             assert name in (before.owner, before.pending_controller)
 
-    @rule(judgement=st.sampled_from([Judgement.GRANT, Judgement.DENY]), number=st.integers(0, 5))
+    @rule(judgement=st.sampled_from([ControlJudgement.GRANT, ControlJudgement.DENY]), number=st.integers(0, 5))
     def decides(self, judgement, number):
         self.authority.update(self.now)
         before = self.status()
         done, _ = self.authority.judge(judgement, "driller", self.now, number=number or before.pending)
-        assert not (done and number and judgement == Judgement.GRANT and number != before.pending)
-        if done and judgement == Judgement.GRANT:
+        assert not (done and number and judgement == ControlJudgement.GRANT and number != before.pending)
+        if done and judgement == ControlJudgement.GRANT:
             self.grant(before.pending, self.now)
 
     @rule(operator=st.sampled_from(["", "driller"]))
     def aborts(self, operator):
-        assert self.authority.judge(Judgement.ABORT, operator, self.now)[0]
+        assert self.authority.judge(ControlJudgement.ABORT, operator, self.now)[0]
         status = self.status()
         assert (status.state, status.owner, status.pending, status.mode) == (ControlState.IDLE, "", 0, Mode.RELEASE)
         assert {point.mode for point in self.authority.update(self.now)} <= {Mode.RELEASE}

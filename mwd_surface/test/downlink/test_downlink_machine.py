@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from mwd_sensors.core.units import LPM, RPM
-from mwd_sensors.telemetry.downlink import COUNTERS, FLOW, Downlink, Frame
+from mwd_sensors.telemetry.downlink import COUNTERS, FLOW, Downlink, DownlinkFrame
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import Readings
+from mwd_surface.downlink.interlocks import InterlockReadings
 from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, DownlinkState, Machine
 from mwd_surface.downlink.memory import Kept
 from mwd_surface.downlink.settings import DownlinkSettings
@@ -24,7 +24,7 @@ TOOL = ToolConfiguration(
     toolface_sequences=("aTFA:6:P",),
 )
 SETTINGS = DownlinkSettings()
-DRILLING = Readings(
+DRILLING = InterlockReadings(
     rig_age_s=0.1,
     flow=2000.0 * LPM,
     rotary_speed=110.0 * RPM,
@@ -82,7 +82,7 @@ def test_a_downlink_runs_from_draft_to_the_tool_s_answer():
     assert max(asked) == asked[0] == asked[-1] == pytest.approx(110.0 * RPM)
     assert machine.set_point is None
     assert machine.expected.pulse_width_s == 0.5
-    machine.on_echo(Frame(7, 1, 1).echo, rig.now)
+    machine.on_echo(DownlinkFrame(7, 1, 1).echo, rig.now)
     assert machine.state == DownlinkState.SENT
     machine.on_echo(machine.request.frame.echo, rig.now)
     assert machine.state == DownlinkState.CONFIRMED

@@ -15,7 +15,7 @@ from mwd_sensors.core.units import LPM
 from mwd_sensors.simulator.sonde import CommandedFlow
 from mwd_sensors.telemetry.downlink import FLOW, Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import Readings
+from mwd_surface.downlink.interlocks import InterlockReadings
 from mwd_surface.downlink.machine import DownlinkState, Machine
 from mwd_surface.downlink.settings import DownlinkSettings
 
@@ -59,7 +59,7 @@ class Loop:
         while self.on_air and self.on_air[0][0] <= self.now:
             self.echoes.append(self.on_air.popleft())
             self.machine.on_echo(self.echoes[-1][1], self.now)
-        seen = Readings(0.1, flow, 0.0, 2.0e7 * (flow / FULL) ** 1.75, False, True, 0.5)
+        seen = InterlockReadings(0.1, flow, 0.0, 2.0e7 * (flow / FULL) ** 1.75, False, True, 0.5)
         self.machine.update(self.now, seen)
         if self.machine.set_point is None:
             self.pumps.release(self.now)

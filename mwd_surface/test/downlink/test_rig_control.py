@@ -6,7 +6,7 @@ import pytest
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Judgement, Request, Sender
+from mwd_surface.control.status import ControlJudgement, ControlRequest, Sender
 from mwd_surface.downlink.rig_clock import RigClock
 from mwd_surface.downlink.rig_control import RigControl
 
@@ -45,14 +45,14 @@ def test_a_flow_is_asked_of_the_pumps(authority):
 def test_control_that_is_taken_away_is_noticed(authority):
     rig = RigControl(authority)
     rig.take("Bo", 0.0)
-    authority.judge(Judgement.ABORT, "Cy", 0.1, "stop")
+    authority.judge(ControlJudgement.ABORT, "Cy", 0.1, "stop")
     assert "taken away" in rig.why_not(0.2)
     assert "not in force" in rig.ask(True, 9.0, 0.2)
 
 
 def test_a_controller_of_higher_priority_is_waited_for():
     authority = ControlAuthority(ControlSettings(enabled=True, grant="automatic"))
-    authority.request(Request(Sender("test", "driller's panel"), "driller's panel", priority=200), 0.0)
+    authority.request(ControlRequest(Sender("test", "driller's panel"), "driller's panel", priority=200), 0.0)
     rig = RigControl(authority)
     assert "driller's panel has control" in rig.why_not(0.1)
     assert "driller's panel" in rig.take("Bo", 0.1)

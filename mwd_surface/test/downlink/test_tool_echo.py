@@ -4,7 +4,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_sensors.telemetry.downlink import COUNTERS, Frame
+from mwd_sensors.telemetry.downlink import COUNTERS, DownlinkFrame
 from mwd_surface.downlink.tool_echo import ToolEcho
 
 PROGRAMME_S, ANSWER_S = 200.0, 300.0
@@ -21,7 +21,7 @@ class Story:
 
     def send(self, command, complete, received):
         """Send a command; one that is aborted is not received."""
-        self.asked, self.proves = self.echo.numbered(Frame(1, command, 0), self.counter)
+        self.asked, self.proves = self.echo.numbered(DownlinkFrame(1, command, 0), self.counter)
         self.counter, self.attempt = self.asked.counter, self.attempt + 1
         self.echo.send(self.asked.echo, self.now + PROGRAMME_S + ANSWER_S)
         self.now += PROGRAMME_S if complete else 20.0

@@ -33,7 +33,7 @@ from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.survey_list import OF_START, SurveyList
-from mwd_surface.trajectory.advice import AdviceMode, AdvisorySettings, Known, advise
+from mwd_surface.trajectory.advice import AdviceBasis, AdviceMode, AdvisorySettings, advise
 from mwd_surface.trajectory.plan import plan_of, straight
 from mwd_surface.trajectory.well_path import ASSUMED, TIE_ON
 
@@ -189,7 +189,7 @@ def test_the_uncertainty_of_an_assumed_start_is_withheld_with_its_reason():
 def test_no_advice_leads_from_a_position_that_is_assumed_to_the_plan():
     plan = plan_of([0.0, 600.0, 1800.0], [0.0, 0.3, 1.0], [1.3, 1.3, 1.3])
     for tie_on, modes in ((UNTIED, {AdviceMode.NONE}), (GIVEN, {AdviceMode.SLIDE, AdviceMode.ROTATE})):
-        advice = advise(AdvisorySettings(), plan, example.surveys(tie_on=tie_on).definitive(), (), Known())
+        advice = advise(AdvisorySettings(), plan, example.surveys(tie_on=tie_on).definitive(), (), AdviceBasis())
         assert advice.mode in modes
         assert ("assumed" in advice.reason) == (tie_on is UNTIED)
 

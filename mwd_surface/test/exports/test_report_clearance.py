@@ -7,7 +7,7 @@ import example_surveys as example
 import numpy as np
 import pytest
 
-from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.clearance import ClearanceLevel
 from mwd_surface.clearance.offset_wells import read_offset_wells
 from mwd_surface.clearance.well_clearance import well_clearance
 from mwd_surface.exports.export import FORMATS
@@ -98,6 +98,6 @@ def test_the_level_looks_from_the_last_survey_on_only(folder):
     rows = "\n".join(f"{30 * k},0,0" for k in range(20))
     (folder / "beside.csv").write_text(f"md_m,inc_deg,azi_grid_deg\n{rows}\n")
     near = well_clearance(surveys(folder), read_offset_wells(folder / "wells.yaml"))
-    assert near.found[0].level == Level.STOP
-    assert near.level == Level.CLEAR
+    assert near.found[0].level == ClearanceLevel.STOP
+    assert near.level == ClearanceLevel.CLEAR
     assert near.ahead()[0].md[0] >= near.surveyed

@@ -11,7 +11,7 @@ from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_section import Section
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.station_quality import totals
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 
 
 def sheet(table, beginning):
@@ -143,7 +143,7 @@ def test_the_slide_sheet_has_every_stretch_with_toolface_steadiness_and_speed():
 
 
 def test_a_slide_of_which_no_toolface_was_known_says_nothing_of_it():
-    slid = sheet(example.table(stretches=(Stretch("slide", 300.0, 309.0, 1, 2),)), "Slide sheet")
+    slid = sheet(example.table(stretches=(DrilledStretch("slide", 300.0, 309.0, 1, 2),)), "Slide sheet")
     assert slid.rows[0][4:8] == ("", "", "", "")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.telemetry.log_channels import LogSample
-from mwd_sensors.telemetry.tool_limits import Battery, ExposureLimit, Part, ToolLimits
+from mwd_sensors.telemetry.tool_limits import BatteryLimits, ExposureLimit, ToolLimits, ToolPart
 from mwd_surface.exports.report_logs import health_section, log_section
 from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.log_journal import NAME, LogJournal
@@ -34,7 +34,9 @@ def samples():
 
 
 def test_what_the_ledger_knows_is_printed_and_marked_where_it_is_beyond():
-    limits = ToolLimits(Battery(), {"temperature": ExposureLimit(((125.0, 0.5),))}, {"gamma": Part("G1", "2024-01-01")})
+    limits = ToolLimits(
+        BatteryLimits(), {"temperature": ExposureLimit(((125.0, 0.5),))}, {"gamma": ToolPart("G1", "2024-01-01")}
+    )
     ledger = HealthLedger(limits)
     for one in samples():
         ledger.add(one)

@@ -14,7 +14,7 @@ from mwd_surface import __version__
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.fleet import fleet_dataset, fleet_task
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
-from mwd_surface.fleet.fleet_task import Work
+from mwd_surface.fleet.fleet_task import FleetWork
 from mwd_surface.processing.bag_input import InputSettings
 
 START = 1_772_344_800_000_000_000
@@ -38,7 +38,7 @@ def recorded(path, **parameters):
 def work(tmp_path):
     """A recording and where its rows shall go."""
     recorded(tmp_path / "bag")
-    return Work(str(tmp_path / "bag"), str(tmp_path / "fleet"), CONFIG, InputSettings())
+    return FleetWork(str(tmp_path / "bag"), str(tmp_path / "fleet"), CONFIG, InputSettings())
 
 
 def table(work, name):
@@ -87,7 +87,9 @@ def test_other_settings_or_another_reading_are_another_result(work):
 
 def test_a_recording_brings_its_own_settings_unless_a_file_or_an_option_says_otherwise(tmp_path):
     recorded(tmp_path / "own", **{"gravity.method": "mahony", "gravity.unheard_of": "1.0"})
-    work = Work(str(tmp_path / "own"), str(tmp_path / "fleet"), CONFIG, InputSettings(), fleet_task.changes_text({}))
+    work = FleetWork(
+        str(tmp_path / "own"), str(tmp_path / "fleet"), CONFIG, InputSettings(), fleet_task.changes_text({})
+    )
     row = fleet_task.carry_out(work).row
     assert row["method"] == "mahony"
     assert any(one.startswith("gravity.unheard_of = 1.0 of the recording is not used: ") for one in row["warnings"])
@@ -100,7 +102,9 @@ def test_a_recording_brings_its_own_settings_unless_a_file_or_an_option_says_oth
 def test_place_and_day_come_from_the_recording_and_an_old_day_has_the_older_model(tmp_path):
     place = {"place.field": "model", "place.lat_deg": "59.9", "place.lon_deg": "10.7", "place.date": "2019-03-01"}
     recorded(tmp_path / "own", **place)
-    work = Work(str(tmp_path / "own"), str(tmp_path / "fleet"), CONFIG, InputSettings(), fleet_task.changes_text({}))
+    work = FleetWork(
+        str(tmp_path / "own"), str(tmp_path / "fleet"), CONFIG, InputSettings(), fleet_task.changes_text({})
+    )
     row = fleet_task.carry_out(work).row
     assert row["outcome"] == DONE
     assert any("the field is taken from the IGRF" in warning for warning in row["warnings"])

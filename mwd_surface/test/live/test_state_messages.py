@@ -21,7 +21,7 @@ from mwd_surface.control.set_point import LeaseLimits
 from mwd_surface.control.status import Achieved, ControlStatus, Reaction
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
-from mwd_surface.live.inputs import Clock, InputState, InputTable
+from mwd_surface.live.inputs import InputState, InputTable, StampClock
 from mwd_surface.live.link_state import LinkFrameState, LinkStatus, LinkWordState
 from mwd_surface.trajectory.advice import Advice
 
@@ -82,6 +82,6 @@ def test_a_part_holds_every_field_of_its_message(kind):
 
 
 def test_a_message_that_says_nothing_leaves_unknown_numbers_unknown():
-    again = InputTable.from_message(InputTable((InputState("sonde", Clock.TOOL),)).to_message(make))
+    again = InputTable.from_message(InputTable((InputState("sonde", StampClock.TOOL),)).to_message(make))
     assert math.isnan(again.depth_age)
     assert math.isnan(again.inputs[0].bit_depth)

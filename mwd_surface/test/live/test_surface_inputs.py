@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.live.inputs import BLOCK, DISAGREEMENT, HAND, Clock, DepthSources, InputClock, InputState, Role
+from mwd_surface.live.inputs import BLOCK, DISAGREEMENT, HAND, DepthSources, InputClock, InputState, Role, StampClock
 from mwd_surface.live.source_selection import SourceRules, SourceSelection
 
 S = 1_000_000_000
@@ -20,7 +20,7 @@ def test_the_offset_is_that_of_the_message_with_the_shortest_way_and_the_rest_is
         made = host + k * S
         clock.note(made + round(offset * S), made + round(delay * S), k + delay)
     now = len(delays) - 1 + delays[-1]
-    state = clock.state("sonde", Clock.TOOL, host + round(now * S), now)
+    state = clock.state("sonde", StampClock.TOOL, host + round(now * S), now)
     assert state.clock_offset == pytest.approx(offset - min(delays), abs=1e-6)
     assert state.data_age == pytest.approx(delays[-1] - min(delays), abs=1e-6)
     assert 0.0 <= state.offset_age <= now + 1e-9
@@ -30,15 +30,15 @@ def test_an_old_shortest_way_is_forgotten_so_that_a_clock_that_was_set_counts():
     clock = InputClock()
     for k in range(200):
         clock.note((k + (5 if k < 100 else 0)) * S, k * S, float(k))
-    assert clock.state("sonde", Clock.TOOL, 199 * S, 199.0).clock_offset == 0.0
+    assert clock.state("sonde", StampClock.TOOL, 199 * S, 199.0).clock_offset == 0.0
 
 
 def test_data_that_the_surface_stamps_itself_have_no_offset_and_their_true_age():
     clock = InputClock()
     clock.note(100 * S, 100 * S, 0.0)
-    state = clock.state("rig_wits", Clock.HOST, 103 * S, 3.0)
+    state = clock.state("rig_wits", StampClock.HOST, 103 * S, 3.0)
     assert (state.clock_offset, state.data_age) == (0.0, 3.0)
-    assert InputClock().state("sonde", Clock.TOOL, 0, 0.0) == InputState("sonde", Clock.TOOL)
+    assert InputClock().state("sonde", StampClock.TOOL, 0, 0.0) == InputState("sonde", StampClock.TOOL)
 
 
 class Rig:
@@ -58,7 +58,7 @@ class Rig:
             self.sources.take(f"well_1/{name}", depth, now)
 
     def table(self, now):
-        states = {name: InputState(name, Clock.RIG) for name in ("rig_floor", "rig_wits", "rig_opcua")}
+        states = {name: InputState(name, StampClock.RIG) for name in ("rig_floor", "rig_wits", "rig_opcua")}
         return self.sources.table(states, now)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from mwd_estimation.attitude import time_alignment
 from mwd_estimation.attitude.sample import SAMPLE
-from mwd_estimation.attitude.time_alignment import Params
+from mwd_estimation.attitude.time_alignment import TimeAlignmentParams
 from mwd_estimation.attitude.time_alignment_state import FieldModel, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
@@ -42,7 +42,7 @@ def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclinatio
     samples["stamp_ns"] = np.arange(122) * 10**7
     samples["down"][:, 0], samples["down"][:, 2] = np.cos(inclination), np.sin(inclination)
     no_field = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-    params = Params(vertical_enter=np.radians(5.0), vertical_leave=np.radians(6.0))
+    params = TimeAlignmentParams(vertical_enter=np.radians(5.0), vertical_leave=np.radians(6.0))
     model = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     rows, _, _ = time_alignment.run(params, initial(), model, samples, no_field)
     selector = ToolfaceSelector()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from consistency import assert_consistent
 from mwd_sensors.simulator import battery as simulated
 from mwd_sensors.telemetry.log_channels import LogSample
-from mwd_sensors.telemetry.tool_limits import Battery, ExposureLimit, Part, ToolLimits
+from mwd_sensors.telemetry.tool_limits import BatteryLimits, ExposureLimit, ToolLimits, ToolPart
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.health_alarms import health_alarms
 from mwd_surface.logs.tool_health import HealthLedger
@@ -27,7 +27,7 @@ UNITS = {
     "failed_self_tests": "flags",
     "self_tests": "flags",
 }
-PACK = Battery(capacity_ah=10.0, current_sigma=0.05, least_v=22.0)
+PACK = BatteryLimits(capacity_ah=10.0, current_sigma=0.05, least_v=22.0)
 
 
 def sample(source, at_s, value, span=60.0, **more):
@@ -41,7 +41,7 @@ def played(seed, hours, *, counted):
     rng = np.random.default_rng(seed)
     capacity = PACK.capacity_ah * (1.0 + PACK.capacity_sigma * rng.standard_normal())
     scale = 1.0 + (0.0 if counted else PACK.current_sigma * rng.standard_normal())
-    true = simulated.Battery(
+    true = simulated.SondeBattery(
         capacity_ah=capacity,
         used_ah=1.0,
         active_a=PACK.active_a * scale,
@@ -140,7 +140,11 @@ def test_each_alarm_has_a_remedy_and_ends_with_its_cause():
     limits = ToolLimits(
         battery=PACK,
         exposures={"temperature": ExposureLimit(((125.0, 1.0),))},
-        parts={"sensors": Part("S-17", "2025-01-01"), "gamma": Part("G-3", "2026-02-01"), "pulser": Part("P-1")},
+        parts={
+            "sensors": ToolPart("S-17", "2025-01-01"),
+            "gamma": ToolPart("G-3", "2026-02-01"),
+            "pulser": ToolPart("P-1"),
+        },
     )
     ledger = HealthLedger(limits)
     for minute in range(1, 60):
@@ -238,7 +242,7 @@ def test_samples_of_one_source_with_a_wrong_clock_leave_the_others_as_they_are()
     assert ledger.health().run_time == pytest.approx(3600.0)
 
 
-@pytest.mark.parametrize("limits", [None, ToolLimits(), ToolLimits(battery=Battery(capacity_ah=15.0))])
+@pytest.mark.parametrize("limits", [None, ToolLimits(), ToolLimits(battery=BatteryLimits(capacity_ah=15.0))])
 def test_a_voltage_raises_no_alarm_where_the_tool_file_states_no_limit(limits):
     ledger = HealthLedger(limits)
     for minute in range(1, 61):
@@ -247,7 +251,7 @@ def test_a_voltage_raises_no_alarm_where_the_tool_file_states_no_limit(limits):
 
 
 def test_a_counter_that_falls_counts_another_battery():
-    ledger = HealthLedger(ToolLimits(battery=Battery()))
+    ledger = HealthLedger(ToolLimits(battery=BatteryLimits()))
     for k, value in enumerate((90_000.0, 90_400.0, 0.0, 400.0)):
         ledger.add(sample("consumed_charge", 1000.0 * (k + 1), value))
     battery = ledger.health().battery
@@ -262,7 +266,7 @@ def test_a_counter_that_falls_counts_another_battery():
 
 @pytest.mark.parametrize("pumping", [False, True])
 def test_a_silence_of_the_rig_is_assumed_idle_and_told(pumping):
-    ledger = HealthLedger(ToolLimits(battery=Battery()))
+    ledger = HealthLedger(ToolLimits(battery=BatteryLimits()))
     for at in range(3600):
         ledger.add_flow(T0 + at * S, pumping=pumping)
     for at in range(3 * 86400, 3 * 86400 + 3600):
@@ -278,7 +282,7 @@ def test_a_silence_of_the_rig_is_assumed_idle_and_told(pumping):
 @pytest.mark.parametrize("jump_s", [YEARS_S, 10 * 86400.0, 7200.0])
 @pytest.mark.parametrize("count", [1, 50])
 def test_wrong_stamps_of_the_rig_draw_no_charge(jump_s, count):
-    ledger = HealthLedger(ToolLimits(battery=Battery()))
+    ledger = HealthLedger(ToolLimits(battery=BatteryLimits()))
     for at in range(3600):
         ledger.add_flow(T0 + at * S, pumping=True)
         if at == 1000:
@@ -300,8 +304,8 @@ def test_wrong_limits_are_refused_by_name():
     for make, words in (
         (lambda: ExposureLimit(((125.0, 1.0), (150.0, 2.0))), "grow"),
         (lambda: ExposureLimit(((125.0, 0.0),)), "above 0"),
-        (lambda: Battery(by_temperature=((25.0, 1.0), (25.0, 0.9))), "rise"),
-        (lambda: Part(calibrated="March"), "2026-03-01"),
+        (lambda: BatteryLimits(by_temperature=((25.0, 1.0), (25.0, 0.9))), "rise"),
+        (lambda: ToolPart(calibrated="March"), "2026-03-01"),
         (lambda: ToolLimits(exposures={"noise": ExposureLimit(((1.0, 1.0),))}), "noise"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -15,7 +15,7 @@ from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Permission, Request, Sender
+from mwd_surface.control.status import ControlRequest, Permission, Sender
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.nodes.control_server import ControlServer
 from mwd_surface.nodes.downlink_server import DownlinkServer
@@ -42,7 +42,7 @@ def context(tmp_path):
 def test_control_is_refused_with_the_damaged_file_and_not_with_a_setting(context):
     (context.folder / "control.json").write_text("[")
     server = ControlServer(context, ControlSettings(enabled=True))
-    decision = server.authority.request(Request(Sender("test", "autodriller"), "autodriller"), 0.0)
+    decision = server.authority.request(ControlRequest(Sender("test", "autodriller"), "autodriller"), 0.0)
     assert decision.permission == Permission.DENIED
     (diagnostic,) = server.diagnostics()
     assert diagnostic.level == WARN

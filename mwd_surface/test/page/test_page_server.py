@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import flat
 from mwd_surface.live.well_state import NodeDiagnostic
-from mwd_surface.page.access import Access, read_token
+from mwd_surface.page.access import SecretAccess, read_token
 from mwd_surface.page.commands import COMMANDS, checked_arguments
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
@@ -663,7 +663,7 @@ def test_the_token_comes_from_a_private_file_or_the_environment_and_is_kept_as_a
 
 def test_an_address_that_guesses_has_to_wait():
     now = [0.0]
-    access = Access(TOKEN, lambda: now[0])
+    access = SecretAccess(TOKEN, lambda: now[0])
     for k in range(5):
         assert access.wait_s("a") == 0
         assert not access.allows("a", f"guess {k} \udcff")

@@ -16,7 +16,7 @@ from mwd_sensors.core import wire
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceField, SurveyProgress
+from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceFieldState, SurveyProgress
 from mwd_surface.page.plain import plain
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.signals.table import SIGNALS
@@ -85,7 +85,7 @@ def test_without_a_field_from_the_node_the_header_shows_that_of_the_last_survey(
     well = sections(state)["well"]
     assert (well["field"]["declination"], well["field"]["convergence"]) == (0.02, 0.01)
     assert well["field"]["source"] == "as of survey 2"
-    state.show(0.0, well=Well(), reference_given=ReferenceField(declination=0.5, source="IFR"))
+    state.show(0.0, well=Well(), reference_given=ReferenceFieldState(declination=0.5, source="IFR"))
     state.show(0.0, surveys=listed(survey(1)))
     assert sections(state)["well"]["field"]["source"] == "IFR"
 
@@ -153,7 +153,7 @@ def test_revisions_change_exactly_with_what_people_see():
 def test_a_well_with_a_reference_field_shows_its_corrections_and_one_without_shows_none():
     state = ShownState()
     assert sections(state)["well"]["field"]["declination"] is None
-    field = ReferenceField(declination=0.1, convergence=0.02, source="WMM2025")
+    field = ReferenceFieldState(declination=0.1, convergence=0.02, source="WMM2025")
     state.show(0.0, well=Well(name="A"), reference_given=field)
     well = sections(state)["well"]
     assert (well["name"], well["field"]["declination"], well["field"]["total"]) == ("A", 0.1, None)

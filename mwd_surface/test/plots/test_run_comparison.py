@@ -13,7 +13,7 @@ def run(name, count=400, azimuth=359.0, step_ns=10_000_000):
     rows = {"stamp_ns": stamps, **angles}
     blocks = [{key: part[k : k + 1000] for key, part in rows.items()} for k in range(0, count, 1000)]
     survey = {"stamp_ns": "2000000000", "inclination_deg": "30.1", "azimuth_deg": str(azimuth % 360.0)}
-    return run_comparison.Run(name, blocks, [survey])
+    return run_comparison.ComparedRun(name, blocks, [survey])
 
 
 @pytest.mark.slow

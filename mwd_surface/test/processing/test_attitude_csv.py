@@ -28,7 +28,7 @@ def samples(n, seed=1):
 
 
 def cells(attitude, gravity):
-    return [line.split(",") for line in bytes(attitude_csv.Lines()(attitude, gravity)).decode().splitlines()]
+    return [line.split(",") for line in bytes(attitude_csv.CsvLines()(attitude, gravity)).decode().splitlines()]
 
 
 @pytest.mark.slow
@@ -60,11 +60,11 @@ def test_numbers_read_back_to_half_of_their_last_digit():
 
 def test_blocks_give_the_bytes_of_the_whole():
     attitude, gravity = samples(100)
-    whole = bytes(attitude_csv.Lines()(attitude, gravity))
+    whole = bytes(attitude_csv.CsvLines()(attitude, gravity))
     cuts = [0, 1, 2, 40, 99, 100]
-    pieces = [bytes(attitude_csv.Lines()(attitude[a:b], gravity[a:b])) for a, b in itertools.pairwise(cuts)]
+    pieces = [bytes(attitude_csv.CsvLines()(attitude[a:b], gravity[a:b])) for a, b in itertools.pairwise(cuts)]
     assert b"".join(pieces) == whole
-    assert bytes(attitude_csv.Lines()(attitude[:0], gravity[:0])) == b""
+    assert bytes(attitude_csv.CsvLines()(attitude[:0], gravity[:0])) == b""
 
 
 def test_what_is_unknown_is_an_empty_cell():

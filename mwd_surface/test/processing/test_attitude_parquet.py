@@ -31,12 +31,12 @@ def _samples(n=500):
 @pytest.mark.slow
 def test_parquet_holds_the_cells_of_the_csv(tmp_path):
     attitude, gravity = _samples()
-    with attitude_parquet.Writer(tmp_path / "a.parquet") as writer:
+    with attitude_parquet.ParquetWriter(tmp_path / "a.parquet") as writer:
         for k in range(0, 500, 120):
             writer.write(attitude[k : k + 120], gravity[k : k + 120])
         writer.write(attitude[:0], gravity[:0])
     table = pq.read_table(tmp_path / "a.parquet")
-    text = attitude_csv.HEADER + "\n" + bytes(attitude_csv.Lines()(attitude, gravity)).decode()
+    text = attitude_csv.HEADER + "\n" + bytes(attitude_csv.CsvLines()(attitude, gravity)).decode()
     lines = list(csv.DictReader(io.StringIO(text)))
     assert table.column_names == [*attitude_csv.HEADER.split(","), "north"]
     for line, row in zip(lines, table.to_pylist(), strict=True):
@@ -52,7 +52,7 @@ def test_parquet_holds_the_cells_of_the_csv(tmp_path):
 def test_row_groups_are_written_as_they_fill(tmp_path, monkeypatch):
     monkeypatch.setattr(attitude_parquet, "_GROUP_ROWS", 200)
     attitude, gravity = _samples()
-    with attitude_parquet.Writer(tmp_path / "a.parquet") as writer:
+    with attitude_parquet.ParquetWriter(tmp_path / "a.parquet") as writer:
         for k in range(0, 500, 100):
             writer.write(attitude[k : k + 100], gravity[k : k + 100])
     file = pq.ParquetFile(tmp_path / "a.parquet")

@@ -19,7 +19,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.cli import app
 from mwd_surface.plots.plot_data import gather
 from mwd_surface.processing.bag_input import InputSettings, find_topics
-from mwd_surface.processing.half_imu import Kind
+from mwd_surface.processing.half_imu import ImuKind
 from mwd_surface.processing.input_stream import InputStream, RecordingStream
 from mwd_surface.processing.inspection import inspect
 from mwd_surface.runs import calibration_run
@@ -261,7 +261,7 @@ def test_halves_are_joined_alike_however_the_stream_is_cut(cut, sent, tmp_path):
     )
     with Bag(path) as bag:
         topics = find_topics(bag, InputSettings())
-        assert (topics.imu, topics.accelerometer, topics.kind) == ("/g", "/f", Kind.GYRO)
+        assert (topics.imu, topics.accelerometer, topics.kind) == ("/g", "/f", ImuKind.GYRO)
         whole = joined(InputStream(bag, topics, InputSettings()), bag.blocks(topics.all))
         parts = joined(InputStream(bag, topics, InputSettings()), bag.blocks(topics.all, block_messages=cut))
     assert whole.tobytes() == parts.tobytes()

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation.gravity import smoother
-from mwd_estimation.gravity.bounded.filter import Params
+from mwd_estimation.gravity.bounded.filter import BoundedParams
 from mwd_sensors.core import wire
 from mwd_surface.processing.bag_estimate import ImuQueue
 
@@ -44,8 +44,8 @@ def test_smoothed_samples_come_out_in_order_with_the_gravity_of_the_whole(monkey
     monkeypatch.setattr(smoother, "BLOCK", 800)
     monkeypatch.setattr(smoother, "AHEAD", 300)
     imu = _imu()
-    whole = smoother.smooth(Params(), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
-    queue, out = ImuQueue(Params()), []
+    whole = smoother.smooth(BoundedParams(), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+    queue, out = ImuQueue(BoundedParams()), []
     for part in np.split(imu, [100, 150, 1700, 1701, 2500]):
         out += queue.done()
         queue.add(part, part["stamp_ns"] + 7)
@@ -58,7 +58,7 @@ def test_smoothed_samples_come_out_in_order_with_the_gravity_of_the_whole(monkey
 
 
 def _smoothed(imu, cuts):
-    queue, out = ImuQueue(Params()), []
+    queue, out = ImuQueue(BoundedParams()), []
     for part in np.split(imu, cuts):
         out += queue.done()
         queue.add(part, part["stamp_ns"] + 7)

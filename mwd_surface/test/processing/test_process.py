@@ -122,7 +122,7 @@ def test_the_azimuth_is_empty_until_it_is_known_and_without_a_magnetometer(tmp_p
 def test_the_lines_are_those_of_the_pipeline_fed_sample_by_sample(tmp_path):
     imu, mag = recording(tmp_path / "bag", seconds=3.0)
     run(tmp_path / "bag", tmp_path / "out")
-    pipeline, text, lines = Pipeline(S3), attitude_csv.HEADER.encode() + b"\n", attitude_csv.Lines()
+    pipeline, text, lines = Pipeline(S3), attitude_csv.HEADER.encode() + b"\n", attitude_csv.CsvLines()
     for k in range(len(imu)):
         pipeline.push_mag(mag[k : k + 1])
         output = pipeline.push_imu(imu[k : k + 1])
@@ -208,7 +208,7 @@ def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypa
     def full(lines, attitude, gravity):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(attitude_csv.Lines, "__call__", full)
+    monkeypatch.setattr(attitude_csv.CsvLines, "__call__", full)
     with pytest.raises(OSError, match="No space left"):
         run(tmp_path / "bag", tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
@@ -590,7 +590,7 @@ def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processe
     pipeline = Pipeline(S3)
     pipeline.push_mag(mag)
     output = pipeline.push_imu(input_covariance.judge(imu, wire.IMU.type_name).samples)
-    text = bytes(attitude_csv.Lines()(output.attitude, output.gravity)).decode()
+    text = bytes(attitude_csv.CsvLines()(output.attitude, output.gravity)).decode()
     assert (tmp_path / "out" / "attitude.csv").read_text().split("\n", 1)[1] == text
 
 

@@ -32,10 +32,10 @@ def written(folder, kind, rows=ROWS):
         gravity["sigma"][-1] = np.nan
         attitude["status"][-1] = Status.INITIALISING | Status.NO_MAG
     if kind == "parquet":
-        with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
+        with attitude_parquet.ParquetWriter(folder / "attitude.parquet") as writer:
             writer.write(attitude, gravity)
     else:
-        lines = attitude_csv.Lines()(attitude, gravity)
+        lines = attitude_csv.CsvLines()(attitude, gravity)
         (folder / "attitude.csv").write_bytes(attitude_csv.HEADER.encode() + b"\n" + lines)
     with (folder / "surveys.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("sequence", "verdict"), ("1", "accept"), ("2", "reject")])

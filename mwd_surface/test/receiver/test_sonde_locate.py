@@ -11,8 +11,8 @@ from consistency import assert_consistent
 from mwd_sensors.core.dipole import dipole_field
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.receiver.sonde_locate import (
-    Known,
     ReadingErrors,
+    SondeFacts,
     SurfaceReadings,
     depth_overhead,
     locate,
@@ -69,7 +69,7 @@ def noisy(truth, rng, vector):
 
 def known_of(truth, azimuth=True):
     about = truth.azimuth + math.radians(10.0) if azimuth else math.nan
-    return Known(truth.moment, pitch=truth.pitch, azimuth=about)
+    return SondeFacts(truth.moment, pitch=truth.pitch, azimuth=about)
 
 
 @pytest.mark.parametrize("vector", [True, False])
@@ -78,7 +78,7 @@ def test_a_field_without_errors_gives_the_sonde_back(vector):
     if not vector:
         nothing = np.full(readings.field.shape, np.nan)
         readings = SurfaceReadings(GRID, nothing, np.linalg.norm(readings.field, axis=1))
-    fix = locate(readings, Known(5.0, pitch=BORE.pitch, azimuth=BORE.azimuth), ERRORS)
+    fix = locate(readings, SondeFacts(5.0, pitch=BORE.pitch, azimuth=BORE.azimuth), ERRORS)
     assert BORE.error(fix) == pytest.approx(np.zeros(6), abs=1e-5)
     assert fix.doubts == ()
 
@@ -95,7 +95,7 @@ def test_errors_are_as_large_as_the_sigmas_over_many_sondes(vector):
             math.radians(rng.uniform(-15.0, 15.0)),
             5.0 * math.exp(0.02 * rng.normal()),
         )
-        known = Known(
+        known = SondeFacts(
             5.0,
             pitch=truth.pitch + math.radians(0.3) * rng.normal(),
             azimuth=truth.azimuth + math.radians(30.0) * rng.normal() * 0.5,
@@ -174,7 +174,7 @@ def test_a_calibration_beside_the_sonde_gives_its_moment():
     assert moment_of(float(np.linalg.norm(level.field(np.array([0.0, 3.0, 0.0])))), 3.0) == pytest.approx(4.2)
 
 
-@pytest.mark.parametrize("known", [Known(5.0), Known(5.0, pitch=BORE.pitch, azimuth=BORE.azimuth)])
+@pytest.mark.parametrize("known", [SondeFacts(5.0), SondeFacts(5.0, pitch=BORE.pitch, azimuth=BORE.azimuth)])
 def test_readings_of_one_point_again_and_again_do_not_determine_the_sonde(known):
     field = BORE.field(np.tile(GRID[:1], (9, 1)))
     readings = SurfaceReadings(np.tile(GRID[:1], (9, 1)), np.full((9, 3), np.nan), np.linalg.norm(field, axis=1))
@@ -186,4 +186,4 @@ def test_readings_of_one_point_again_and_again_do_not_determine_the_sonde(known)
 @pytest.mark.parametrize("errors", [ReadingErrors(math.nan), ReadingErrors(math.inf), ReadingErrors(1e-11, math.nan)])
 def test_errors_that_are_no_numbers_are_refused(errors):
     with pytest.raises(ValueError, match="finite numbers"):
-        locate(exact(BORE), Known(5.0), errors)
+        locate(exact(BORE), SondeFacts(5.0), errors)

@@ -17,7 +17,7 @@ from example_rig import certified, control, started, values
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, ControlState, Judgement, Request, Sender
+from mwd_surface.control.status import Achieved, ControlJudgement, ControlRequest, ControlState, Sender
 from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE
@@ -80,7 +80,7 @@ def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
         log = " | ".join(authority.take_events())
         assert "modbus 7 has control" in log
         assert "modbus 7 gave control back" in log
-        authority.request(Request(Sender("test", "another"), "another", priority=5), time.monotonic())
+        authority.request(ControlRequest(Sender("test", "another"), "another", priority=5), time.monotonic())
         assert play(tmp_path, "Modbus", "127.0.0.1", server.port, 7) == "no control: permission 0\n"
         assert authority.status(time.monotonic()).owner == "another"
 
@@ -111,9 +111,9 @@ def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
         assert "[True, 'the driller controls top drive and pumps']" in play(tmp_path, "OPC UA", *ends)
         assert next(point.mode for point in sent if point.mode != Mode.RELEASE) == Mode.ROTATE
         assert "my_opcua_controller gave control back: done" in " | ".join(authority.take_events())
-        authority.request(Request(Sender("test", "another"), "another", priority=5), time.monotonic())
+        authority.request(ControlRequest(Sender("test", "another"), "another", priority=5), time.monotonic())
         assert "another has control" in play(tmp_path, "OPC UA", *ends)
-        authority.judge(Judgement.ABORT, "driller", time.monotonic())
+        authority.judge(ControlJudgement.ABORT, "driller", time.monotonic())
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pressure_files import PressureFile
-from mwd_surface.runs.doctor import Level
+from mwd_surface.runs.doctor import CheckLevel
 from mwd_surface.runs.pressure_doctor import examine_pressure
 
 TIME = np.arange(0.0, 300.0, 0.02)
@@ -21,26 +21,26 @@ def levels(read, tool=None):
 
 
 def test_a_good_file_has_nothing_to_mend():
-    assert set(levels(GOOD, ToolConfiguration()).values()) == {Level.OK}
+    assert set(levels(GOOD, ToolConfiguration()).values()) == {CheckLevel.OK}
     flow = next(result for result in examine_pressure(GOOD, ToolConfiguration()) if result.name == "flow")
     assert "start at 6" in flow.state
 
 
 def test_too_few_samples_for_the_pulses_are_missing():
     slow = dataclasses.replace(GOOD, time_s=TIME[::20], pressure_pa=PRESSURE[::20])
-    assert levels(slow, ToolConfiguration(pulse_width_s=0.5))["sample rate"] == Level.MISSING
-    assert levels(slow)["sample rate"] == Level.OK
+    assert levels(slow, ToolConfiguration(pulse_width_s=0.5))["sample rate"] == CheckLevel.MISSING
+    assert levels(slow)["sample rate"] == CheckLevel.OK
 
 
 def test_a_coarse_converter_and_a_column_without_its_unit_are_named():
     coarse = dataclasses.replace(GOOD, pressure_pa=np.round(PRESSURE / 1e5) * 1e5)
-    assert levels(coarse)["resolution"] == Level.NOTE
-    assert levels(dataclasses.replace(GOOD, pressure_pa=PRESSURE / 1e5))["size"] == Level.NOTE
-    assert levels(dataclasses.replace(GOOD, pressure_pa=np.full(len(TIME), 2e7)))["resolution"] == Level.MISSING
+    assert levels(coarse)["resolution"] == CheckLevel.NOTE
+    assert levels(dataclasses.replace(GOOD, pressure_pa=PRESSURE / 1e5))["size"] == CheckLevel.NOTE
+    assert levels(dataclasses.replace(GOOD, pressure_pa=np.full(len(TIME), 2e7)))["resolution"] == CheckLevel.MISSING
 
 
 def test_a_file_in_which_no_pump_starts_and_notes_of_the_data_are_named():
     steady = dataclasses.replace(GOOD, pressure_pa=PRESSURE[10000:], time_s=TIME[10000:], notes=("2 gaps",))
     found = levels(steady)
-    assert found["flow"] == Level.NOTE
-    assert found["data"] == Level.NOTE
+    assert found["flow"] == CheckLevel.NOTE
+    assert found["data"] == CheckLevel.NOTE

@@ -16,7 +16,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.live.inputs import HAND, Clock, InputState, InputTable, Role
+from mwd_surface.live.inputs import HAND, InputState, InputTable, Role, StampClock
 from mwd_surface.runs import run_logs as module
 from mwd_surface.runs.player import recorded_book
 from mwd_surface.runs.run_logs import run_logs
@@ -27,7 +27,7 @@ T0 = 1_772_323_200 * S
 
 def inputs(at, bit_depth, make):
     """The list of inputs at a moment, s, at which a person sets a depth, m (NaN: nobody does)."""
-    row = InputState(HAND, Clock.HOST, 0.0, 0.0, 0.0, Role.IN_FORCE, 1, bit_depth)
+    row = InputState(HAND, StampClock.HOST, 0.0, 0.0, 0.0, Role.IN_FORCE, 1, bit_depth)
     message = InputTable(() if math.isnan(bit_depth) else (row,), HAND, 0.0).to_message(make)
     message.header.stamp = time_message(T0 + at * S, make)
     return message

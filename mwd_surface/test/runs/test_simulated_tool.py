@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_estimation.downhole.transmitter import Kind
+from mwd_estimation.downhole.transmitter import PartKind
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.receiver import pressure_files
@@ -56,7 +56,7 @@ def test_pressure_and_words_do_not_depend_on_the_blocks(story):
         np.concatenate([heard.values for heard in first]), np.concatenate([heard.values for heard in second])
     )
     assert one.link.late == 0
-    assert [sent.kind for sent in one.sent[:4]] == [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY]
+    assert [sent.kind for sent in one.sent[:4]] == [PartKind.SYNC, PartKind.SURVEY, PartKind.SURVEY, PartKind.SURVEY]
 
 
 EM = """
@@ -127,7 +127,7 @@ def test_a_recording_of_it_decodes_to_what_was_sent(telemetry, tmp_path, monkeyp
     words = receiver.push(read.time_s, read.pressure_pa).words + receiver.finish().words
     (tool,) = tools
     assert tool.link.late == 0
-    sent = {sent.name: sent.raw for sent in tool.sent if sent.kind == Kind.SURVEY}
+    sent = {sent.name: sent.raw for sent in tool.sent if sent.kind == PartKind.SURVEY}
     received = {word.name: word.raw for word in words if word.kind == "survey" and word.status == "believed"}
     assert received == sent
     assert len(received) == 5

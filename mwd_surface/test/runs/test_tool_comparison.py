@@ -8,7 +8,7 @@ import pytest
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.simulator.scenario import parse, read
-from mwd_surface.runs.tool_comparison import Reading, azimuth_error, compared
+from mwd_surface.runs.tool_comparison import ToolDirection, azimuth_error, compared
 from project import SCENARIOS
 
 # S1 tables 1 and 2: depth, dip and true azimuth of the gyro tool; azimuth of the conventional tool in table 2, deg.
@@ -40,5 +40,5 @@ def test_a_probe_without_a_gyro_has_nothing_to_compare():
 
 
 def test_an_error_of_azimuth_is_within_half_a_turn():
-    one, other = Reading(1.5, math.radians(359.0)), Reading(1.5, math.radians(1.0))
+    one, other = ToolDirection(1.5, math.radians(359.0)), ToolDirection(1.5, math.radians(1.0))
     np.testing.assert_allclose(math.degrees(azimuth_error(one, other)), -2.0)

@@ -9,7 +9,7 @@ import pytest
 
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.survey import Survey, Verdict
-from mwd_surface.surveys.final_list import Source, final_list
+from mwd_surface.surveys.final_list import ListSource, final_list
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Value
 
@@ -42,7 +42,7 @@ def gyro(turn_deg=0.0, first_m=300.0, last_m=680.0):
 
 def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list():
     whole = two_legs()
-    final = final_list([Source("run", whole, "MWD+SRGM"), Source("ifr", gyro(), "MWD+IFR1+MS")])
+    final = final_list([ListSource("run", whole, "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")])
     (overlap,) = final.overlaps
     assert (overlap.used, overlap.left_out, overlap.apart) == ("ifr", "run", ())
     assert overlap.sigma_used < overlap.sigma_left_out
@@ -67,12 +67,12 @@ def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list(
 
 @pytest.mark.parametrize(("turn_deg", "apart"), [(0.3, False), (25.0, True)])
 def test_surveys_that_disagree_beyond_their_errors_are_named(turn_deg, apart):
-    final = final_list([Source("run", two_legs(), "MWD+SRGM"), Source("gyro", gyro(turn_deg), "GYRO-NS")])
+    final = final_list([ListSource("run", two_legs(), "MWD+SRGM"), ListSource("gyro", gyro(turn_deg), "GYRO-NS")])
     assert bool(final.overlaps[0].apart) == apart
 
 
 def test_the_order_of_the_sources_decides_no_overlap():
-    run, other = Source("run", two_legs(), "MWD+SRGM"), Source("ifr", gyro(), "MWD+IFR1+MS")
+    run, other = ListSource("run", two_legs(), "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")
     there, back = final_list([run, other]).overlaps[0], final_list([dataclasses.replace(other), run]).overlaps
     assert there.used == "ifr"
     assert [one.used for one in back] == ["ifr"]
@@ -82,7 +82,7 @@ def test_a_survey_that_two_recordings_have_is_used_once_and_a_person_is_obeyed()
     whole = two_legs()
     moved = dataclasses.replace(whole.find(21).survey, azimuth=whole.find(21).survey.azimuth + 0.01, revision=1)
     decided = whole.revise(moved).accept(21, "Ann", "the first was right", 5, value=Value.FIRST)
-    final = final_list([Source("a", decided, "MWD+SRGM"), Source("b", whole, "MWD+SRGM")])
+    final = final_list([ListSource("a", decided, "MWD+SRGM"), ListSource("b", whole, "MWD+SRGM")])
     assert len(final.surveys.records) == len(whole.records)
     assert final.surveys.find(21).survey.azimuth == whole.find(21).survey.azimuth
     assert final.remarks[-1] == "b: none of its stations is used"
@@ -92,11 +92,11 @@ def test_without_any_tool_code_the_reason_names_the_argument():
     bare = two_legs()
     bare = bare.configured(dataclasses.replace(bare.well, error_model=""), bare.rules)
     with pytest.raises(ValueError, match="run=CODE"):
-        final_list([Source("run", bare, "")])
+        final_list([ListSource("run", bare, "")])
 
 
 def test_a_run_gets_an_azimuth_by_multi_station_analysis_in_its_own_north():
-    final = final_list([Source("run", two_legs(), "MWD+SRGM")])
+    final = final_list([ListSource("run", two_legs(), "MWD+SRGM")])
     with_msa = [r for r in final.surveys.records if any(a.method == "msa" for a in r.survey.azimuths)]
     assert len(with_msa) == len(final.surveys.records)
     assert all(a.north == r.survey.north for r in with_msa for a in r.survey.azimuths if a.method == "msa")

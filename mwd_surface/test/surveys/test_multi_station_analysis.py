@@ -13,7 +13,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.multi_station_analysis import analyse
-from mwd_surface.surveys.multi_station_problem import Problem, corrected
+from mwd_surface.surveys.multi_station_problem import StationsProblem, corrected
 
 DEG = math.pi / 180.0
 TOTAL, DIP, GRAVITY = 50e-6, 71.3 * DEG, 9.81
@@ -121,7 +121,7 @@ def test_interference_is_found_with_its_sigma_and_the_readings_corrected():
 
 def test_slope_of_the_residuals_agrees_with_finite_differences():
     f_t, b_t, reference, *_ = drawn_run("build", 1, n=6)
-    problem = Problem(f_t, b_t, reference, SensorErrors())
+    problem = StationsProblem(f_t, b_t, reference, SensorErrors())
     used = np.ones(6, dtype=bool)
     x = np.random.default_rng(2).normal(0, 1, 15)
     slope = problem.slope(x, used)

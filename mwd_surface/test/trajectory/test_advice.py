@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.advice import Advice, AdviceMode, AdvisorySettings, Known, advise, motor_yield
+from mwd_surface.trajectory.advice import Advice, AdviceBasis, AdviceMode, AdvisorySettings, advise, motor_yield
 from mwd_surface.trajectory.plan import nearest, plan_of
 from mwd_surface.trajectory.slide_sheet import Yield
 
 DEG = math.pi / 180.0
 PLAN = plan_of([0.0, 500.0, 1100.0, 3000.0], [0.0, 0.0, 60 * DEG, 60 * DEG], [0.7] * 4)
-KNOWN = Known(survey=7, stamp_ns=9, sigma_inclination=0.1 * DEG, sigma_azimuth=0.5 * DEG)
+KNOWN = AdviceBasis(survey=7, stamp_ns=9, sigma_inclination=0.1 * DEG, sigma_azimuth=0.5 * DEG)
 
 
 @dataclasses.dataclass
@@ -115,7 +115,7 @@ def test_the_sigma_is_that_of_drawn_surveys():
     from consistency import assert_consistent
 
     rng = np.random.default_rng(5)
-    sigma = Known(sigma_inclination=0.1 * DEG, sigma_azimuth=0.12 * DEG)
+    sigma = AdviceBasis(sigma_inclination=0.1 * DEG, sigma_azimuth=0.12 * DEG)
     truth = advise(AdvisorySettings(), PLAN, path_at(2000.0, 2.0, 3.0), (), sigma)
     errors = []
     for _ in range(400):

@@ -9,7 +9,7 @@ import pytest
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.trajectory.dense_trajectory import ARC, CONTINUOUS, SLIDES, STATION, Continuous, dense_trajectory
-from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch
 from mwd_surface.trajectory.well_path import path_of
 
 STAND, SLID = 30.0, 10.0
@@ -42,8 +42,8 @@ def _path(count=20):
 def _sheet(count=20):
     found = []
     for k in range(count):
-        found.append(Stretch(SLIDE, STAND * k, STAND * k + SLID, 0, 1, toolface=0.0))
-        found.append(Stretch(ROTATE, STAND * k + SLID, STAND * (k + 1), 1, 2, rotary_speed=12.0))
+        found.append(DrilledStretch(SLIDE, STAND * k, STAND * k + SLID, 0, 1, toolface=0.0))
+        found.append(DrilledStretch(ROTATE, STAND * k + SLID, STAND * (k + 1), 1, 2, rotary_speed=12.0))
     return found
 
 

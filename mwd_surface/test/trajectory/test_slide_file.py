@@ -6,10 +6,12 @@ import os
 import pytest
 
 from mwd_surface.trajectory.slide_file import append_stretch, read_stretches
-from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch
 
-ONE = Stretch(SLIDE, 1.0, 2.0, 1_700_000_000_000_000_003, 1_700_000_000_000_000_004, 0.1 + 0.2, 0.9, magnetic=True)
-TWO = Stretch(ROTATE, 2.0, 9.0, 4, 5, rotary_speed=12.0)
+ONE = DrilledStretch(
+    SLIDE, 1.0, 2.0, 1_700_000_000_000_000_003, 1_700_000_000_000_000_004, 0.1 + 0.2, 0.9, magnetic=True
+)
+TWO = DrilledStretch(ROTATE, 2.0, 9.0, 4, 5, rotary_speed=12.0)
 
 
 def test_no_file_is_an_empty_sheet(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, SlideSheet, Stretch, yields
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch, SlideSheet, yields
 from mwd_surface.trajectory.well_path import path_of
 
 S = 10**9
@@ -91,7 +91,7 @@ def test_motor_yield_is_the_dogleg_over_the_metres_slid():
     path = path_of(
         "main", North.GRID, 0.0, (md, inc, azi), mc.path(md, inc, azi), ("tie-on", "survey", "survey"), (0, 1, 2)
     )
-    stretches = [Stretch(SLIDE, 100.0, 110.0, 0, 1, 0.0, 1.0), Stretch(ROTATE, 110.0, 150.0, 1, 2)]
+    stretches = [DrilledStretch(SLIDE, 100.0, 110.0, 0, 1, 0.0, 1.0), DrilledStretch(ROTATE, 110.0, 150.0, 1, 2)]
     one, two = yields(stretches, path)
     assert (one.slid, one.rotated) == (10.0, 20.0)
     assert one.motor == pytest.approx(math.radians(2.0) / 10.0)
@@ -100,7 +100,10 @@ def test_motor_yield_is_the_dogleg_over_the_metres_slid():
 
 
 def test_a_sheet_goes_on_where_an_earlier_one_ended():
-    earlier = (Stretch(SLIDE, 1.0, 2.0, 3, 4, 0.5, 0.9), Stretch(ROTATE, 2.0, 9.0, 4, 5, rotary_speed=12.0))
+    earlier = (
+        DrilledStretch(SLIDE, 1.0, 2.0, 3, 4, 0.5, 0.9),
+        DrilledStretch(ROTATE, 2.0, 9.0, 4, 5, rotary_speed=12.0),
+    )
     sheet = SlideSheet(earlier=earlier)
     drilled(sheet, 9.0, 12.0, STILL, 0.1)
     assert [(s.mode, s.from_depth) for s in sheet.stretches] == [(SLIDE, 1.0), (ROTATE, 2.0), (SLIDE, 9.0)]

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.advice import AdvisorySettings, Known, advise
+from mwd_surface.trajectory.advice import AdviceBasis, AdvisorySettings, advise
 from mwd_surface.trajectory.dense_trajectory import Continuous, dense_trajectory
 from mwd_surface.trajectory.list_comparison import difference
 from mwd_surface.trajectory.plan import offset_from, offset_of_end, plan_of, steering_to
-from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch
 from mwd_surface.trajectory.well_path import path_of, projected
 
 MD = np.arange(0.0, 361.0, 30.0)
@@ -50,7 +50,7 @@ def test_positions_rates_section_and_projection_do_not_change(printed, end, how)
 @given(printed=printed_azimuths, magnetic=st.booleans(), low=st.sampled_from([0.0, 0.02]))
 def test_offset_from_the_plan_and_advice_do_not_change(printed, magnetic, low):
     """Of a hole that is vertical down to the bit, too: its toolfaces count from north."""
-    known = Known(sigma_inclination=0.002, sigma_azimuth=0.02, magnetic=magnetic)
+    known = AdviceBasis(sigma_inclination=0.002, sigma_azimuth=0.02, magnetic=magnetic)
     one, other = both(low * np.minimum(MD / 300.0, 1.0), printed)
     if low == 0.0:
         assert offset_of_end(PLAN, one) == offset_of_end(PLAN, other)
@@ -66,7 +66,7 @@ def test_offset_from_the_plan_and_advice_do_not_change(printed, magnetic, low):
 def test_a_vertical_hole_is_steered_by_directions_from_north(printed):
     target = np.array([0.0, 50.0, 200.0])
     assert steering_to(np.zeros(3), 0.0, printed, target) == steering_to(np.zeros(3), 0.0, 0.0, target)
-    known = Known(magnetic=True)
+    known = AdviceBasis(magnetic=True)
     advice = advise(AdvisorySettings(least_slide_m=0.0), PLAN, path(0.0 * MD, np.full(MD.size, printed)), (), known)
     # The plan leads away from the vertical at 2 rad.
     assert abs(math.remainder(advice.toolface - 2.0, math.tau)) < 0.01
@@ -76,7 +76,7 @@ def test_a_vertical_hole_is_steered_by_directions_from_north(printed):
 @given(printed=printed_azimuths)
 def test_the_hole_between_stations_does_not_change(printed):
     sheet = [
-        Stretch(mode, low, high, 0, 0)
+        DrilledStretch(mode, low, high, 0, 0)
         for k in range(4, 9)
         for mode, low, high in (("slide", 30.0 * k, 30.0 * k + 12.0), ("rotate", 30.0 * k + 12.0, 30.0 * k + 30.0))
     ]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.trajectory.plan import plan_of
-from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, Tool
+from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTool
 from mwd_surface.uncertainty.forecast import error_reference, forecast
 from mwd_surface.uncertainty.position_covariance import StationErrors, covariance_of, position_covariance, well_terms
 
@@ -126,8 +126,8 @@ def test_the_covariance_of_a_magnetic_survey_turns_with_the_hole_and_the_field(t
 @bounded
 @given(cut=st.integers(1, MD.size - 1), printed=azimuths, code=st.sampled_from(["MWD+SRGM", "GYRO-NS", "BLIND"]))
 def test_a_run_given_in_two_intervals_is_one_run(cut, printed, code):
-    run = Tool(code, "1")
-    parts = StationErrors([Tool(code, "1")] * cut + [run] * (MD.size - cut))
+    run = ErrorTool(code, "1")
+    parts = StationErrors([ErrorTool(code, "1")] * cut + [run] * (MD.size - cut))
     got = position_covariance(MD, INC, np.where(VERTICAL, printed, AZI), North.GRID, parts, REFERENCE)
     np.testing.assert_allclose(got, covariance(code=code), rtol=1e-12)
 
@@ -148,7 +148,7 @@ def test_a_station_put_on_the_arc_keeps_what_the_whole_run_errs(where, code):
     more = [np.insert(row, k, one) for row, one in ((MD, where), (INC, inc), (AZI, azi))]
 
     def shared(stations):
-        terms = well_terms(tuple(stations), North.GRID, StationErrors([Tool(code)] * stations[0].size), REFERENCE)
+        terms = well_terms(tuple(stations), North.GRID, StationErrors([ErrorTool(code)] * stations[0].size), REFERENCE)
         return covariance_of([t for t in terms if t.shared != RANDOM], stations[0].size)[-1]
 
     np.testing.assert_allclose(np.sqrt(np.diag(shared(more))), np.sqrt(np.diag(shared([MD, INC, AZI]))), rtol=6e-3)
@@ -158,7 +158,7 @@ def test_a_station_put_on_the_arc_keeps_what_the_whole_run_errs(where, code):
 @given(printed=st.lists(azimuths, min_size=MD.size, max_size=MD.size), sigma=st.floats(1e-3, 0.02))
 def test_own_sigmas_of_vertical_stations_do_not_depend_on_their_azimuth(printed, sigma):
     """The inclination's sigma of a vertical station is that of its direction, along and across any azimuth."""
-    own = StationErrors([Tool("MWD+SRGM", "1")] * MD.size, np.full((MD.size, 2), [sigma, math.pi]))
+    own = StationErrors([ErrorTool("MWD+SRGM", "1")] * MD.size, np.full((MD.size, 2), [sigma, math.pi]))
     got = position_covariance(MD, 0.0 * INC, printed, North.GRID, own, REFERENCE)
     want = position_covariance(MD, 0.0 * INC, 0.0 * AZI, North.GRID, own, REFERENCE)
     np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-15)

@@ -9,7 +9,14 @@ import pytest
 from consistency import assert_consistent
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, Tool, check_tool_code, error_terms, tool_codes
+from mwd_surface.uncertainty.error_terms import (
+    RANDOM,
+    ErrorReference,
+    ErrorTool,
+    check_tool_code,
+    error_terms,
+    tool_codes,
+)
 from mwd_surface.uncertainty.position_covariance import (
     StationErrors,
     covariance_of,
@@ -66,14 +73,14 @@ def test_set_b_is_known_and_lies_between_the_field_models_of_set_a():
 
 def test_intervals_of_one_run_are_one_survey():
     whole = position_covariance(MD, INC, AZI, North.GRID, "MWD+SRGM", REFERENCE)
-    run = Tool("MWD+SRGM", "BHA 1")
+    run = ErrorTool("MWD+SRGM", "BHA 1")
     parts = position_covariance(MD, INC, AZI, North.GRID, StationErrors([run] * 40 + [run] * 40), REFERENCE)
     np.testing.assert_allclose(parts, whole, rtol=1e-12)
 
 
 def test_a_new_run_of_the_same_tool_makes_the_well_better_known_but_keeps_what_runs_share():
     whole = position_covariance(MD, INC, AZI, North.TRUE, "MWD+SRGM", REFERENCE)[-1]
-    runs = [Tool("MWD+SRGM", "1")] * 40 + [Tool("MWD+SRGM", "2")] * 40
+    runs = [ErrorTool("MWD+SRGM", "1")] * 40 + [ErrorTool("MWD+SRGM", "2")] * 40
     two = position_covariance(MD, INC, AZI, North.TRUE, StationErrors(runs), REFERENCE)[-1]
     assert np.trace(two) < 0.9 * np.trace(whole)
     terms = well_terms((MD, INC, AZI), North.TRUE, StationErrors(runs), REFERENCE)
@@ -86,7 +93,7 @@ def test_a_station_beyond_its_code_is_told_in_a_sentence():
     inc = np.interp(MD, [0, 300, 2400], np.radians([0, 0, 92]))
     with pytest.raises(ValueError, match=r"GYRO-NS is meant for .* 0 to 89 deg; the station at 2340.0 m has 89.4 deg"):
         position_covariance(MD, inc, AZI, North.TRUE, "GYRO-NS", REFERENCE)
-    tools = [Tool("GYRO-NS") if i < math.radians(60) else Tool("MWD+SRGM") for i in inc]
+    tools = [ErrorTool("GYRO-NS") if i < math.radians(60) else ErrorTool("MWD+SRGM") for i in inc]
     assert position_covariance(MD, inc, AZI, North.TRUE, StationErrors(tools), REFERENCE).shape == (80, 3, 3)
 
 
@@ -136,7 +143,12 @@ def test_a_thousand_wells_lie_in_their_95_percent_ellipses():
     md = np.arange(1000.0, 3401.0, 40.0)
     inc = np.interp(md, [1000, 1600, 2200, 3400], np.radians([10, 25, 60, 88]))
     azi = np.interp(md, [1000, 3400], np.radians([40, 130]))
-    tools = [None] + [Tool("GYRO-NS", "g")] * 15 + [Tool("MWD+IFR1+SAG", "1")] * 20 + [Tool("MWD+SRGM", "2")] * 25
+    tools = (
+        [None]
+        + [ErrorTool("GYRO-NS", "g")] * 15
+        + [ErrorTool("MWD+IFR1+SAG", "1")] * 20
+        + [ErrorTool("MWD+SRGM", "2")] * 25
+    )
     tie_on = np.array([[1.0, 0.3, 0.0], [0.3, 2.0, 0.1], [0.0, 0.1, 0.5]])
     errors = StationErrors(tools, None, tie_on)
     covariance = position_covariance(md, inc, azi, North.TRUE, errors, REFERENCE, 1000.0)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.core.north import North
-from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference, Tool, error_terms
+from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference, ErrorTool, error_terms
 from mwd_surface.uncertainty.position_covariance import covariance_of, ellipse, in_section, position_covariance
 from project import REFERENCE_DATA
 
@@ -44,7 +44,7 @@ def test_the_iscwsa_example_well_is_reproduced_at_every_station():
         header = json.load(file)
     assert (header["Btotal (nT)"], header["Dip (deg)"], header["Declination (deg)"]) == (50000, 72, -4)
     md, inc, azi = well_1()
-    got = covariance_of(error_terms((md, inc, azi), [Tool(MODEL)] * md.size, REFERENCE), md.size)
+    got = covariance_of(error_terms((md, inc, azi), [ErrorTool(MODEL)] * md.size, REFERENCE), md.size)
     pairs = {"NN": (0, 0), "EE": (1, 1), "VV": (2, 2), "NE": (0, 1), "NV": (0, 2), "EV": (1, 2)}
     published = rows("well1_total_cov_nev.csv")
     # The first station's vertical is the depth reference alone, DRFR^2, in newer issues of the model.

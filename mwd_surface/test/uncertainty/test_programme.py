@@ -12,7 +12,7 @@ from mwd_estimation.core.north import North
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.position_covariance import position_covariance
-from mwd_surface.uncertainty.programme import Programme, ProgrammeError, ProgrammeStations, read_programme
+from mwd_surface.uncertainty.programme import ProgrammeError, ProgrammeStations, SurveyProgramme, read_programme
 
 REFERENCE = ErrorReference(math.radians(60), 50e-6, math.radians(72), math.radians(-4), math.radians(1.5), 9.80665)
 MD = np.arange(0.0, 1501.0, 30.0)
@@ -51,7 +51,7 @@ def test_a_file_gives_each_station_its_tool_and_run(tmp_path):
 def test_another_tool_in_the_list_is_another_run():
     stations = ProgrammeStations.plain(MD)
     serials = ["A"] * 20 + ["B"] * (MD.size - 20)
-    tools = Programme.of_code("MWD+SRGM").errors(dataclasses.replace(stations, tools=serials)).tools
+    tools = SurveyProgramme.of_code("MWD+SRGM").errors(dataclasses.replace(stations, tools=serials)).tools
     assert len(set(tools)) == 2
     assert {t.code for t in tools} == {"MWD+SRGM"}
 
@@ -66,7 +66,7 @@ def test_the_tie_on_is_added_to_every_station(tmp_path):
 
 
 def test_a_list_that_starts_deep_starts_with_a_tie_on_of_no_tool():
-    errors = Programme.of_code("MWD+SRGM").errors(ProgrammeStations.plain(MD[10:]))
+    errors = SurveyProgramme.of_code("MWD+SRGM").errors(ProgrammeStations.plain(MD[10:]))
     assert errors.tools[0] is None
     assert errors.tools[1] is not None
 
@@ -83,7 +83,7 @@ def test_own_sigmas_replace_the_angles_of_the_code_and_keep_its_depth(tmp_path):
     large = dataclasses.replace(small, sigmas=np.full((MD.size, 2), math.radians(1.0)))
     programme = read_programme(path)
     few, many = (covariance(programme.errors(stations))[-1] for stations in (small, large))
-    code = covariance(Programme.of_code("MWD+SRGM").errors(small))[-1]
+    code = covariance(SurveyProgramme.of_code("MWD+SRGM").errors(small))[-1]
     # Depth stands; a degree at every station of the same run shifts the end by a degree of the way, in the vertical
     # part too: the direction is as uncertain there across the hole's later azimuth as along it.
     assert 0.35**2 < few[2, 2] < code[2, 2]

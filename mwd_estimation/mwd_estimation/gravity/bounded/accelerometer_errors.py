@@ -10,8 +10,8 @@ influence.
 
 from __future__ import annotations
 
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ACCEL, DOWN, Record
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import ACCEL, DOWN, BoundedRecord
 from mwd_sensors.core.compiled import compiled
 
 # Time in which the tilt reaches 63 % of its response to a constant horizontal force, at rest and while rotating, s;
@@ -21,14 +21,14 @@ LEAST_PRIOR = 1e-18  # smallest prior variance, for sensors whose settings state
 
 
 @compiled
-def begin(s: Record) -> None:
+def begin(s: BoundedRecord) -> None:
     """Discard the influence of the errors at a start, because it belongs to an earlier attitude."""
     s.accelerometer.age = 0.0
     s.accelerometer.influence[:] = 0.0
 
 
 @compiled
-def follow(p: Params, s: Record) -> None:
+def follow(p: BoundedParams, s: BoundedRecord) -> None:
     """Update the mean influence of the errors with the interval of one update."""
     errors, turn2 = s.accelerometer, s.turning**2
     errors.age += s.sums.time
@@ -45,7 +45,7 @@ def follow(p: Params, s: Record) -> None:
 
 
 @compiled
-def variances(p: Params, s: Record, dx: float, dy: float) -> tuple[float, float]:
+def variances(p: BoundedParams, s: BoundedRecord, dx: float, dy: float) -> tuple[float, float]:
     """Return the variances of the tilt from the errors, along the level unit vector (dx, dy) and across it, rad^2."""
     along, across, vertical = 0.0, 0.0, LEAST_PRIOR
     for j in range(ACCEL):

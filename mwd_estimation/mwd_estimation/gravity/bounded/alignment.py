@@ -10,8 +10,18 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.gravity.bounded import accelerometer_errors, clipping, mechanisation, noise
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record, forget_density
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import (
+    BIAS,
+    ERRORS,
+    MISSING,
+    POS,
+    SCALE,
+    TILT,
+    VEL,
+    BoundedRecord,
+    forget_density,
+)
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -28,7 +38,7 @@ LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a 
 
 
 @compiled
-def begin(s: Record) -> None:
+def begin(s: BoundedRecord) -> None:
     """Restart attitude, velocity and position; keep the estimated sensor errors."""
     mechanisation.clear_sums(s.sums)
     accelerometer_errors.begin(s)
@@ -55,7 +65,7 @@ def begin(s: Record) -> None:
 
 
 @compiled
-def begin_roll(s: Record) -> None:
+def begin_roll(s: BoundedRecord) -> None:
     """Restart if only the roll is lost; keep the inclination, which the rates across the axis still give."""
     down, tilt = s.C[2, 0], clipping.split_tilt(s)
     begin(s)
@@ -63,7 +73,7 @@ def begin_roll(s: Record) -> None:
 
 
 @compiled
-def forget_motion(s: Record) -> None:
+def forget_motion(s: BoundedRecord) -> None:
     """Reset velocity, position and the averages derived from them, because the motion is unknown."""
     motion = s.motion
     forget_density(s)
@@ -76,7 +86,7 @@ def forget_motion(s: Record) -> None:
 
 
 @compiled
-def unknown_motion(s: Record, scatter: float) -> None:
+def unknown_motion(s: BoundedRecord, scatter: float) -> None:
     """Set the covariance of velocity and position at a start; scatter: variance of the force over squared gravity."""
     for j in range(3):
         for m in range(ERRORS):
@@ -86,7 +96,7 @@ def unknown_motion(s: Record, scatter: float) -> None:
 
 
 @compiled
-def average(p: Params, s: Record, dt: float, f: Vector, clips: bool) -> bool:
+def average(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, clips: bool) -> bool:
     """
     Add a force, m/s^2, rotated by the gyro, to the mean of a start; return True when the first attitude is set.
 
@@ -110,7 +120,7 @@ def average(p: Params, s: Record, dt: float, f: Vector, clips: bool) -> bool:
 
 
 @compiled
-def direction(s: Record) -> float:
+def direction(s: BoundedRecord) -> float:
     """Set gravity to the mean force so far, in the present tool axes; return the sigma of inclination, rad."""
     C, mean, g = s.C, s.mean, s.g_t
     norm = max(math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2), 1e-9)
@@ -127,7 +137,7 @@ def direction(s: Record) -> float:
 
 
 @compiled
-def _start(p: Params, s: Record) -> None:
+def _start(p: BoundedParams, s: BoundedRecord) -> None:
     """Set the first attitude from the mean force, and its covariance from the scatter of the force."""
     P = s.P
     mx, my, mz = s.mean[0] / s.age, s.mean[1] / s.age, s.mean[2] / s.age
@@ -164,7 +174,7 @@ def _start(p: Params, s: Record) -> None:
 
 
 @compiled
-def attitude_lost(p: Params, s: Record) -> bool:
+def attitude_lost(p: BoundedParams, s: BoundedRecord) -> bool:
     """
     Return whether the mean force is as long as gravity but points far away from the estimated gravity.
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from mwd_estimation.core import ring
 from mwd_estimation.gravity.bounded import information, measurement, mechanisation
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, STEADY, VEL, Record, forget_density
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, STEADY, VEL, BoundedRecord, forget_density
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
@@ -30,7 +30,7 @@ BIAS_STEP = 0.017
 # Mean time between jumps of each kind, s: 100 h, so that even one step in a run is rare. The time is the same for all
 # kinds, because a string whose speed changes is soon certain, and a small knock is not more probable than a step.
 EVERY = 3.6e5
-SURPRISE_TIME = 0.3  # s, memory of `Record.surprise`
+SURPRISE_TIME = 0.3  # s, memory of `BoundedRecord.surprise`
 # The search runs if the recent sum of squared innovations over their variances is at least this. A jump can only be
 # more probable than no jump if the sum since the jump is above twice the logarithm of the prior odds against it, which
 # is 20 to 34.
@@ -49,7 +49,7 @@ APART = 4  # updates between two searches
 
 
 @compiled
-def follow_innovation(s: Record, axis: int, white: float) -> None:
+def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
     """
     Follow the density of the innovations along a tool axis; white: one of them over its sigma.
 
@@ -66,7 +66,7 @@ def follow_innovation(s: Record, axis: int, white: float) -> None:
 
 
 @compiled
-def follow(p: Params, s: Record) -> bool:
+def follow(p: BoundedParams, s: BoundedRecord) -> bool:
     """Search for a step, at most after every fourth update; if one is found, apply it and return True."""
     if s.surprise < SURPRISING or s.recent.length < LEAST_AFTER or s.recent.head % APART != 0:
         return False
@@ -77,7 +77,7 @@ def follow(p: Params, s: Record) -> bool:
 
 
 @compiled
-def _search(p: Params, s: Record) -> int:
+def _search(p: BoundedParams, s: BoundedRecord) -> int:
     """Return the number of updates since a step of the bias; 0 if no step was found."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
@@ -103,7 +103,7 @@ def _search(p: Params, s: Record) -> int:
 
 
 @compiled
-def _moves(p: Params, s: Record, kind: int) -> Array:
+def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
     """Return by how much a jump of 1 sigma changes each error, for up to three directions, shape (STEADY, 3)."""
     moves = np.zeros((STEADY, 3))
     for j in range(3):
@@ -155,7 +155,7 @@ def _inverse(M: Array) -> tuple[Array, float]:
 
 
 @compiled
-def _apply(p: Params, s: Record, at: int) -> None:
+def _apply(p: BoundedParams, s: BoundedRecord, at: int) -> None:
     """Correct the state for a step `at` updates ago, estimated with the variances that the filter assumes."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     for back in range(1, at + 1):

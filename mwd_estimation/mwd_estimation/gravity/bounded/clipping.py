@@ -7,8 +7,8 @@ import math
 
 from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.measurement import SHOCK_APART
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record, forget_density
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, BoundedRecord, forget_density
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -36,7 +36,7 @@ NEVER = 1e30  # gate that no innovation exceeds
 
 
 @compiled
-def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag: bool) -> None:
+def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, power: float, flag: bool) -> None:
     """
     Count shocks, and increase the variance of the velocity for the part of each shock that may have been clipped.
 
@@ -74,7 +74,7 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
 
 
 @compiled
-def jump_gate(s: Record) -> float:
+def jump_gate(s: BoundedRecord) -> float:
     """
     Return the gate: a larger squared innovation over its variance shows a velocity that was lost in a hidden shock.
 
@@ -94,7 +94,7 @@ def jump_gate(s: Record) -> float:
 
 
 @compiled
-def split_tilt(s: Record) -> float:
+def split_tilt(s: BoundedRecord) -> float:
     """Remove the tilt that changes inclination from the covariance; return its variance, rad^2."""
     P = s.P
     norm = math.sqrt(max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-9))
@@ -110,7 +110,7 @@ def split_tilt(s: Record) -> float:
 
 
 @compiled
-def join_tilt(s: Record, variance: float) -> None:
+def join_tilt(s: BoundedRecord, variance: float) -> None:
     """Add a tilt that changes inclination to the covariance; variance in rad^2."""
     P = s.P
     ax, ay = s.C[0, 0], s.C[1, 0]
@@ -129,7 +129,7 @@ def _forget_from(P: Array, first: int, last: int) -> None:
 
 
 @compiled
-def follow_rate(p: Params, s: Record, dt: float, wx: float, flag: bool) -> bool:
+def follow_rate(p: BoundedParams, s: BoundedRecord, dt: float, wx: float, flag: bool) -> bool:
     """
     Update the slope of the x rate and, while the gyro clips, the missing rate.
 
@@ -161,7 +161,7 @@ def follow_rate(p: Params, s: Record, dt: float, wx: float, flag: bool) -> bool:
 
 
 @compiled
-def _begin_clipping(s: Record) -> None:
+def _begin_clipping(s: BoundedRecord) -> None:
     P, c = s.P, s.clipping
     c.seen = True
     for j in range(MISSING - BIAS):
@@ -176,7 +176,7 @@ def _begin_clipping(s: Record) -> None:
 
 
 @compiled
-def _end_clipping(s: Record) -> bool:
+def _end_clipping(s: BoundedRecord) -> bool:
     P, c = s.P, s.clipping
     # At the end of clipping the true missing rate is zero; a large value of the state shows that the roll is wrong.
     lost = abs(s.missing) > CLIP_LOST or c.time > CLIP_BRIDGE
@@ -191,7 +191,7 @@ def _end_clipping(s: Record) -> bool:
 
 
 @compiled
-def clear(s: Record) -> None:
+def clear(s: BoundedRecord) -> None:
     """Reset the state of clipping."""
     c = s.clipping
     s.missing = s.slope = c.sign = c.time = c.tilt = c.slope = c.curve = 0.0

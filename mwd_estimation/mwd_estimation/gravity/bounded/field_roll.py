@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core import ring, track
 from mwd_estimation.gravity.bounded import measurement, mechanisation
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ERRORS, MISSING, SLOPE, STEADY, TILT, Field, Record
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import ERRORS, MISSING, SLOPE, STEADY, TILT, BoundedRecord, Field
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import wrap_angle
@@ -67,7 +67,7 @@ class MagneticSamples(NamedTuple):
 
 
 @compiled
-def follow_turn(s: Record, stamp_ns: int) -> None:
+def follow_turn(s: BoundedRecord, stamp_ns: int) -> None:
     """Store the rotation about the axis at an accepted sample; stamp_ns: its stamp, ns."""
     row = s.field.turns.rows[ring.next_place(s.field.turns)]
     row.stamp_ns, row.turn = stamp_ns, s.turn
@@ -87,7 +87,7 @@ def at_hand(f: Field, stamp_ns: int) -> bool:
 
 
 @compiled
-def follow(p: Params, s: Record, stamp_ns: int) -> bool:
+def follow(p: BoundedParams, s: BoundedRecord, stamp_ns: int) -> bool:
     """
     Compare the roll with the newest magnetic sample, after an update; return whether the roll was corrected.
 
@@ -139,7 +139,7 @@ def follow(p: Params, s: Record, stamp_ns: int) -> bool:
 
 
 @compiled
-def _correct_roll(s: Record, off: float, variance: float, clipped: float) -> None:
+def _correct_roll(s: BoundedRecord, off: float, variance: float, clipped: float) -> None:
     """
     Rotate the tool about its axis by the roll error from the field, equation (13).
 

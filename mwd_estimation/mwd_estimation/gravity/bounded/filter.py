@@ -33,15 +33,15 @@ from mwd_estimation.gravity.bounded import (
     scale,
 )
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
-from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import (
     ERRORS,
     STEADY,
     TILT,
+    BoundedRecord,
+    BoundedState,
     Field,
     Log,
-    Record,
-    State,
     Update,
     forget,
     initial,
@@ -49,7 +49,7 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
-__all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
+__all__ = ["BoundedParams", "BoundedState", "Log", "initial", "run", "run_logged"]
 
 TICK = 0.03  # s, time between updates of the covariance
 CLIPPED_TICK = 0.015  # s, time between updates while the x gyro clips: the tool turns by more than a radian in TICK
@@ -62,8 +62,8 @@ _Samples = tuple[Stamps, Array, Array, NDArray[np.uint8]]
 
 
 def run(
-    params: Params,
-    state: State,
+    params: BoundedParams,
+    state: BoundedState,
     stamp_ns: ArrayLike,
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
@@ -85,8 +85,8 @@ def run(
     clipped : array_like of uint8, shape (n,), optional
         Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
     mag : MagneticSamples, optional
-        Magnetic samples that have not been used. The call uses the first `State.field_used` of them; pass the others
-        again with the next block.
+        Magnetic samples that have not been used. The call uses the first `BoundedState.field_used` of them; pass the
+        others again with the next block.
 
     Raises
     ------
@@ -98,8 +98,8 @@ def run(
 
 
 def run_logged(
-    params: Params,
-    state: State,
+    params: BoundedParams,
+    state: BoundedState,
     stamp_ns: ArrayLike,
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
@@ -112,7 +112,9 @@ def run_logged(
     return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, log), log
 
 
-def _follow(params: Params, state: State, samples: _Samples, mag: MagneticSamples | None, log: Log) -> Track:
+def _follow(
+    params: BoundedParams, state: BoundedState, samples: _Samples, mag: MagneticSamples | None, log: Log
+) -> Track:
     out = Track.empty(len(samples[0]))
     _run(params, state.clock[0], state.motion[0], state.record[0], samples, mag or MagneticSamples.none(), out, log)
     return out
@@ -120,10 +122,10 @@ def _follow(params: Params, state: State, samples: _Samples, mag: MagneticSample
 
 @compiled
 def _run(
-    p: Params,
-    clock: track.Clock,
-    motion: track.Motion,
-    s: Record,
+    p: BoundedParams,
+    clock: track.TrackClock,
+    motion: track.TrackMotion,
+    s: BoundedRecord,
     samples: _Samples,
     mag: MagneticSamples,
     out: Track,
@@ -180,7 +182,7 @@ def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
 
 
 @compiled
-def _publish(s: Record) -> int:
+def _publish(s: BoundedRecord) -> int:
     """Set gravity, and its sigmas while there is no attitude; return status bits."""
     if s.started:
         for j in range(3):
@@ -194,7 +196,7 @@ def _publish(s: Record) -> int:
 
 
 @compiled
-def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
+def _resume(p: BoundedParams, s: BoundedRecord, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
     """Start, or continue after a data gap of dt, s; w: rates at the end of the gap, rad/s; i: index of the sample."""
     known = s.started and s.clipping.sign == 0.0
     if verdict == track.FIRST or not known or not 0.0 < dt < p.max_bridged_gap_s:
@@ -210,7 +212,7 @@ def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log
 
 
 @compiled
-def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
+def _miss(p: BoundedParams, s: BoundedRecord, lapse: float, rate: float) -> None:
     """Continue after samples were rejected for `lapse`, s, while the tool turned about its axis at `rate`, rad/s."""
     if s.started:
         variance = (lapse * rate) ** 2
@@ -224,7 +226,7 @@ def _miss(p: Params, s: Record, lapse: float, rate: float) -> None:
 
 
 @compiled
-def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
+def _take(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
     """Process one accepted sample with bits of `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
@@ -250,7 +252,7 @@ def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int, sta
 
 
 @compiled
-def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
+def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> None:
     """Propagate the covariance, add noise, measure, correct, and clear the sums; w: latest rate, rad/s, shape (3,)."""
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
     s.settled += s.sums.time
@@ -303,7 +305,7 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
 
 
 @compiled
-def _note_before(s: Record, i: int, entry: Update) -> None:
+def _note_before(s: BoundedRecord, i: int, entry: Update) -> None:
     entry.sample = i
     entry.epoch = s.epoch if s.clipping.sign == 0.0 else -1
     entry.sums.time = s.sums.time
@@ -316,7 +318,7 @@ def _note_before(s: Record, i: int, entry: Update) -> None:
 
 
 @compiled
-def _note_after(p: Params, s: Record, entry: Update) -> None:
+def _note_after(p: BoundedParams, s: BoundedRecord, entry: Update) -> None:
     for j in range(2):
         for m in range(STEADY):
             entry.tilt[j, m] = s.P[TILT + j, m]

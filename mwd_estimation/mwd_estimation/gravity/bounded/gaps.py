@@ -11,8 +11,8 @@ kept.
 from __future__ import annotations
 
 from mwd_estimation.gravity.bounded import alignment, mechanisation
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, Record
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, BoundedRecord
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
@@ -26,13 +26,13 @@ BACKWARD = 3  # number of samples in a row with earlier stamps after which the c
 
 
 @compiled
-def stands_out(s: Record, dt: float) -> bool:
+def stands_out(s: BoundedRecord, dt: float) -> bool:
     """Return whether a step of dt s is a gap although it is shorter than `GAP_NS`."""
     return bool(2e9 * dt > GAP_NS and s.period > 0.0 and dt > STANDS_OUT * s.period)
 
 
 @compiled
-def widen_roll(s: Record, variance: float) -> None:
+def widen_roll(s: BoundedRecord, variance: float) -> None:
     """Add a variance, rad^2, to the roll; if it is large, later corrections of the roll may be large angles."""
     s.clipping.seen |= variance > SMALL_ROLL
     for j in range(2):
@@ -41,7 +41,7 @@ def widen_roll(s: Record, variance: float) -> None:
 
 
 @compiled
-def bridge(p: Params, s: Record, T: float, w: Array) -> bool:
+def bridge(p: BoundedParams, s: BoundedRecord, T: float, w: Array) -> bool:
     """
     Propagate the attitude over a gap of T, s; return False if the roll is lost.
 

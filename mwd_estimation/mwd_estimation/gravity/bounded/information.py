@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL, Sums
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL, UpdateSums
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -69,7 +69,7 @@ def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: 
 
 
 @compiled
-def carry_back(sums: Sums, A: Array) -> None:
+def carry_back(sums: UpdateSums, A: Array) -> None:
     """Replace A, shape (STEADY, n), by F^T A, with the transition matrix F of `mechanisation.propagate`."""
     T = sums.time
     # Gravity acts through the mean of the tilts before and after the interval.

@@ -24,7 +24,7 @@ from mwd_estimation.gravity.bounded.state import (
     STEADY,
     TILT,
     VEL,
-    Record,
+    BoundedRecord,
 )
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -34,7 +34,7 @@ JUMP_TIME = 0.06  # s, time after which a velocity lost in a shock is visible as
 
 
 @compiled
-def hole_direction(s: Record) -> tuple[float, float]:
+def hole_direction(s: BoundedRecord) -> tuple[float, float]:
     """Return the horizontal unit vector along the hole, in level axes x and y; (1, 0) for a vertical tool."""
     dx, dy = s.C[0, 0], s.C[1, 0]
     norm = math.sqrt(dx * dx + dy * dy)
@@ -44,7 +44,7 @@ def hole_direction(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
+def update(s: BoundedRecord, size: int, axis: int, noise: float, gate: float) -> float:
     """
     Update with one scalar measurement along a tool axis, equation (4); return the whitened innovation.
 
@@ -83,7 +83,7 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
 
 
 @compiled
-def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
+def tilt_sensitivity(s: BoundedRecord, axis: int) -> tuple[float, float]:
     """
     Return the sensitivity of the displacement along a tool axis to the two tilts, m.
 
@@ -101,7 +101,7 @@ def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
 
 
 @compiled
-def log_measured(s: Record, axis: int, measured: Array, gain: Array) -> None:
+def log_measured(s: BoundedRecord, axis: int, measured: Array, gain: Array) -> None:
     """Fill the row of H and the gain of the last measurement, along a tool axis; each has shape (STEADY,)."""
     inverse = 1.0 / s.spread
     for j in range(STEADY):
@@ -123,7 +123,7 @@ def symmetrise(P: Array, size: int) -> None:
 
 
 @compiled
-def _lose_velocity(s: Record, axis: int, y: float) -> None:
+def _lose_velocity(s: BoundedRecord, axis: int, y: float) -> None:
     """
     Increase the variances of displacement and velocity along a tool axis, in P and in the product P h'.
 
@@ -142,7 +142,7 @@ def _lose_velocity(s: Record, axis: int, y: float) -> None:
 
 
 @compiled
-def correct(s: Record, size: int) -> None:
+def correct(s: BoundedRecord, size: int) -> None:
     """Apply the correction to the nominal values: the attitude by exp() from the left, the rest by addition."""
     C, e, yaw = s.C, s.correction, 0.0
     if s.clipping.seen:
@@ -178,7 +178,7 @@ def correct(s: Record, size: int) -> None:
 
 
 @compiled
-def sound(s: Record) -> bool:
+def sound(s: BoundedRecord) -> bool:
     """Return whether all values are finite and all variances positive."""
     total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down + s.lever[0] + s.lever[1]
     total += s.askew[0] + s.askew[1]

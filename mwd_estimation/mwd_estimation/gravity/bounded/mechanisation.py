@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import (
     ASKEW,
     BIAS,
@@ -24,8 +24,8 @@ from mwd_estimation.gravity.bounded.state import (
     SLOPE,
     TILT,
     VEL,
-    Record,
-    Sums,
+    BoundedRecord,
+    UpdateSums,
 )
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
@@ -33,7 +33,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
 @compiled
-def set_matrix(s: Record) -> None:
+def set_matrix(s: BoundedRecord) -> None:
     """Set the rotation matrix C from tool to level axes from the quaternion."""
     a, b, c, d = s.q[0], s.q[1], s.q[2], s.q[3]
     s.C[0, 0], s.C[0, 1], s.C[0, 2] = 1 - 2 * (b * b + c * c), 2 * (a * b - c * d), 2 * (a * c + b * d)
@@ -42,7 +42,7 @@ def set_matrix(s: Record) -> None:
 
 
 @compiled
-def rotate(s: Record, px: float, py: float, pz: float) -> None:
+def rotate(s: BoundedRecord, px: float, py: float, pz: float) -> None:
     """Rotate the attitude by a rotation vector in tool axes, rad: q <- q * exp(p)."""
     angle2 = px * px + py * py + pz * pz
     if angle2 < 1e-2:
@@ -65,7 +65,7 @@ def rotate(s: Record, px: float, py: float, pz: float) -> None:
 
 
 @compiled
-def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
+def mechanise(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Vector) -> float:
     """
     Propagate nominal values and sums by one sample (equations (1) and (2)); return the squared acceleration, (m/s^2)^2.
 
@@ -117,7 +117,7 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
 
 
 @compiled
-def clear_sums(sums: Sums) -> None:
+def clear_sums(sums: UpdateSums) -> None:
     """Clear the sums for the next update."""
     sums.time = sums.turn = sums.jump = 0.0
     for j in range(3):
@@ -129,7 +129,7 @@ def clear_sums(sums: Sums) -> None:
 
 
 @compiled
-def move(s: Record) -> None:
+def move(s: BoundedRecord) -> None:
     """Move velocity and position to the end of the interval of the sums."""
     for j in range(3):
         s.pos[j] += s.vel[j] * s.sums.time + s.sums.position[j]
@@ -137,7 +137,7 @@ def move(s: Record) -> None:
 
 
 @compiled
-def turn_heading(s: Record) -> None:
+def turn_heading(s: BoundedRecord) -> None:
     """
     Apply P <- F P F' for the rotation of the level frame while the x gyro clips; call this before `move`.
 
@@ -165,7 +165,7 @@ def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float
 
 
 @compiled
-def propagate(P: Array, sums: Sums, size: int) -> None:
+def propagate(P: Array, sums: UpdateSums, size: int) -> None:
     """
     Propagate the covariance, P <- F P F', over the interval of the sums (equation (3)); the caller adds the noise.
 
@@ -178,7 +178,7 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
 
 
 @compiled
-def carry_columns(P: Array, sums: Sums, columns: int, clipped: bool) -> None:
+def carry_columns(P: Array, sums: UpdateSums, columns: int, clipped: bool) -> None:
     """
     Apply P <- F P to the first `columns` columns of P, which has STEADY or ERRORS rows.
 

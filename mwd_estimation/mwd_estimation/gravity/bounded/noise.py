@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.core import track
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, Record
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, BoundedRecord
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -44,7 +44,7 @@ ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0
 
 
 @compiled
-def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bool) -> None:
+def follow_rates(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Vector, flag: bool) -> None:
     """
     Add attitude noise from errors proportional to the rates, from clipping and from missing samples.
 
@@ -66,7 +66,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
 
 
 @compiled
-def follow_motion(s: Record, w: Array) -> None:
+def follow_motion(s: BoundedRecord, w: Array) -> None:
     """Update the averages of force, displacement and rates with one update interval; w: latest rates, rad/s."""
     T, motion = s.sums.time, s.motion
     keep = math.exp(-T / SWING_TIME)
@@ -113,20 +113,20 @@ def follow_motion(s: Record, w: Array) -> None:
 
 
 @compiled
-def explained(s: Record) -> float:
+def explained(s: BoundedRecord) -> float:
     """Return the mean square displacement, m^2, that white force of density `rough` causes, eq. (6)."""
     # White force of density 1 gives a displacement variance of time^3 / 16 after the three high-passes.
     return SWING_TIME**3 / 16.0 * s.motion.rough
 
 
 @compiled
-def shaken_by_shocks(s: Record) -> bool:
+def shaken_by_shocks(s: BoundedRecord) -> bool:
     """Return whether shocks are frequent; the velocity lost in clipped shocks looks like aliased vibration."""
     return bool(s.shocks > FREQUENT)
 
 
 @compiled
-def whole(s: Record) -> float:
+def whole(s: BoundedRecord) -> float:
     """
     Return the share, 0 to 1, of the density from neighbouring samples that counts as aliased vibration.
 
@@ -140,14 +140,14 @@ def whole(s: Record) -> float:
 
 
 @compiled
-def aliased(s: Record) -> bool:
+def aliased(s: BoundedRecord) -> bool:
     """Return whether point sampling aliases vibration: white force, and not shocks, explains the displacement."""
     white = s.motion.white > ALIASED_SHARE * explained(s) and s.motion.rough > ALIASED_LEAST
     return bool(white and s.settled > ALIASED_AFTER and not shaken_by_shocks(s))
 
 
 @compiled
-def _displacement(s: Record) -> tuple[float, float]:
+def _displacement(s: BoundedRecord) -> tuple[float, float]:
     motion = s.motion
     along, across = max(motion.along - motion.white, 0.0), max(motion.across - motion.white, 0.0)
     if s.clipping.sign != 0.0:
@@ -157,7 +157,7 @@ def _displacement(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def add_noise(p: Params, s: Record) -> float:
+def add_noise(p: BoundedParams, s: BoundedRecord) -> float:
     """Add the noise of one interval, equation (5); return the variance added to the tilt, rad^2."""
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
-class Params(NamedTuple):
+class BoundedParams(NamedTuple):
     """Settings of the bounded filter: first place and tool, then the filter itself. All sigmas are 1 sigma."""
 
     #: Magnitude of local gravity, m/s^2. An error of 0.01 m/s^2 does not affect the attitude, because a state estimates

@@ -15,7 +15,7 @@ If the settings say points or means, this is not checked: aliased vibration in p
 from __future__ import annotations
 
 from mwd_estimation.gravity.bounded import measurement, mechanisation
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Record, Update, forget_density
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, BoundedRecord, Update, forget_density
 from mwd_sensors.core.compiled import compiled
 
 SURE = 3.0  # samples count as points if the logarithm of the odds for points exceeds this
@@ -33,13 +33,13 @@ def in_words(found: str) -> str:
 
 
 @compiled
-def _integrated(s: Record) -> bool:
+def _integrated(s: BoundedRecord) -> bool:
     """Return whether the samples are taken as integrated."""
     return bool(s.meaning.coning == 0.0 and not s.meaning.sampled)
 
 
 @compiled
-def propagate(s: Record, rate: float) -> None:
+def propagate(s: BoundedRecord, rate: float) -> None:
     """
     Propagate the errors caused by point samples from the last update to the present sample.
 
@@ -58,7 +58,7 @@ def propagate(s: Record, rate: float) -> None:
 
 
 @compiled
-def compare(s: Record, axis: int, entry: Update) -> None:
+def compare(s: BoundedRecord, axis: int, entry: Update) -> None:
     """Update the odds with the last innovation, along a tool axis; apply its correction to the effect of points."""
     if not _integrated(s):
         return
@@ -72,7 +72,7 @@ def compare(s: Record, axis: int, entry: Update) -> None:
 
 
 @compiled
-def follow(s: Record) -> None:
+def follow(s: BoundedRecord) -> None:
     """Process samples as points from here on if points are much more probable, and correct the state for the change."""
     meaning = s.meaning
     if meaning.odds < SURE or not _integrated(s):

@@ -16,8 +16,8 @@ import math
 
 from mwd_estimation.gravity.bounded import accelerometer_errors, noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
-from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, Record, Scale
+from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, BoundedRecord, CovarianceScale
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, lower and upper limit of the time constant of the filter
@@ -43,7 +43,7 @@ CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rat
 
 
 @compiled
-def tilts(s: Record) -> tuple[float, float]:
+def tilts(s: BoundedRecord) -> tuple[float, float]:
     """Return the variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
     P = s.P
     dx, dy = hole_direction(s)
@@ -53,7 +53,7 @@ def tilts(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def follow_corrections(s: Record, turn: float, along: float, across: float) -> None:
+def follow_corrections(s: BoundedRecord, turn: float, along: float, across: float) -> None:
     """
     Update the scales with the corrections of one update.
 
@@ -76,7 +76,7 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
 
 
 @compiled
-def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
+def _follow(s: BoundedRecord, found: CovarianceScale, expected: float, updates: float, nx: float, ny: float) -> None:
     """
     Update the power of the corrections about the level axis (nx, ny), equation (8).
 
@@ -99,7 +99,7 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
 
 
 @compiled
-def _cone(p: Params, s: Record, rotating: float) -> float:
+def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
     """
     Return the variance of the axis about which the tool seems to rotate, mean of y and z, rad^2.
 
@@ -124,7 +124,7 @@ def _cone(p: Params, s: Record, rotating: float) -> float:
 
 
 @compiled
-def _heading_rate(s: Record) -> float:
+def _heading_rate(s: BoundedRecord) -> float:
     """Return the variance of the rate about the vertical from the gyro bias, (rad/s)^2."""
     total = 0.0
     for j in range(3):
@@ -134,7 +134,7 @@ def _heading_rate(s: Record) -> float:
 
 
 @compiled
-def floors(p: Params, s: Record) -> tuple[float, float]:
+def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     """Return the variances of inclination and of tilt across the hole that no innovation shows, rad^2, eq. (11)."""
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
@@ -159,7 +159,7 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 
 
 @compiled
-def _doubt(s: Record) -> tuple[float, float]:
+def _doubt(s: BoundedRecord) -> tuple[float, float]:
     """
     Return the variances of inclination and of tilt across the hole from the unknown meaning of the samples, rad^2.
 
@@ -172,7 +172,7 @@ def _doubt(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def publish(p: Params, s: Record) -> None:
+def publish(p: BoundedParams, s: BoundedRecord) -> None:
     """Set the sigmas of inclination and toolface, equation (9), rad, at most pi; valid until the next update."""
     tilt, aside = tilts(s)
     along, across = s.innovations.along.power, s.innovations.across.power

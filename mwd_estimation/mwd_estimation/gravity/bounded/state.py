@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core import track
 from mwd_estimation.core.ring import Ring
-from mwd_estimation.gravity.bounded.params import Params
+from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
@@ -37,7 +37,7 @@ STATED = 7.0  # logarithm of the odds that samples are integrated if the setting
 DOWN_SIGMA = 0.05
 
 
-class Sums:
+class UpdateSums:
     """Integrals over the samples since the last update."""
 
     time: float
@@ -60,7 +60,7 @@ class Sums:
     """Variance added to the velocity by missing samples, (m/s)^2."""
 
 
-class Motion:
+class MotionAverages:
     """Averages of the motion since the last start."""
 
     force: Annotated[Array, 3]
@@ -89,7 +89,7 @@ class Motion:
     """Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s."""
 
 
-class Scale:
+class CovarianceScale:
     """Covariance scale in one direction: tilt corrections compared with their expected variance."""
 
     low: Annotated[Array, 3, 2]
@@ -101,9 +101,9 @@ class Scale:
 class Innovations:
     """Statistics of the innovations since the last start."""
 
-    along: Scale
+    along: CovarianceScale
     """Scale along the hole, for inclination."""
-    across: Scale
+    across: CovarianceScale
     """Scale across the hole, for toolface."""
     usual: float
     """Running mean of the squared innovation over its variance."""
@@ -138,7 +138,7 @@ class Turn:
     stamp_ns: int
     """Stamp of the sample, ns."""
     turn: float
-    """Value of `Record.turn` at the sample, rad."""
+    """Value of `BoundedRecord.turn` at the sample, rad."""
 
 
 class AccelerometerErrors:
@@ -185,7 +185,7 @@ class Meaning:
     sampled: bool
     """Whether rates are values at an instant; they are integrated by the trapezoid."""
     coning: float
-    """Share of the coning term, see `Params.coning`."""
+    """Share of the coning term, see `BoundedParams.coning`."""
     effect: Annotated[Array, STEADY, 1]
     """Present errors of the state if the samples are points while integrated samples are assumed."""
     odds: float
@@ -200,8 +200,8 @@ class Update:
     sample: int
     """Index of the sample at which the update was made."""
     epoch: int
-    """Epoch of the update (`Record.epoch`); -1 while the x gyro clips."""
-    sums: Sums
+    """Epoch of the update (`BoundedRecord.epoch`); -1 while the x gyro clips."""
+    sums: UpdateSums
     """Sums over the interval that ends with the update."""
     measured: Annotated[Array, 3, STEADY]
     """Rows of the measurement matrix H, one for each tool axis."""
@@ -229,7 +229,7 @@ class RecentUpdates(Ring):
     rows: Annotated[MutableSequence[Update], RECENT]
 
 
-class Record:
+class BoundedRecord:
     """State of the filter that the kernels change."""
 
     q: Annotated[Array, 4]
@@ -264,8 +264,8 @@ class Record:
     """Innovation of the last measurement, m."""
     spread: float
     """Variance of the innovation of the last measurement, m^2."""
-    sums: Sums
-    motion: Motion
+    sums: UpdateSums
+    motion: MotionAverages
     innovations: Innovations
     clipping: Clipping
     field: Field
@@ -322,11 +322,11 @@ class Record:
     """Published sigma of toolface, rad."""
 
 
-RECORD, UPDATE = dtype_of(Record), dtype_of(Update)
+RECORD, UPDATE = dtype_of(BoundedRecord), dtype_of(Update)
 
 
 @dataclasses.dataclass
-class State:
+class BoundedState:
     """State of the method: clock and motion common to all methods, and the record of the filter, shape (1,)."""
 
     clock: Any
@@ -338,7 +338,7 @@ class State:
         """Meaning of a sample according to the data, if it differs from the settings; empty if it does not differ."""
         return "points" if self.record[0]["meaning"]["changed"] else ""
 
-    def keep_meaning(self, other: State) -> None:
+    def keep_meaning(self, other: BoundedState) -> None:
         """Take over the meaning of a sample that another state has found."""
         meaning = self.record[0]["meaning"]
         for name in ("sampled", "coning", "odds", "changed"):
@@ -349,13 +349,13 @@ class State:
         """Number of magnetic samples of the last block that were used."""
         return int(self.record[0]["field"]["used"])
 
-    def copy(self) -> State:
+    def copy(self) -> BoundedState:
         """Return an independent copy."""
         return copy.deepcopy(self)
 
 
 @compiled
-def forget(p: Params, s: Record) -> None:
+def forget(p: BoundedParams, s: BoundedRecord) -> None:
     """Reset the sensor errors to their values and sigmas at switch-on, and clear the rest of the covariance."""
     for j in range(ERRORS):
         for m in range(ERRORS):
@@ -373,7 +373,7 @@ def forget(p: Params, s: Record) -> None:
 
 
 @compiled
-def forget_density(s: Record) -> None:
+def forget_density(s: BoundedRecord) -> None:
     """Reset the statistics of the innovations, because new errors were just added to P."""
     s.innovations.slow[:] = 0.0
     s.innovations.density[:] = 1.0
@@ -382,7 +382,7 @@ def forget_density(s: Record) -> None:
     s.meaning.effect[:] = 0.0
 
 
-def initial(params: Params) -> State:
+def initial(params: BoundedParams) -> BoundedState:
     """Return the state before the first sample."""
     record = np.zeros(1, dtype=RECORD)
     s = record[0]
@@ -391,7 +391,7 @@ def initial(params: Params) -> State:
     s.C[:] = np.eye(3)
     forget(params, s)
     s.meaning.sampled, s.meaning.coning, s.meaning.odds = params.sampled, params.coning, -STATED
-    return State(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
+    return BoundedState(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
 
 
 class Log(NamedTuple):

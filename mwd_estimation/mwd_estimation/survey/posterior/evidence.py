@@ -39,7 +39,7 @@ _SMEAR /= TURNED * math.sqrt(math.tau)
 
 
 @dataclasses.dataclass(frozen=True)
-class Evidence:
+class CircleEvidence:
     """A station's evidence on the circle."""
 
     angles: Array  #: shape (n,); rad, in order
@@ -92,7 +92,7 @@ def _probabilities(
     log: Array, width: Array, share: Array, by_angle: Array, by_kind: Array, with_gyro: Array, highest: Array
 ) -> None:
     """
-    Fill the probabilities of `Evidence` from a log density up to a constant and the width of each angle.
+    Fill the probabilities of `CircleEvidence` from a log density up to a constant and the width of each angle.
 
     All outputs except share must be zero before the call.
     """
@@ -148,7 +148,7 @@ def fill_evidence(
     phi (n, 3), gyro (n,) : basis and gyro residual of each angle. r (k, 3, 4), S (k, 3, 3, 4, 4) : residual and its
     covariance as factors of the basis. extra (h + 1,) : variance of each external field (`EXTERNAL_UT`), uT^2, and last
     that of a step of the gyro, rad^2. weights : logarithms of the prior of filter and field (k, h + 1), and of the
-    gyro's state (n, j). The function fills log (n, k, h + 1, j), as in `Evidence.log`, and misfit (n, k).
+    gyro's state (n, j). The function fills log (n, k, h + 1, j), as in `CircleEvidence.log`, and misfit (n, k).
     """
     prior, states = weights
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
@@ -213,9 +213,9 @@ def gains(
     """
     Fill the moments of the gains of every filter, M (basis x inverse innovation), over its probable points.
 
-    Inputs: share (n, k, h, j) as in `Evidence.share`; least (k,), smallest share of a point that is used; circle_of,
-    basis (n, 3) and gyro residual (n,) of each angle; terms, r (k, 3, 4) and S (k, 3, 3, 4, 4) as in `fill_evidence`;
-    extra (h + 1,), variances of each external field, uT^2, and of a step of the gyro, rad^2.
+    Inputs: share (n, k, h, j) as in `CircleEvidence.share`; least (k,), smallest share of a point that is used;
+    circle_of, basis (n, 3) and gyro residual (n,) of each angle; terms, r (k, 3, 4) and S (k, 3, 3, 4, 4) as in
+    `fill_evidence`; extra (h + 1,), variances of each external field, uT^2, and of a step of the gyro, rad^2.
 
     Outputs, which must be zero before: weight (k, 2); mean (k, 2, 12) of basis x inverse innovation; spread
     (k, 2, 12, 12), the covariance of basis x inverse innovation minus the mean inverse. Index 0 of the second axis is

@@ -22,7 +22,7 @@ import numpy as np
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.evidence import (
     OUT,
-    Evidence,
+    CircleEvidence,
     fill_evidence,
     gains,
     gyro_residual,
@@ -55,7 +55,7 @@ _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 
 
 @dataclasses.dataclass
-class State:
+class RunState:
     """Shared errors estimated from the run so far."""
 
     #: `mean`, `covariance`: shapes (k, 22) and (k, 22, 22); of the shared errors in nominal sigmas, for each filter.
@@ -74,7 +74,7 @@ class State:
     #: shape (3,); the same sum for the states of the gyro: right, its bias stepped, wrong.
     of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
-    def copy(self) -> State:
+    def copy(self) -> RunState:
         """Return an independent copy; `pass_time` changes the arrays of the shared errors in place."""
         return dataclasses.replace(
             self, mean=self.mean.copy(), covariance=self.covariance.copy(), log_weight=self.log_weight.copy()
@@ -82,10 +82,10 @@ class State:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Predicted(Evidence):
+class Predicted(CircleEvidence):
     """Evidence of a station, with the filters that predicted its readings, from which the filters learn."""
 
-    branched: State  #: the filters, with a second one for each if the string may have changed
+    branched: RunState  #: the filters, with a second one for each if the string may have changed
     terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for all these filters
 
 
@@ -106,14 +106,14 @@ class RunFilter:
         k = len(self.filters.weight)
         covariance = np.zeros((k, SIZE, SIZE))
         covariance[:, range(SIZE), range(SIZE)] = self.filters.variance
-        self.state = State(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
+        self.state = RunState(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
     def expect_gyro(self) -> None:
         """Split each filter in two at the first seek of a gyro: from then on the gyro may drift."""
         if not self.filters.adrift.any():
             self.filters = self.filters.with_gyro()
 
-    def _of_filters(self, state: State) -> State:
+    def _of_filters(self, state: RunState) -> RunState:
         """Return the state with all filters; a state from before the first seek has none with a gyro adrift yet."""
         if len(state.mean) == len(self.filters.weight):
             return state
@@ -197,14 +197,14 @@ class RunFilter:
         left = branched.covariance - gain @ np.linalg.solve(S, np.swapaxes(gain, 1, 2))
         self._join((weight / weight.sum())[:, None], mean[:, None], left[:, None])
 
-    def evidence(self, one: Row, state: State | None = None) -> Predicted:
+    def evidence(self, one: Row, state: RunState | None = None) -> Predicted:
         """Return the evidence of a station, a record of `field_model.GEOMETRY`, given the present state or `state`."""
         state = self._branched(self.state if state is None else state)
         terms = r, S, _ = self._terms(one, state)
         angles, prior = circle.coarse(), self._log_prior(state)
         every = np.arange(len(prior))
         log, misfit = self._logs(one, r, S, state, angles, prior)
-        first = Evidence(angles, log, every, len(prior))
+        first = CircleEvidence(angles, log, every, len(prior))
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
         # Filters of negligible probability are left out. The coarse angles are among the fine ones.
         at = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
@@ -219,7 +219,7 @@ class RunFilter:
         least = least if one["has_field"] else 0.0
         return Predicted(angles, whole, at, len(misfit[0]), least, branched=state, terms=terms)
 
-    def by_gyro_state(self, evidence: Evidence) -> Array:
+    def by_gyro_state(self, evidence: CircleEvidence) -> Array:
         """
         Return the probability of each angle and state of the gyro, shape (n, 3).
 
@@ -272,7 +272,7 @@ class RunFilter:
         state.outside = evidence.by_kind.sum(axis=0)
         state.of_outside = state.of_outside + state.outside
 
-    def _branched(self, state: State) -> State:
+    def _branched(self, state: RunState) -> RunState:
         """
         Return the filters; if the string may have changed since the last station, add a second filter for each.
 
@@ -317,12 +317,12 @@ class RunFilter:
         joined = np.maximum(weight.sum(axis=1), np.where(self.filters.adrift, 0.0, _FLOOR * self.filters.weight))
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
-    def gyro_shares(self, state: State) -> Array:
+    def gyro_shares(self, state: RunState) -> Array:
         """Return the probabilities that a gyro is right, has a step of bias, or is wrong, learnt from the run."""
         step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
         return _learnt(np.array([1.0 - step - wrong, step, wrong]), state.of_gyro)
 
-    def gyro_doubts(self, state: State) -> tuple[float, float]:
+    def gyro_doubts(self, state: RunState) -> tuple[float, float]:
         """Return the probability that a gyro steps, drifts or is wrong, and the part of it that the run has shown."""
         adrift = self._adrift(np.exp(self._of_filters(state).log_weight))
         doubted = 1.0 - float(self.gyro_shares(state)[0]) * (1.0 - adrift)
@@ -336,7 +336,7 @@ class RunFilter:
         return float(weight[adrift].sum() / max(float(weight.sum()), 1e-300))
 
     def probabilities(self, by_kind: Array) -> dict[Hypothesis, float]:
-        """Return the probability of each hypothesis at a station; by_kind: as `Evidence.by_kind`."""
+        """Return the probability of each hypothesis at a station; by_kind: as `CircleEvidence.by_kind`."""
         quiet = by_kind[:, 0].reshape(-1, len(self.filters.kinds)).sum(axis=0)
         found = dict.fromkeys(Hypothesis, 0.0)
         for kind, value in zip(self.filters.kinds, quiet, strict=True):
@@ -365,7 +365,7 @@ class RunFilter:
         slope = np.tensordot(np.array([0.0, -math.sin(angle), math.cos(angle)]), residual, axes=1)[:3]
         return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
 
-    def _terms(self, one: Row, state: State) -> tuple[Array, Array, Array]:
+    def _terms(self, one: Row, state: RunState) -> tuple[Array, Array, Array]:
         """Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 22, 4) as factors of the basis."""
         residual, slopes, turns = field_model.expansion(one, self.sigma)
         M = np.swapaxes(state.covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
@@ -378,15 +378,15 @@ class RunFilter:
         S = 0.5 * (S + np.transpose(S, (0, 2, 1, 4, 3)))
         return residual - np.einsum("iax,kx->kia", slopes, state.mean), S, np.swapaxes(M, 2, 3)
 
-    def _log_prior(self, state: State) -> Array:
+    def _log_prior(self, state: RunState) -> Array:
         """Return the logarithms of the prior probabilities of each filter and external field, shape (k, h)."""
         outside = _learnt(self._external, state.of_outside)
         if state.outside is not None:
             outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
         return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
 
-    def _logs(self, one: Row, r: Array, S: Array, state: State, angles: Array, prior: Array) -> tuple[Array, Array]:
-        """Return the log evidence as `Evidence.log`, but with that of a turned field still empty, and the misfits."""
+    def _logs(self, one: Row, r: Array, S: Array, state: RunState, angles: Array, prior: Array) -> tuple[Array, Array]:
+        """Return the log evidence as `CircleEvidence.log`, without the part of a turned field, and the misfits."""
         gyro, states = self._gyro_states(one, state, angles)
         log = np.empty((len(angles), len(r), len(self._external), states.shape[1]))
         misfit = np.empty((len(angles), len(r)))
@@ -395,7 +395,7 @@ class RunFilter:
         fill_evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, (prior, states), log, misfit)
         return log, misfit
 
-    def _gyro_states(self, one: Row, state: State, angles: Array) -> tuple[Array, Array]:
+    def _gyro_states(self, one: Row, state: RunState, angles: Array) -> tuple[Array, Array]:
         """Return the residual of the gyro at each angle, and the log prior of its states, shape (n, j)."""
         gyro = gyro_residual(one, angles)
         if not math.isfinite(one["gyro"]):
@@ -405,7 +405,7 @@ class RunFilter:
         return gyro, states
 
     def _add_turned(
-        self, one: Row, terms: tuple[Array, Array], state: State, angles: Array, prior: Array, log: Array
+        self, one: Row, terms: tuple[Array, Array], state: RunState, angles: Array, prior: Array, log: Array
     ) -> None:
         """Fill the log evidence of a turned field, the last external field of `log`."""
         gyro, states = self._gyro_states(one, state, angles)

@@ -13,7 +13,7 @@ from mwd_sensors.core import frames
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 G0 = STANDARD_GRAVITY
-FACTORY = bounded.Params(
+FACTORY = bounded.BoundedParams(
     accel_bias_sigma=0.03, accel_scale_sigma=0.0015, accel_misalignment_sigma=0.001, gravity_sigma=0.002
 )
 
@@ -77,7 +77,7 @@ def test_the_tilt_follows_a_level_force_within_the_response_time(speed):
 
 def test_a_tool_worse_than_its_figures_widens_sigma():
     samples, _ = drilled(1.0, np.random.default_rng(5), 9.0, 3000)
-    stated = bounded.Params(gravity_sigma=0.002)
+    stated = bounded.BoundedParams(gravity_sigma=0.002)
     worse = samples[0], samples[1], samples[2] * 1.01
     good, bad = (bounded.run(stated, bounded.initial(stated), *one).sigma_inclination[-1] for one in (samples, worse))
     assert bad > 2.0 * good

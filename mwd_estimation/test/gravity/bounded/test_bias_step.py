@@ -16,7 +16,7 @@ from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
 STEP_S = 40.0
-P = bounded.Params()
+P = bounded.BoundedParams()
 
 
 @functools.cache

@@ -54,7 +54,7 @@ def sensed(case: str, seconds: float, changes: dict) -> tuple[np.ndarray, np.nda
 
 def test_covariance_stays_symmetric_and_positive():
     stamps, gyro, accel, _ = drilled("stickslip", 20.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     state = bounded.initial(p)
     bounded.run(p, state, stamps, gyro, accel)
     P = state.record[0].P
@@ -79,7 +79,7 @@ def test_scale_and_lever_arm_are_learnt_while_drilling():
     rng = np.random.default_rng(1)
     accel = np.einsum("nji,nj->ni", mat, a_n) - G0 * down + 0.5 * rng.standard_normal((n, 3))
     gyro = np.stack([speed * 1.004, np.zeros(n), np.zeros(n)], axis=-1) + np.array([0.01, -0.006, 0.004])
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     state = bounded.initial(p)
     got = bounded.run(p, state, np.round(t * 1e9).astype(np.int64), gyro, accel)
     assert rms(error_deg(got, down)[3000:]) < 0.3
@@ -109,7 +109,7 @@ def test_scale_and_lever_arm_are_learnt_while_drilling():
 )
 def test_gravity_is_followed_while_drilling_from_a_start_in_motion(case, most):
     stamps, gyro, accel, down = drilled(case, 45.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
     late = stamps - stamps[0] > 10_000_000_000
     assert rms(error_deg(got, down)[late]) < most
@@ -127,7 +127,7 @@ def test_sigma_lies_in_its_band_over_several_tools(case):
     # In stick-slip errors differ most from tool to tool.
     for seed in range(11, 41 if case == "stickslip" else 14):
         stamps, gyro, accel, down = drilled(case, 40.0, seed)
-        p = bounded.Params()
+        p = bounded.BoundedParams()
         got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
         late = stamps - stamps[0] > 10_000_000_000
         inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
@@ -144,7 +144,7 @@ def test_sigma_lies_in_its_band_over_several_tools(case):
 @pytest.mark.fault_case(6)
 def test_inclination_outlives_a_clipping_gyro():
     stamps, gyro, accel, down = drilled("gyroclip", 60.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
     error = got.inclination - np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
     late = stamps - stamps[0] > 15_000_000_000
@@ -156,7 +156,7 @@ def test_inclination_outlives_a_clipping_gyro():
 def test_flags_of_clipped_accelerometers_save_an_inclination_that_half_the_samples_bend_and_its_sigma():
     # Gravity and vibration of a third of the range each: what is cut off is mostly on one side.
     grade = {"flags_clipping": True, "accelerometer": {"range_g": [4.0, 4.0, 4.0]}}
-    p = bounded.Params(accel_range=4.0 * G0)
+    p = bounded.BoundedParams(accel_range=4.0 * G0)
     errors, sigmas = [[], []], []
     for seed in range(1, 9):
         imu, down = sensed("shocks", 60.0, {"seed": seed, "ahrs": {"changes": grade}})
@@ -181,7 +181,7 @@ def test_a_rare_shock_whose_tip_is_cut_off_costs_velocity_and_not_the_vertical(s
     shock = {"rate_hz": 0.3, "peak_g": [40.0, 90.0], "width_ms": [0.5, 3.0], "clearance_mm": 12.0}
     random = {"band_hz": [8.0, 300.0], "acceleration_mps2": [5.0, 5.0, 5.0]}
     imu, down = sensed("rot155", 60.0, {"seed": seed, "vibration": {"random": [random], "shocks": [shock]}})
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     got = bounded.run(p, bounded.initial(p), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
     late = imu["stamp_ns"] - imu["stamp_ns"][0] > 10_000_000_000
     assert rms(error_deg(got, down)[late]) < 0.2
@@ -190,7 +190,7 @@ def test_a_rare_shock_whose_tip_is_cut_off_costs_velocity_and_not_the_vertical(s
 @pytest.mark.slow
 def test_a_flag_tells_of_a_clipping_gyro_whose_range_was_stated_too_wide():
     imu, down = sensed("gyroclip", 45.0, {"ahrs": {"changes": {"flags_clipping": True}}})
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     columns = imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"]
     late = imu["stamp_ns"] - imu["stamp_ns"][0] > 15_000_000_000
     flags = clip_flags.of(imu)
@@ -212,7 +212,7 @@ def test_roll_is_found_again_after_the_gyro_clipped():
     late = stamps - stamps[0] > 10_000_000_000
     # The range as a data sheet states it: readings of a clipped gyro end a little short of it, or beyond.
     for stated_deg_s in (1999.6, 2000.0, 2000.5):
-        p = bounded.Params(gyro_range=math.radians(stated_deg_s))
+        p = bounded.BoundedParams(gyro_range=math.radians(stated_deg_s))
         got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
         assert ((got.status[clipped] & int(Status.CLIPPED)) != 0).all(), stated_deg_s
         assert np.median(error_deg(got, down)[late & slow]) < 1.5, stated_deg_s
@@ -226,7 +226,7 @@ def test_roll_lost_to_a_clipped_gyro_does_not_raise_the_inclination():
     runs = []
     for seed in range(311, 315):
         stamps, gyro, accel, down = drilled("gyroclip", 60.0, seed)
-        p = bounded.Params(gravity_sigma=0.002)
+        p = bounded.BoundedParams(gravity_sigma=0.002)
         got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
         late = stamps - stamps[0] > 10_000_000_000
         error = got.inclination - np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
@@ -252,7 +252,7 @@ def test_forces_are_turned_to_the_end_of_their_interval_by_what_the_unit_did_not
         forces[..., 1] = np.cos(before) * y + np.sin(before) * z
         forces[..., 2] = np.cos(before) * z - np.sin(before) * y
     rates = np.column_stack([np.full(n, (1.0 + scale) * speed), np.zeros((n, 2))])
-    p = bounded.Params(coning=0.0 if integrated else 1.0)
+    p = bounded.BoundedParams(coning=0.0 if integrated else 1.0)
     stamps = np.arange(1, n + 1, dtype=np.int64) * 10_000_000
     got = bounded.run(p, bounded.initial(p), stamps, rates, forces.mean(axis=1))
     assert error_deg(got, down[inside::inside])[2000:].max() < 0.004
@@ -265,7 +265,7 @@ def test_point_samples_of_vibration_are_seen_as_aliased_and_integrated_ones_are_
     down = np.array([0.6, 0.0, 0.8])
     white = 10.0 * rng.standard_normal((n, 3))
     bounded_in_place = np.diff(white, axis=0, prepend=0.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     for force, aliased in ((white, True), (bounded_in_place, False)):
         got = bounded.run(p, bounded.initial(p), stamps, np.zeros((n, 3)), -G0 * down + force)
         flag = (got.status[2000:] & int(Status.ALIASED)) != 0
@@ -274,7 +274,7 @@ def test_point_samples_of_vibration_are_seen_as_aliased_and_integrated_ones_are_
 
 def test_a_covariance_gone_bad_is_thrown_away_and_the_filter_starts_anew():
     stamps, gyro, accel, down = drilled("rot155", 25.0)
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     state = bounded.initial(p)
     bounded.run(p, state, stamps[:500], gyro[:500], accel[:500])
     state.record[0].P[3, 3] = -1.0
@@ -286,7 +286,7 @@ def test_a_covariance_gone_bad_is_thrown_away_and_the_filter_starts_anew():
 @pytest.mark.slow
 def test_sigma_is_not_too_small_where_a_start_in_vibration_ends_to_count_it_white():
     # The scale of corrections that were found small beside such a noise must not outlive it.
-    runs, p = [], bounded.Params(gravity_sigma=0.002)
+    runs, p = [], bounded.BoundedParams(gravity_sigma=0.002)
     for seed in range(301, 309):
         stamps, gyro, accel, down = drilled("drillvib", 60.0, seed)
         inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
@@ -302,7 +302,7 @@ def test_sigma_is_not_too_small_where_a_start_in_vibration_ends_to_count_it_whit
 
 def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_that_size():
     # A consumer unit as it leaves its factory, in Berlin: sigma follows from the gravity that it shows.
-    p, errors = bounded.Params(gravity=9.8127, gravity_sigma=0.002), []
+    p, errors = bounded.BoundedParams(gravity=9.8127, gravity_sigma=0.002), []
     inclined, turned = [], []
     for file in sorted(BROAD.glob("*.npz")):
         data = np.load(file)
@@ -335,7 +335,7 @@ def test_point_samples_of_a_swinging_speed_are_followed_without_delay_whether_st
     stamps = np.round(t * 1e9).astype(np.int64)
     late = {}
     for sampled in (False, True):
-        p = bounded.Params(sampled=sampled)
+        p = bounded.BoundedParams(sampled=sampled)
         late[sampled] = rms(error_deg(bounded.run(p, bounded.initial(p), stamps, gyro, accel), down)[2000:])
     assert late[True] < 0.1
     assert late[False] < 2.0 * late[True]
@@ -350,8 +350,8 @@ def test_a_lever_arm_is_not_made_to_fit_while_the_attitude_is_unknown():
     for seed in range(4):
         # White forces in point samples: after two seconds tilt is known to tens of degrees.
         forces = -G0 * down + np.random.default_rng(seed).normal(scale=30.0, size=(len(t), 3))
-        state = bounded.initial(bounded.Params())
-        bounded.run(bounded.Params(), state, (t * 1e9).astype(np.int64), rates, forces)
+        state = bounded.initial(bounded.BoundedParams())
+        bounded.run(bounded.BoundedParams(), state, (t * 1e9).astype(np.int64), rates, forces)
         found.append(np.abs(state.record[0].lever).max())
     assert np.mean(found) < 0.06
 
@@ -369,10 +369,10 @@ def test_white_forces_are_averaged_as_well_as_by_a_filter_of_low_gain_and_sigma_
         rates = np.column_stack([np.full(len(t), spin), np.zeros((len(t), 2))]) + 3e-4 * rng.standard_normal(3)
         forces = -G0 * down + rng.normal(scale=force, size=(len(t), 3))
         # The other filter has no state for the gyro's scale and takes it for perfect; ours knows a calibrated gyro.
-        p = bounded.Params(scale_sigma=0.001, bias_sigma=0.002)
+        p = bounded.BoundedParams(scale_sigma=0.001, bias_sigma=0.002)
         got = bounded.run(p, bounded.initial(p), stamps, rates, forces)
         other = fuzzy_mahony.run(
-            fuzzy_mahony.Params(), fuzzy_mahony.initial(fuzzy_mahony.Params()), stamps, rates, forces
+            fuzzy_mahony.MahonyParams(), fuzzy_mahony.initial(fuzzy_mahony.MahonyParams()), stamps, rates, forces
         )
         ours.append(rms(error_deg(got, down)[late]))
         theirs.append(rms(error_deg(other, down)[late]))
@@ -392,7 +392,7 @@ def test_sigma_of_an_uncalibrated_tool_follows_the_gravity_it_shows_where_that_o
         bias = 0.003 * G0 * rng.standard_normal(3)
         force = -G0 * down + bias + 0.02 * rng.standard_normal((n, 3))
         for known, found in sigmas.items():
-            p = bounded.Params(gravity_sigma=known)
+            p = bounded.BoundedParams(gravity_sigma=known)
             got = bounded.run(p, bounded.initial(p), stamps, np.zeros((n, 3)), force)
             found.append(got.sigma_inclination[-1])
         errors.append(got.inclination[-1] - np.arccos(down[0]))

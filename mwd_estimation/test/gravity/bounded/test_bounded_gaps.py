@@ -7,7 +7,7 @@ from turned_tool import START, noisy_rates, turned
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
-from mwd_estimation.gravity.bounded.filter import Params
+from mwd_estimation.gravity.bounded.filter import BoundedParams
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 
@@ -43,7 +43,7 @@ def without(data, silences):
 
 
 def followed(data, params=None):
-    params = Params() if params is None else params
+    params = BoundedParams() if params is None else params
     return gravity_bounded.run(params, gravity_bounded.initial(params), *data[:3])
 
 
@@ -91,7 +91,7 @@ def test_where_the_speed_may_have_been_anything_only_the_roll_begins_anew():
 @pytest.mark.fault_case(47)
 def test_a_silence_beyond_the_bridge_begins_anew():
     data = without(turning(resting), [(20.0, 24.0)])
-    track = followed(data, Params(max_bridged_gap_s=3.0))
+    track = followed(data, BoundedParams(max_bridged_gap_s=3.0))
     after = int(np.flatnonzero(track.status & Status.GAP)[0])
     assert track.status[after] & Status.INITIALISING
 
@@ -102,7 +102,7 @@ def test_slow_samples_are_no_silences_and_blocks_of_any_length_give_the_same_bit
     assert not (slow.status & Status.GAP).any()
     data = without((stamps, gyro, accel, stamps), [(k, k + 0.3) for k in range(10, 38, 3)])
     whole = followed(data)
-    params, pieces = Params(), []
+    params, pieces = BoundedParams(), []
     state = gravity_bounded.initial(params)
     for k in range(0, len(data[0]), 37):
         part = slice(k, k + 37)

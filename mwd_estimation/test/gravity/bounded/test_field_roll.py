@@ -39,7 +39,7 @@ def drilled(speed, seed, inclination=1.0, seconds=40.0):
 def followed(data, size=10**9, params=None):
     """Track of the samples, pushed in blocks; each magnetic sample arrives with the sample of its stamp."""
     stamps, gyro, accel, field, _ = data
-    params = params or bounded.Params(gyro_range=RANGE)
+    params = params or bounded.BoundedParams(gyro_range=RANGE)
     state, used, parts = bounded.initial(params), 0, []
     for start in range(0, len(stamps), size):
         part = slice(start, start + size)

@@ -27,7 +27,7 @@ RARE_SHOCKS = {
 
 @pytest.mark.slow
 def test_rare_shocks_that_do_not_stand_out_in_long_samples_cost_no_tilt_either():
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     errors, sigmas, directions = [], [], []
     for seed in range(51, 54):
         sonde = Sonde(scenario.read(ROOT / "bags/scenarios/bench/rot155.yaml", {**RARE_SHOCKS, "seed": seed}))
@@ -47,7 +47,7 @@ def test_rare_shocks_that_do_not_stand_out_in_long_samples_cost_no_tilt_either()
 @pytest.mark.slow(5)
 def test_the_roll_is_followed_through_a_clipping_gyro_in_a_steep_hole():
     """The pull of the sensor's circle is up to sixteen times what gravity has across the axis."""
-    p, errors, sigmas = bounded.Params(), [], []
+    p, errors, sigmas = bounded.BoundedParams(), [], []
     for seed, inclination_deg, rate_hz in ((61, 15.0, 100), (62, 30.0, 50), (63, 8.0, 200)):
         changes = {
             "seed": seed,
@@ -70,7 +70,7 @@ def test_the_roll_is_followed_through_a_clipping_gyro_in_a_steep_hole():
 
 def _gate(rate_hz: float, interval_s: float) -> float:
     """Gate in units of the usual square after shocks at this rate, from samples of 0.01 s that span the interval."""
-    s = bounded.initial(bounded.Params()).record[0]
+    s = bounded.initial(bounded.BoundedParams()).record[0]
     s.shocks, s.sums.time, s.period, s.innovations.usual = rate_hz * clipping.SHOCK_MEMORY, interval_s, 0.01, 1.0
     return clipping.jump_gate(s)
 
@@ -91,7 +91,7 @@ def test_shocks_that_come_faster_than_updates_leave_a_gate_above_zero(interval_s
 
 
 def test_a_start_takes_out_the_learnt_pull_and_what_the_x_gyro_did_not_carry():
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     s = bounded.initial(p).record[0]
     inclination, rate, lever = math.radians(15.0), 30.0, np.array([0.02, 0.008])
     s.lever[:], s.last_w[0] = lever, rate
@@ -117,7 +117,7 @@ def test_one_wrong_force_within_the_vibration_leaves_the_inclination_within_its_
     wobble = rng.normal(size=(n + 2, 3)) * 3.5e-4
     force = -9.81 * gravity + np.diff(wobble, n=2, axis=0) / 1e-4
     gyro = 1e-3 * rng.normal(size=(n, 3))
-    p = bounded.Params()
+    p = bounded.BoundedParams()
     clean = bounded.run(p, bounded.initial(p), stamps, gyro, force)
     for axis, value in ((0, 30.0), (1, -30.0), (2, 30.0), (2, -20.0)):
         wrong = force.copy()

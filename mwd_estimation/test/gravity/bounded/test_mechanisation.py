@@ -6,18 +6,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gravity.bounded import measurement, mechanisation
-from mwd_estimation.gravity.bounded.filter import Params, initial
+from mwd_estimation.gravity.bounded.filter import BoundedParams, initial
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, LEVER, POS, SCALE, STEADY, TILT, VEL
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-KERNEL = Params()
+KERNEL = BoundedParams()
 NEVER = 1e30
 
 
 def nominal(seed):
     """A state drawn around a working point."""
     rng = np.random.default_rng(seed)
-    state = initial(Params())
+    state = initial(BoundedParams())
     s = state.record[0]
     q = rng.standard_normal(4)
     s.q[:] = q / np.linalg.norm(q)
@@ -96,7 +96,7 @@ def test_a_measurement_takes_back_an_error_of_position_and_lever_arm(axis):
 def test_an_innovation_beyond_the_gate_makes_velocity_uncertain_and_leaves_the_tilt_alone():
     tilts, speeds = {}, {}
     for gate in (4.0, NEVER):
-        s = initial(Params()).record[0]
+        s = initial(BoundedParams()).record[0]
         for first, size, variance in ((TILT, 2, 1e-5), (VEL, 3, 1e-4), (POS, 3, 1e-4)):
             for j in range(size):
                 s.P[first + j, first + j] = variance
@@ -111,7 +111,7 @@ def test_an_innovation_beyond_the_gate_makes_velocity_uncertain_and_leaves_the_t
 
 
 def test_the_rotation_is_exact():
-    s = initial(Params()).record[0]
+    s = initial(BoundedParams()).record[0]
     rng = np.random.default_rng(4)
     expected = np.eye(3)
     for turn in (*(0.05 * rng.standard_normal((5, 3))), *(2.0 * rng.standard_normal((5, 3)))):

@@ -22,9 +22,9 @@ from project import ROOT
 
 BENCH = ROOT / "bags" / "scenarios" / "bench"
 STATED = {
-    "integrated": bounded.Params(),
-    "means": bounded.Params(coning=1.0),
-    "points": bounded.Params(coning=1.0, sampled=True),
+    "integrated": bounded.BoundedParams(),
+    "means": bounded.BoundedParams(coning=1.0),
+    "points": bounded.BoundedParams(coning=1.0, sampled=True),
 }
 
 
@@ -50,7 +50,7 @@ def stick_slip(
     return imu, truth["gravity"][np.searchsorted(truth["stamp_ns"], imu["stamp_ns"])]
 
 
-def followed(params: bounded.Params, imu: np.ndarray, cuts: list[int]) -> tuple[bounded.State, Track]:
+def followed(params: bounded.BoundedParams, imu: np.ndarray, cuts: list[int]) -> tuple[bounded.BoundedState, Track]:
     state = bounded.initial(params)
     parts = [
         bounded.run(params, state, part["stamp_ns"], part["angular_velocity"], part["linear_acceleration"])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mwd_estimation.gravity.bounded import mechanisation, scale
-from mwd_estimation.gravity.bounded.filter import Params, initial
+from mwd_estimation.gravity.bounded.filter import BoundedParams, initial
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS
 
-P = Params()
+P = BoundedParams()
 
 
 def rotating(inclination_deg, speed):

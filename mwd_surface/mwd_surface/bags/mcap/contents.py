@@ -6,15 +6,15 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_surface.bags.mcap.records import (
-    Channel,
     ChunkHead,
+    McapChannel,
     Schema,
 )
 from mwd_surface.bags.mcap.walk import Walk
 
 
 @dataclasses.dataclass(frozen=True)
-class Span:
+class MessageSpan:
     """
     A run of messages: one chunk, or messages outside of any chunk.
 
@@ -62,9 +62,9 @@ class Contents:
     """
 
     schemas: dict[int, Schema] = dataclasses.field(default_factory=dict)
-    channels: dict[int, Channel] = dataclasses.field(default_factory=dict)
+    channels: dict[int, McapChannel] = dataclasses.field(default_factory=dict)
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
-    spans: list[Span] = dataclasses.field(default_factory=list)
+    spans: list[MessageSpan] = dataclasses.field(default_factory=list)
     attachments: list[tuple[int, int]] = dataclasses.field(default_factory=list)
     metadata: list[tuple[int, int]] = dataclasses.field(default_factory=list)
     complete: bool = True

@@ -14,10 +14,10 @@ from mwd_surface.bags.mcap.records import (
     COMPRESSIONS,
     MAX_CHUNK_BYTES,
     Attachment,
-    Channel,
     ChunkHead,
     ChunkIndex,
     FormatError,
+    McapChannel,
     Schema,
     Statistics,
 )
@@ -71,10 +71,10 @@ def parse_schema(body: bytes | memoryview) -> Schema:
     return Schema(cursor.number(2), cursor.text(), cursor.text(), cursor.blob())
 
 
-def parse_channel(body: bytes | memoryview) -> Channel:
+def parse_channel(body: bytes | memoryview) -> McapChannel:
     """Return the channel in a record's body."""
     cursor = Cursor(body)
-    return Channel(cursor.number(2), cursor.number(2), cursor.text(), cursor.text(), cursor.text_map())
+    return McapChannel(cursor.number(2), cursor.number(2), cursor.text(), cursor.text(), cursor.text_map())
 
 
 def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:

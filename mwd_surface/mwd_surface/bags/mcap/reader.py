@@ -20,7 +20,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import open_regular
 from mwd_surface.bags.mcap.compression import Decompressor
-from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, Other, Piece, Span
+from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, MessageSpan, Other, Piece
 from mwd_surface.bags.mcap.decode import (
     Cursor,
     parse_attachment,
@@ -37,8 +37,8 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_HEAD,
     MESSAGE_PREFIX,
     PREFIX,
-    Channel,
     FormatError,
+    McapChannel,
     Opcode,
     Schema,
 )
@@ -143,7 +143,7 @@ class McapFile:
             raise FormatError(f"byte {offset}: expected a record {opcode}, found {prefix[0]}")
         return self.read(offset + PREFIX, int.from_bytes(prefix[1:], "little"))
 
-    def plain(self, span: Span, decompress: Decompressor) -> bytes:
+    def plain(self, span: MessageSpan, decompress: Decompressor) -> bytes:
         """
         Return the records of a span, decompressed and checked.
 
@@ -374,7 +374,7 @@ class McapFile:
                     raise FormatError("the summary has times after the year 2262")
                 channels = frozenset(index.index_offsets) if index.index_length else None
                 found.spans.append(
-                    Span(index.start_ns, index.end_ns, index.offset, index.length, index.size, channels, True)
+                    MessageSpan(index.start_ns, index.end_ns, index.offset, index.length, index.size, channels, True)
                 )
             elif opcode == Opcode.STATISTICS:
                 totals = parse_statistics(body)
@@ -401,7 +401,7 @@ class McapFile:
             found.notes.append(f"{self.path.name}: {reason}; read from its beginning instead")
         else:
             found.notes.append(f"{self.path.name}: has no index; read from its beginning instead")
-        guarded: dict[int, Channel] = {}
+        guarded: dict[int, McapChannel] = {}
         for piece in self.scan():
             if isinstance(piece, Damage):
                 found.notes.append(
@@ -418,7 +418,7 @@ class McapFile:
         found.complete = found.complete and ended
         return found
 
-    def _note_other(self, piece: Other, found: Contents, guarded: dict[int, Channel]) -> None:
+    def _note_other(self, piece: Other, found: Contents, guarded: dict[int, McapChannel]) -> None:
         try:
             if piece.opcode == Opcode.SCHEMA:
                 schema = parse_schema(piece.body)
@@ -446,7 +446,7 @@ class McapFile:
         found.schemas = lost.schemas | found.schemas
         found.channels = lost.channels | found.channels
 
-    def _note_messages(self, piece: Chunk | Bare, found: Contents, guarded: dict[int, Channel]) -> None:
+    def _note_messages(self, piece: Chunk | Bare, found: Contents, guarded: dict[int, McapChannel]) -> None:
         walk, in_chunk = piece.walk, isinstance(piece, Chunk)
         if isinstance(piece, Chunk):
             found.checksums = found.checksums and piece.head.crc != 0
@@ -463,7 +463,7 @@ class McapFile:
         for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
             found.counts[number] = found.counts.get(number, 0) + count
         found.spans.append(
-            Span(
+            MessageSpan(
                 int(walk.log_ns.min()),
                 int(walk.log_ns.max()),
                 piece.offset,
@@ -475,7 +475,7 @@ class McapFile:
         )
 
 
-def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
+def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, McapChannel]]:
     """Return the schemas and channels inside a chunk; those that cannot be parsed are left out."""
     schemas, channels = {}, {}
     for opcode, body in records_at(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):

@@ -76,7 +76,7 @@ class Schema:
 
 
 @dataclasses.dataclass(frozen=True)
-class Channel:
+class McapChannel:
     """One topic of one type in one file."""
 
     id: int

@@ -31,9 +31,9 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_RECORD_HEAD,
     RECORD_HEAD,
     Attachment,
-    Channel,
     ChunkHead,
     ChunkIndex,
+    McapChannel,
     Opcode,
     Schema,
     Statistics,
@@ -72,7 +72,7 @@ class McapWriter:
         self.counts: dict[int, int] = {}
         self.start_ns: int | None = None
         self.end_ns = 0
-        self.channels: dict[int, Channel] = {}
+        self.channels: dict[int, McapChannel] = {}
         self._compress = Compressor(compression, level)
         self._schemas: dict[int, Schema] = {}
         # Encoded as in the summary, because an hour of a fast recording has tens of thousands of chunks.
@@ -107,7 +107,7 @@ class McapWriter:
         self._declarations += record
         self._schemas[schema.id] = schema
 
-    def add_channel(self, channel: Channel) -> None:
+    def add_channel(self, channel: McapChannel) -> None:
         """Write the declaration of a topic; its id must be new, and its schema written before (0: no schema)."""
         record = channel_record(channel)
         self._append(record)
@@ -398,7 +398,7 @@ def schema_record(schema: Schema) -> bytes:
     return packed_record(Opcode.SCHEMA, body)
 
 
-def channel_record(channel: Channel) -> bytes:
+def channel_record(channel: McapChannel) -> bytes:
     """Return the record that declares a topic."""
     body = (
         struct.pack("<HH", channel.id, channel.schema_id) + packed_text(channel.topic) + packed_text(channel.encoding)

@@ -14,7 +14,7 @@ OVERHEAD = 128  # memory that a waiting message needs in addition to its payload
 _BATCH = 1000  # largest number of entries in a batch
 
 
-class Item(NamedTuple):
+class QueuedMessage(NamedTuple):
     """A message: log and publish time in ns since the epoch, offered profiles as YAML, RIHS01 hash of the type."""
 
     topic: str
@@ -32,7 +32,7 @@ class Item(NamedTuple):
 
 
 @dataclasses.dataclass
-class Command:
+class WriterCommand:
     """A request that the writer thread carries out when its turn among the messages comes."""
 
     run: Callable[[], Any]
@@ -59,13 +59,13 @@ class MessageQueue:
         self.waiting_bytes = 0
         self.refused = 0
         self.wake = threading.Event()
-        self._items: deque[Item | Command] = deque()
+        self._items: deque[QueuedMessage | WriterCommand] = deque()
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
         return len(self._items)
 
-    def put(self, item: Item) -> bool:
+    def put(self, item: QueuedMessage) -> bool:
         """Accept a message; if it does not fit, count it as refused and return False."""
         with self._lock:
             if self.waiting_bytes + item.size > self.limit:
@@ -80,26 +80,26 @@ class MessageQueue:
 
     def command(self, run: Callable[[], Any]) -> concurrent.futures.Future[Any]:
         """Accept a command and return its future answer."""
-        command = Command(run)
+        command = WriterCommand(run)
         with self._lock:
             self._items.append(command)
         return command.answer
 
-    def batch(self) -> list[Item | Command]:
+    def batch(self) -> list[QueuedMessage | WriterCommand]:
         """Return the next entries, at most a thousand; empty if none waits."""
-        taken: list[Item | Command] = []
+        taken: list[QueuedMessage | WriterCommand] = []
         with self._lock:
             while self._items and len(taken) < _BATCH:
                 item = self._items.popleft()
                 taken.append(item)
-                if isinstance(item, Item):
+                if isinstance(item, QueuedMessage):
                     self.waiting_bytes -= item.size
         return taken
 
     def cancel(self, error: Exception) -> None:
         """Empty the queue; its commands fail with the error."""
         with self._lock:
-            commands = [item for item in self._items if isinstance(item, Command)]
+            commands = [item for item in self._items if isinstance(item, WriterCommand)]
             self._items.clear()
             self.waiting_bytes = 0
         for command in commands:

@@ -25,10 +25,10 @@ from mwd_surface.bags.definitions import Definitions, installed
 from mwd_surface.bags.mcap import recovery
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 from mwd_surface.bags.recorder.folder import locked, recording_path
-from mwd_surface.bags.recorder.message_queue import Command, Item, MessageQueue
+from mwd_surface.bags.recorder.message_queue import MessageQueue, QueuedMessage, WriterCommand
 from mwd_surface.bags.recorder.session import Session, SessionHooks, free_bytes, words_of
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderEvent, RecorderState, RecorderStatus
+from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderEvent, RecorderState, RecorderStatus
 
 _BATCHES = 20  # number of batches written between two checks of time and disk
 
@@ -134,7 +134,9 @@ class Recorder:
         """
         if not self._taking:
             return False
-        item = Item(topic, type_name, data, log_ns, log_ns if publish_ns is None else publish_ns, qos, type_hash)
+        item = QueuedMessage(
+            topic, type_name, data, log_ns, log_ns if publish_ns is None else publish_ns, qos, type_hash
+        )
         return self._queue.put(item)
 
     def start(self, name: str = "", custom: Mapping[str, str] | None = None, timeout_s: float = 3.0) -> Path:
@@ -282,12 +284,12 @@ class Recorder:
             if not batch:
                 return
             for item in batch:
-                if isinstance(item, Command):
+                if isinstance(item, WriterCommand):
                     item.carry_out()
                 else:
                     self._store(item)
 
-    def _store(self, item: Item) -> None:
+    def _store(self, item: QueuedMessage) -> None:
         if self._ring is not None:
             self._ring.keep(item)
         session = self._session
@@ -306,9 +308,9 @@ class Recorder:
             if session is not None and session.writing:
                 session.disk_failed(error)
             else:
-                self._report(Level.ERROR, words_of(error, self.folder))
+                self._report(EventLevel.ERROR, words_of(error, self.folder))
         except Exception as error:  # noqa: BLE001  (the thread must survive because messages keep arriving)
-            self._report(Level.ERROR, f"the recorder has an internal error: {error!r}")
+            self._report(EventLevel.ERROR, f"the recorder has an internal error: {error!r}")
 
     def _start(self, name: str, custom: dict[str, str]) -> Path:
         if self._session is not None:
@@ -331,7 +333,7 @@ class Recorder:
         )
         self._session.free = self._free
         self._taking = True
-        self._report(Level.INFO, f"recording to {path}")
+        self._report(EventLevel.INFO, f"recording to {path}")
         return path
 
     def _stop(self) -> Path:
@@ -339,7 +341,7 @@ class Recorder:
         self._taking = self._ring is not None and not self._closing
         lost = session.lost
         text = f"recording of {session.writer.path} stopped{f'; {lost} messages were lost' if lost else ''}"
-        self._report(Level.WARNING if lost else Level.INFO, text)
+        self._report(EventLevel.WARNING if lost else EventLevel.INFO, text)
         session.finish()
         self._session, self._deadline, self._free = None, None, session.free
         return session.writer.path
@@ -360,7 +362,7 @@ class Recorder:
             self._ring.write(writer)
             for table, values in self._tables().items():
                 writer.add_metadata(table, values)
-        self._report(Level.INFO, f"snapshot written to {path}")
+        self._report(EventLevel.INFO, f"snapshot written to {path}")
         return path
 
     def _writer(self, path: Path, custom: dict[str, str], *, in_place: bool) -> BagWriter:
@@ -383,7 +385,7 @@ class Recorder:
             raise RecorderError("no recording is running")
         return self._session
 
-    def _report(self, level: Level, text: str) -> None:
+    def _report(self, level: EventLevel, text: str) -> None:
         event = RecorderEvent(time.time_ns(), level, text)
         self._note(event)
         if self._session is not None:
@@ -392,13 +394,13 @@ class Recorder:
             try:
                 self._on_event(event)
             except Exception as error:  # noqa: BLE001  (an error in a callback must not end the recording)
-                self._note(RecorderEvent(time.time_ns(), Level.ERROR, f"a callback for events failed: {error!r}"))
+                self._note(RecorderEvent(time.time_ns(), EventLevel.ERROR, f"a callback for events failed: {error!r}"))
 
     def _note(self, event: RecorderEvent) -> None:
         self.events.append(event)
         self._untaken.append(event)
 
-    def _report_later(self, level: Level, text: str) -> None:
+    def _report_later(self, level: EventLevel, text: str) -> None:
         # Only the writer thread writes events.
         self._queue.command(lambda: self._report(level, text))
 
@@ -411,13 +413,13 @@ class SnapshotRing:
 
     def __init__(self, seconds: float, most: int) -> None:
         self._seconds, self._most = seconds, most
-        self._items: deque[tuple[float, Item]] = deque()
+        self._items: deque[tuple[float, QueuedMessage]] = deque()
         self._bytes = 0
 
     def __len__(self) -> int:
         return len(self._items)
 
-    def keep(self, item: Item) -> None:
+    def keep(self, item: QueuedMessage) -> None:
         """Add a message, and remove the oldest messages until the limits are met."""
         now = time.monotonic()
         self._items.append((now, item))
@@ -459,7 +461,7 @@ class RecoveryThread:
     """
 
     def __init__(
-        self, bags: Sequence[Path], going_on: Callable[[], bool], report: Callable[[Level, str], None]
+        self, bags: Sequence[Path], going_on: Callable[[], bool], report: Callable[[EventLevel, str], None]
     ) -> None:
         self.reports: list[RecoveryReport] = []
         self._bags, self._going_on, self._report = bags, going_on, report
@@ -481,9 +483,9 @@ class RecoveryThread:
             except InterruptedError:
                 return
             except OSError as error:
-                self._report(Level.ERROR, f"{bag} could not be recovered: {error}")
+                self._report(EventLevel.ERROR, f"{bag} could not be recovered: {error}")
                 continue
             for report in reports:
                 self.reports.append(report)
                 if not report.sound:
-                    self._report(Level.WARNING, f"recovered in {bag.name}: {report.sentence()}")
+                    self._report(EventLevel.WARNING, f"recovered in {bag.name}: {report.sentence()}")

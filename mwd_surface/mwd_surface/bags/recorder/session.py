@@ -20,9 +20,9 @@ from pathlib import Path
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
-from mwd_surface.bags.recorder.message_queue import Item
+from mwd_surface.bags.recorder.message_queue import QueuedMessage
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
+from mwd_surface.bags.recorder.status import EventLevel, RecorderEvent, RecorderState
 
 EVENT_TYPE = "rcl_interfaces/msg/Log"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -52,7 +52,7 @@ class SessionHooks:
     tables: Tables
     space: Callable[[Path], int]
     refused: Callable[[], int]
-    report: Callable[[Level, str], None]
+    report: Callable[[EventLevel, str], None]
 
 
 class Session:
@@ -119,7 +119,7 @@ class Session:
         self._early: list[RecorderEvent] = []
         self._put_tables()
 
-    def take(self, item: Item) -> None:
+    def take(self, item: QueuedMessage) -> None:
         """Write a message; a message that cannot be written is counted and reported."""
         if not self.writing:
             self.dropped += 1
@@ -135,7 +135,7 @@ class Session:
             self.dropped += 1
             if item.topic not in self._odd:
                 self._odd.add(item.topic)
-                self._hooks.report(Level.WARNING, f"messages of {item.topic} cannot be recorded: {error}")
+                self._hooks.report(EventLevel.WARNING, f"messages of {item.topic} cannot be recorded: {error}")
 
     def periodic(self) -> None:
         """Carry out the tasks that are due: write chunks, sync, split, check the disk, report lost messages."""
@@ -158,14 +158,14 @@ class Session:
         count = self.lost - self._dropped_reported
         if count > 0:
             self._dropped_reported += count
-            self._hooks.report(Level.ERROR, f"{count} messages were lost: the disk is slower than the data")
+            self._hooks.report(EventLevel.ERROR, f"{count} messages were lost: the disk is slower than the data")
 
     @property
     def lost(self) -> int:
         """Number of messages of this recording that were lost."""
         return self._hooks.refused() + self.dropped
 
-    def _write(self, item: Item) -> None:
+    def _write(self, item: QueuedMessage) -> None:
         topic, type_name, data, log_ns, publish_ns, qos, type_hash = item
         if log_ns < 0:
             raise ValueError(f"its stamp {log_ns} lies before 1970")
@@ -180,7 +180,7 @@ class Session:
             if not self.writing:
                 self.dropped += 1
                 return
-            self._hooks.report(Level.WARNING, text)
+            self._hooks.report(EventLevel.WARNING, text)
         self._last_ns = log_ns
         if self._early:
             self._record_early()
@@ -201,11 +201,13 @@ class Session:
             profiles = bag_metadata.parse_qos(qos)
         except ValueError as error:
             profiles = []
-            self._hooks.report(Level.WARNING, f"{topic}: recorded without its quality of service: {error}")
+            self._hooks.report(EventLevel.WARNING, f"{topic}: recorded without its quality of service: {error}")
         channel = self.writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
         self._channels[topic, type_name] = channel
         if not self.writer.has_definition(channel):
-            self._hooks.report(Level.WARNING, f"{topic}: recorded without a definition: {type_name} is unknown here")
+            self._hooks.report(
+                EventLevel.WARNING, f"{topic}: recorded without a definition: {type_name} is unknown here"
+            )
         return channel
 
     def _by_time(self) -> None:
@@ -239,7 +241,7 @@ class Session:
             self._resume()
 
     def _pause_writing(self, state: RecorderState, reason: str) -> None:
-        self._hooks.report(Level.ERROR, f"recording paused: {reason}")
+        self._hooks.report(EventLevel.ERROR, f"recording paused: {reason}")
         self.writing = False
         self._pause_began = time.time_ns()
         self._retry_at = time.monotonic() + self._settings.retry_seconds
@@ -253,7 +255,9 @@ class Session:
                 self.writer.finish_file(sync=True)
             except OSError:
                 self.dropped += self.writer.give_up_file()
-                self._hooks.report(Level.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it")
+                self._hooks.report(
+                    EventLevel.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it"
+                )
         # Publish the pause only now, because a reader of the state may rely on a complete file.
         self.state, self.reason = state, reason
 
@@ -277,7 +281,7 @@ class Session:
         seconds = (time.time_ns() - self._pause_began) * 1e-9
         self._put_tables()
         self._hooks.report(
-            Level.WARNING, f"recording goes on after a pause of {seconds:.0f} s; {lost} messages were lost"
+            EventLevel.WARNING, f"recording goes on after a pause of {seconds:.0f} s; {lost} messages were lost"
         )
 
     def split(self) -> Path:
@@ -318,7 +322,7 @@ class Session:
             full = error.errno in _FULL
             self.state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
             self.reason = self._words(error)
-            self._hooks.report(Level.ERROR, f"recording paused: {self.reason}")
+            self._hooks.report(EventLevel.ERROR, f"recording paused: {self.reason}")
             return
         self._file_began = time.monotonic()
         self._put_tables()

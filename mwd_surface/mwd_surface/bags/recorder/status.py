@@ -29,7 +29,7 @@ class RecorderState(enum.IntEnum):
     FAILED = 3
 
 
-class Level(enum.IntEnum):
+class EventLevel(enum.IntEnum):
     """Severity of an event, as in rcl_interfaces/Log."""
 
     INFO = 20
@@ -42,7 +42,7 @@ class RecorderEvent:
     """An event of the recorder for the log; `stamp_ns` is in ns since the epoch."""
 
     stamp_ns: int
-    level: Level
+    level: EventLevel
     text: str
 
 

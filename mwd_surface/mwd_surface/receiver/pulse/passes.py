@@ -37,7 +37,7 @@ _TEMPERATURES = (1.0, 2.5)
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
 
 
-class Place(NamedTuple):
+class PulsePlace(NamedTuple):
     """Possible place of a pulse, its probability, and the begin of its packet's window; samples of the transmission."""
 
     at: float
@@ -46,7 +46,7 @@ class Place(NamedTuple):
 
 
 @dataclasses.dataclass
-class Part:
+class DecodedWord:
     """
     A decoded word of a pass, as estimated so far.
 
@@ -77,9 +77,9 @@ class Part:
     ebn0_db: float
     pulses: bool = True
 
-    def places(self) -> list[Place]:
+    def places(self) -> list[PulsePlace]:
         """Return the possible places of the pulses of the word."""
-        found: list[Place] = []
+        found: list[PulsePlace] = []
         if not self.pulses:
             return found
         chances = self.probability * self.present
@@ -88,7 +88,7 @@ class Part:
             for value in range(row[trellis.COUNT]):
                 if chance[value] > 1e-3:
                     at = float(self.at + SAMPLES_PER_TU * places[value])
-                    found.append(Place(at, float(chance[value]), window))
+                    found.append(PulsePlace(at, float(chance[value]), window))
         return found
 
 
@@ -116,7 +116,7 @@ class Pass:
     start: int
     done: int = 0
     at: int = 0
-    parts: list[Part] = dataclasses.field(default_factory=list)
+    parts: list[DecodedWord] = dataclasses.field(default_factory=list)
     shown: int = 0
 
     @property
@@ -125,7 +125,7 @@ class Pass:
         return self.done == len(self.items)
 
     @property
-    def heard(self) -> list[Part]:
+    def heard(self) -> list[DecodedWord]:
         """Words decoded so far in which pulses were found."""
         return [part for part in self.parts if part.pulses]
 
@@ -140,7 +140,9 @@ class Pass:
             part.pulses = False
         return silent[0].at if silent else self.at
 
-    def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], code: str) -> None:
+    def add(
+        self, items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft], code: str
+    ) -> None:
         """Append the next decoded words."""
         self.parts += parts_of(items, decision, soft, self.at, code)
         self.done += len(items)
@@ -148,8 +150,8 @@ class Pass:
 
 
 def parts_of(
-    items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], at: int, code: str
-) -> list[Part]:
+    items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft], at: int, code: str
+) -> list[DecodedWord]:
     """Return the parts of decoded words; at: first sample in the transmission; code: the code of the tool."""
     parts = []
     first = 0
@@ -157,7 +159,9 @@ def parts_of(
         rows, length = packet_rows((item,), code)
         mine = slice(first, first + len(rows))
         parts.append(
-            Part(item, rows, at, length, decision.probability[mine], decision.present[mine], one, decision.ebn0_db)
+            DecodedWord(
+                item, rows, at, length, decision.probability[mine], decision.present[mine], one, decision.ebn0_db
+            )
         )
         first += len(rows)
         at += SAMPLES_PER_TU * length
@@ -175,10 +179,10 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
     return items[done:end]
 
 
-def sync_places(tool: ToolConfiguration, start: int) -> list[Place]:
+def sync_places(tool: ToolConfiguration, start: int) -> list[PulsePlace]:
     """Return the pulses of a sync that starts at a sample."""
     edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
-    return [Place(edge, 1.0, edge) for edge in edges]
+    return [PulsePlace(edge, 1.0, edge) for edge in edges]
 
 
 def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
@@ -191,7 +195,9 @@ def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> 
     return np.concatenate([np.array(fixed), rows]), sync.length_tu + length
 
 
-def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+def soft_words(
+    decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
+) -> list[Soft]:
     """Return the words with the probabilities of their codes."""
     found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
     ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
@@ -208,7 +214,9 @@ def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceI
     return softs
 
 
-def _soft_values(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+def _soft_values(
+    decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
+) -> list[Soft]:
     """Weigh the codes of words in the pulse position code."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
@@ -237,7 +245,9 @@ def _soft_values(decision: segment.Decision, rows: Indices, items: tuple[Sequenc
     ]
 
 
-def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+def _soft_ranks(
+    decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
+) -> list[Soft]:
     """Do the same as `soft_words` for the combinatorial code: weigh all codes of a word, with and without parity."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))

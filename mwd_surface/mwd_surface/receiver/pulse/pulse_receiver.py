@@ -77,7 +77,7 @@ class PulseReceiver(SampledReceiver):
         self._reason, self._ebn0_db = "", math.nan
         self._best = -math.inf
         self.last_sync_s = -math.inf
-        self.channel: segment.Channel | None = None
+        self.channel: segment.ChannelEstimate | None = None
 
     def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
         """Return a receiver for the same tool with another configuration; it keeps the doubt learned from parities."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
-from mwd_surface.receiver.pulse.segment import Channel
+from mwd_surface.receiver.pulse.segment import ChannelEstimate
 
 WIDTHS_S = (2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2)
 # Largest ratio of widths for a prediction; beyond it the channel was not measured in the band that matters.
@@ -34,7 +34,7 @@ class WidthMargin(NamedTuple):
     ebn0_db: float
 
 
-def margins(channel: Channel, width_s: float, ebn0_db: float) -> list[WidthMargin]:
+def margins(channel: ChannelEstimate, width_s: float, ebn0_db: float) -> list[WidthMargin]:
     """
     Predict Eb/N0 of other pulse widths in the same channel.
 

@@ -46,7 +46,7 @@ _ENOUGH = 20.0  # number of pulses that suffice to estimate a response without t
 
 
 @dataclasses.dataclass
-class Channel:
+class ChannelEstimate:
     """
     Estimate of the channel.
 
@@ -78,7 +78,7 @@ class Channel:
 
 
 @dataclasses.dataclass(frozen=True)
-class Stretch:
+class StretchOnToolClock:
     """
     Data and packets of one stretch on the clock of the tool: `SAMPLES_PER_TU` samples per TU.
 
@@ -124,7 +124,7 @@ class Stretch:
 
 
 @dataclasses.dataclass(frozen=True)
-class Decision:
+class DecodedStretch:
     """
     Result of decoding a stretch.
 
@@ -159,7 +159,7 @@ class Decision:
     probability: Array
     present: Array
     fits: Array
-    channel: Channel
+    channel: ChannelEstimate
     ebn0_db: float
     timing: tuple[float, float, float]
     evidence: float
@@ -167,7 +167,7 @@ class Decision:
     disturbed: float
 
 
-def decode(stretch: Stretch, channel: Channel) -> Decision:
+def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStretch:
     """
     Decode a stretch.
 
@@ -234,7 +234,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     timing = (
         (0.0, 1.0, 0.0) if again and stretch.end > 0 else _timing(stretch, probability * present, state, weight, pumps)
     )
-    return Decision(
+    return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, float(ebn0), timing),
         *(evidence - ways, expected, disturbed),
     )
@@ -244,7 +244,7 @@ def _any_pulses(
     packets: Indices, unary: Array, common: Array, level: Array, missing: float
 ) -> tuple[Array, Array, Array]:
     """
-    Return metrics of the values that allow for missing and second pulses, and `present` and `fits` as in `Decision`.
+    Return metrics that allow for missing and second pulses, and `present` and `fits` as in `DecodedStretch`.
 
     unary: metrics without the energy shared with any other packet. The windows of a combinatorial word overlap, so this
     does not apply to that code.
@@ -276,7 +276,7 @@ def _log_sum(logs: Array) -> Array:
     return np.asarray(top + np.log(np.sum(np.exp(logs - top[..., None]), axis=-1) + 1e-300))
 
 
-def _train(stretch: Stretch, probability: Array) -> Array:
+def _train(stretch: StretchOnToolClock, probability: Array) -> Array:
     """Return the expected number of edges at each sample."""
     train = np.zeros(len(stretch.pressure))
     _add_known(stretch, train)
@@ -285,15 +285,15 @@ def _train(stretch: Stretch, probability: Array) -> Array:
     return train
 
 
-def _add_known(stretch: Stretch, train: Array) -> None:
+def _add_known(stretch: StretchOnToolClock, train: Array) -> None:
     """Add the pulses that do not belong to the packets."""
     at = np.rint(stretch.pulses[:, 0]).astype(np.int64)
     inside = (at >= 0) & (at < len(train))
     np.add.at(train, at[inside], stretch.pulses[inside, 1])
 
 
-def _places(stretch: Stretch, probability: Array) -> Array:
-    """Return the places of all pulses, as `Stretch.pulses`."""
+def _places(stretch: StretchOnToolClock, probability: Array) -> Array:
+    """Return the places of all pulses, as `StretchOnToolClock.pulses`."""
     at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
     own = [
         np.column_stack([one, p, np.full(len(p), k)])[p > 0.0]
@@ -316,12 +316,12 @@ def _whitened(response: Array, whitener: Array) -> Array:
     return np.convolve(response, whitener)[: len(response) + _TAIL]
 
 
-def _whitened_shapes(state: Channel, shapes: Array) -> None:
+def _whitened_shapes(state: ChannelEstimate, shapes: Array) -> None:
     for k, one in enumerate(state.components):
         shapes[k] = _whitened(one, state.whitener)
 
 
-def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
+def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> Array:
     """Return the pump noise of a stretch whose pulses are known from an earlier decoding."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
@@ -329,7 +329,11 @@ def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
 
 
 def _estimate(
-    stretch: Stretch, state: Channel, shapes: Array, whitened: Array, pulses: tuple[Array, Array, Array]
+    stretch: StretchOnToolClock,
+    state: ChannelEstimate,
+    shapes: Array,
+    whitened: Array,
+    pulses: tuple[Array, Array, Array],
 ) -> float:
     """
     Estimate the response from the pulses around the packets and store it in `state`.
@@ -370,7 +374,7 @@ def _unknown_noise(whitener: Array, weight: Array) -> float:
     return 4.0 * used / max(float(weight.sum()), 1.0)
 
 
-def _lateness(stretch: Stretch, train: Array, each: float) -> Array:
+def _lateness(stretch: StretchOnToolClock, train: Array, each: float) -> Array:
     """
     Return the variance that the clock error adds to the decision on each packet, in units of the noise; shape (k,).
 
@@ -383,14 +387,14 @@ def _lateness(stretch: Stretch, train: Array, each: float) -> Array:
     return np.asarray((each * stretch.pace_error * (at - middle)) ** 2)
 
 
-def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array:
+def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
     """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
     explained = np.empty(len(train))
     reconstruct(train, g, explained)
     return precision(whitened - explained, stretch.known)
 
 
-def _new_noise(stretch: Stretch, pulses: Array, state: Channel, weight: Array) -> Array:
+def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array) -> Array:
     """Fit the noise model to the pressure without pulses and pumps; return the level and pump noise."""
     explained = np.empty(len(weight))
     reconstruct(_train(stretch, pulses), state.response, explained)
@@ -411,9 +415,9 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
     """
     Return the autocorrelation of the error of the expected pulses, Pa^2 summed over the samples; shape (ORDER + 2,).
 
-    places: as `Stretch.pulses`. The expected power of the noise is that of the residual plus that of this error (A. P.
-    Dempster et al., J. R. Stat. Soc. B 39 (1977) 1); without it the noise of unsure pulses is too small, and their
-    words are too sure.
+    places: as `StretchOnToolClock.pulses`. The expected power of the noise is that of the residual plus that of this
+    error (A. P. Dempster et al., J. R. Stat. Soc. B 39 (1977) 1); without it the noise of unsure pulses is too small,
+    and their words are too sure.
     """
     pairs = np.empty(_LAGS)
     place_pairs(places, weight, pairs)
@@ -429,7 +433,7 @@ def _background(noise: Array, weight: Array, memory: float, angles: Array | None
 
 
 def _timing(
-    stretch: Stretch, probability: Array, state: Channel, weight: Array, pumps: Array
+    stretch: StretchOnToolClock, probability: Array, state: ChannelEstimate, weight: Array, pumps: Array
 ) -> tuple[float, float, float]:
     """
     Measure the drift of the pulses against the sample clock.
@@ -437,7 +441,7 @@ def _timing(
     Returns
     -------
     (float, float, float)
-        Drift, its variance and its centre, as in `Decision.timing`.
+        Drift, its variance and its centre, as in `DecodedStretch.timing`.
     """
     train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)

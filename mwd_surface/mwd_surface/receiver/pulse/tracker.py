@@ -22,7 +22,7 @@ from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.grid import STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
-from mwd_surface.receiver.pulse.transmission import FADED, Transmission
+from mwd_surface.receiver.pulse.transmission import FADED, ReceivedTransmission
 from mwd_surface.receiver.words import Reception
 
 # A hypothesis is dropped if another one is better by this log likelihood ratio plus this share of the better one's
@@ -57,10 +57,10 @@ class Tracker:
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, flow: FlowSpans, doubt: Doubt) -> None:
         self._tool, self._grid, self._flow = tool, grid, flow
-        self._all: list[Transmission] = []
+        self._all: list[ReceivedTransmission] = []
         self._frames = 0
         self.doubt = doubt
-        self.leader: Transmission | None = None
+        self.leader: ReceivedTransmission | None = None
 
     def offer(self, found: SyncFound, position: float) -> None:
         """Add the hypothesis of a sync at a position of the grid, unless an existing one expects a sync there."""
@@ -76,11 +76,11 @@ class Tracker:
         for one in near:
             if one.presence.packets == 0:
                 self._all.remove(one)
-        self._all.append(Transmission(self._tool, self._grid, found, position, self.doubt.following()))
+        self._all.append(ReceivedTransmission(self._tool, self._grid, found, position, self.doubt.following()))
         if len(self._all) > _MOST:
             self._all.remove(min((one for one in self._all if one is not self.leader), key=lambda one: one.total))
 
-    def due(self, searched: int, beyond: float) -> tuple[float, Transmission | None]:
+    def due(self, searched: int, beyond: float) -> tuple[float, ReceivedTransmission | None]:
         """
         Return the lowest position up to which a next step needs pressure, and the hypothesis with this step.
 
@@ -100,7 +100,7 @@ class Tracker:
         """Return the first position of the grid that a hypothesis needs."""
         return min((one.keeps() for one in self._all), default=math.inf)
 
-    def step(self, one: Transmission) -> Reception:
+    def step(self, one: ReceivedTransmission) -> Reception:
         """Take the next step of a hypothesis; return what can now be published."""
         done = Reception()
         off_s = self._off(one)
@@ -127,21 +127,21 @@ class Tracker:
             self._all = [one for one in self._all if one.begin > best.heard]
         return done
 
-    def _off(self, one: Transmission) -> float:
+    def _off(self, one: ReceivedTransmission) -> float:
         """Return when the flow went off during a hypothesis, s, as known at its next step; inf if it did not."""
         until = self._grid.seconds(one.needs()) - _SEEN_S
         begin = self._grid.seconds(one.begin)
         return min((x.start_s for x in self._flow.spans if begin < x.start_s <= until), default=math.inf) - _FALLS_S
 
-    def _waits(self, one: Transmission) -> bool:
+    def _waits(self, one: ReceivedTransmission) -> bool:
         """Return whether a hypothesis is kept without being decoded, in case the leader ends before it."""
         leader = self.leader
         return leader is not None and leader is not one and self._established(leader) and one.begin > leader.begin
 
-    def _established(self, one: Transmission) -> bool:
+    def _established(self, one: ReceivedTransmission) -> bool:
         return one.sound and one.presence.packets >= _ESTABLISHED
 
-    def _compare(self, one: Transmission, done: Reception) -> None:
+    def _compare(self, one: ReceivedTransmission, done: Reception) -> None:
         """Drop the hypotheses that explain the pressure clearly worse than another one."""
         others = [other for other in self._all if other is not one and other.presence.packets]
         for other in others:
@@ -154,7 +154,7 @@ class Tracker:
             beyond = one.heard - STEPS_PER_TU * _BEYOND_TU
             self._all = [other for other in self._all if other is one or not one.begin < other.begin < beyond]
 
-    def _ahead(self, one: Transmission, other: Transmission) -> float:
+    def _ahead(self, one: ReceivedTransmission, other: ReceivedTransmission) -> float:
         """Return the lead in log likelihood of a hypothesis over another one, on the pressure that both explain."""
         late, length = max(one.begin, other.begin), STEPS_PER_TU * self._tool.sync.length_tu
         begin = min(one.begin, other.begin)
@@ -163,7 +163,7 @@ class Tracker:
         end = min(one.end, other.end)
         return one.gained(begin, end) - other.gained(begin, end)
 
-    def _end(self, one: Transmission, done: Reception, better: Transmission | None = None) -> None:
+    def _end(self, one: ReceivedTransmission, done: Reception, better: ReceivedTransmission | None = None) -> None:
         """End a hypothesis; publish its words if it leads and the better one does not explain the same pulses."""
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.confirmed):
@@ -194,7 +194,7 @@ class Tracker:
                 return
         self._flush(leader, done)
 
-    def _flush(self, one: Transmission, done: Reception) -> None:
+    def _flush(self, one: ReceivedTransmission, done: Reception) -> None:
         """Publish the pending words of a hypothesis."""
         if not one.published:
             one.base, one.published = self._frames, True

@@ -24,7 +24,7 @@ from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse import passes, segment
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
-from mwd_surface.receiver.pulse.passes import Part, Pass, parts_of, rows_from_sync, soft_words, stretch_of
+from mwd_surface.receiver.pulse.passes import DecodedWord, Pass, parts_of, rows_from_sync, soft_words, stretch_of
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
@@ -47,7 +47,7 @@ _CLEARER = 1.2
 _SECOND, _SECOND_SHARE = 14.0, 0.15
 
 
-class Transmission:
+class ReceivedTransmission:
     """
     A transmission from a sync on.
 
@@ -90,7 +90,7 @@ class Transmission:
         whitener[: len(found.whitener)] = found.whitener
         # The search uses fewer components than the estimate: spread the same total variance over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
-        self._channel = segment.Channel(
+        self._channel = segment.ChannelEstimate(
             response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
         )
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
@@ -186,7 +186,7 @@ class Transmission:
         rows, length = self._rows(items)
         clock, began, was_faint = self._clock, now.at, presence.faint
         decision = self._decode(rows, length, now.at)
-        presence.judge(Evidence(decision.evidence, decision.expected, len(rows), len(items)))
+        presence.judge(PulseEvidence(decision.evidence, decision.expected, len(rows), len(items)))
         self._gains.append((self._clock.at(began + SAMPLES_PER_TU * length), self.total + decision.evidence))
         soft = soft_words(decision, rows, items, self._parity)
         now.add(items, decision, soft, self._tool.code)
@@ -271,7 +271,7 @@ class Transmission:
             words.append(received(self._tool, part.item, doubt.judge(part.soft), span, place))
         return words
 
-    def _decode_again(self, now: Pass, parts: list[Part]) -> None:
+    def _decode_again(self, now: Pass, parts: list[DecodedWord]) -> None:
         """Decode words of a pass once more, now with the pulses before and after each."""
         for part in parts:
             stop = min(part.at + SAMPLES_PER_TU * (part.length + _HISTORY_TU), now.at)
@@ -289,7 +289,7 @@ class Transmission:
         oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
         self._places = [one for one in self._places if one.at >= oldest]
 
-    def _pulses(self, but: Part | None) -> list[passes.Place]:
+    def _pulses(self, but: DecodedWord | None) -> list[passes.PulsePlace]:
         """Return all known pulses except those of one part."""
         parts = self._pass.parts if self._pass is not None else []
         return self._places + [one for part in parts if part is not but for one in part.places()]
@@ -310,7 +310,7 @@ class Transmission:
         return self._clock.at(self._heard_at)
 
     @property
-    def channel(self) -> segment.Channel:
+    def channel(self) -> segment.ChannelEstimate:
         """Response to a pulse, and noise model without the pulses."""
         return self._channel
 
@@ -404,7 +404,7 @@ class Transmission:
         valid = [one for one in soft.candidates if one.code < most]
         return max(valid, key=lambda one: one.probability).code if valid else 0
 
-    def _decode(self, rows: Indices, length: int, start: int) -> segment.Decision:
+    def _decode(self, rows: Indices, length: int, start: int) -> segment.DecodedStretch:
         decision = self._decode_once(rows, length, start)
         heard = start // SAMPLES_PER_TU
         window = min(_HISTORY_TU, heard) + length
@@ -414,10 +414,10 @@ class Transmission:
         # An error of half a sample at the ends of the window blurs the channel: decode again with the better clock.
         return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
 
-    def _decode_once(self, rows: Indices, length: int, start: int) -> segment.Decision:
+    def _decode_once(self, rows: Indices, length: int, start: int) -> segment.DecodedStretch:
         return segment.decode(self._stretch(rows, start, start + SAMPLES_PER_TU * length, None), self._channel)
 
-    def _stretch(self, rows: Indices, start: int, stop: int, before: Part | None) -> segment.Stretch:
+    def _stretch(self, rows: Indices, start: int, stop: int, before: DecodedWord | None) -> segment.StretchOnToolClock:
         """Return the pressure around some packets, up to the end of the response of the last pulse before `stop`."""
         begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, self._settled)
         begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
@@ -427,7 +427,7 @@ class Transmission:
             known[self._seconds(begin + np.arange(count)) >= self._off_s] = 0.0
         pulses = np.array(self._pulses(before)).reshape(-1, 3)
         end = count if before is None else start - begin + SAMPLES_PER_TU * before.length
-        return segment.Stretch(
+        return segment.StretchOnToolClock(
             pressure,
             known,
             pulses - (begin, 0.0, begin),
@@ -535,7 +535,7 @@ _JUDGED_PACKETS, _NO_WORDS_PACKETS = 10, 40
 _FAINT = 0.3
 
 
-class Evidence(NamedTuple):
+class PulseEvidence(NamedTuple):
     """
     Log likelihood ratio of the pulses of a stretch against no pulses, with its numbers of packets and words.
 
@@ -570,7 +570,7 @@ class Presence:
     def __init__(self, score: float) -> None:
         self._score = score
         self._usual: deque[float] = deque(maxlen=24)
-        self._recent: list[Evidence] = []
+        self._recent: list[PulseEvidence] = []
         self._total = 0.0
         self.packets = 0
         self.confirmed = self.faint = False
@@ -590,7 +590,7 @@ class Presence:
         """Words before the last stretch that are now seen to have had no pulses."""
         return sum(one.words for one in self._recent[:-1])
 
-    def judge(self, stretch: Evidence) -> None:
+    def judge(self, stretch: PulseEvidence) -> None:
         """Add a stretch, which may confirm the sync, or show that there are no pulses at present."""
         self._recent.append(stretch)
         self.packets += stretch.packets
@@ -622,7 +622,7 @@ class Presence:
         while sum(one.packets for one in self._recent) >= _JUDGED_PACKETS:
             del self._recent[0]
 
-    def _last(self) -> list[Evidence]:
+    def _last(self) -> list[PulseEvidence]:
         """Return the last stretches with enough packets to be judged together."""
         packets = 0
         for k in range(len(self._recent) - 1, -1, -1):

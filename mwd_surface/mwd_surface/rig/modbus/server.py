@@ -22,7 +22,7 @@ from typing import Any
 from mwd_surface import __version__
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
-from mwd_surface.control.status import Decision, Permission, Request, Sender
+from mwd_surface.control.status import ControlDecision, ControlRequest, Permission, Sender
 from mwd_surface.rig.input import RigInput
 from mwd_surface.rig.interface import (
     LISTENING,
@@ -434,10 +434,10 @@ class ControlRegisters:
             lease = status.lease if status.owner == mine else 0
             lease = status.pending if status.pending_controller == mine else lease
             done, message = self._authority.release(lease, self._clock(), _sender(connection))
-            decision = Decision(Permission.DENIED, 0, message)
+            decision = ControlDecision(Permission.DENIED, 0, message)
         elif action == _ASK and number:
             name = f"{CONTROLLER}{number}"
-            request = Request(_sender(connection), name, _INTERFACE, priority, duration=float(duration))
+            request = ControlRequest(_sender(connection), name, _INTERFACE, priority, duration=float(duration))
             decision = self._authority.request(request, self._clock())
             done = True
         else:

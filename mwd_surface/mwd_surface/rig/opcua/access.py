@@ -27,7 +27,7 @@ from mwd_surface.rig.opcua.settings import OpcuaSettings
 APPLICATION = "urn:mwd:surface"
 
 
-class Access:
+class OpcuaAccess:
     """
     Access rules of one server.
 

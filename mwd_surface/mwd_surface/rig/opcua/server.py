@@ -22,7 +22,7 @@ from mwd_sensors.core import budgets
 from mwd_surface import __version__
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
-from mwd_surface.control.status import Request, Sender
+from mwd_surface.control.status import ControlRequest, Sender
 from mwd_surface.live.alarms import Alarm, Severity
 from mwd_surface.rig.interface import (
     LISTENING,
@@ -38,7 +38,7 @@ from mwd_surface.rig.interface import (
     probe_port,
 )
 from mwd_surface.rig.library_log import bound_log
-from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
+from mwd_surface.rig.opcua.access import APPLICATION, OpcuaAccess, Users
 from mwd_surface.rig.opcua.address_space import (
     MANIFEST,
     NAMESPACE,
@@ -127,7 +127,7 @@ class OpcuaServer(LoopInterface):
         self._asyncua = optional("asyncua", "asyncua", "OPC UA")
         bound_log("asyncua")
         self._ua = self._asyncua.ua
-        self._access = Access(self.settings, self._folder, self._ua)
+        self._access = OpcuaAccess(self.settings, self._folder, self._ua)
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
@@ -391,7 +391,7 @@ class OpcuaMethod:
     """
     Method of the OPC UA object: its arguments, its results, and the function that carries it out.
 
-    The function receives the arguments and an identity from `Access`, and may be called in any thread.
+    The function receives the arguments and an identity from `OpcuaAccess`, and may be called in any thread.
     """
 
     name: str
@@ -418,7 +418,7 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
     """Return the control methods; clock: steady time, s, the same clock as the authority's."""
 
     def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
-        decision = authority.request(Request(Sender(_INTERFACE, identity), **given), clock())
+        decision = authority.request(ControlRequest(Sender(_INTERFACE, identity), **given), clock())
         return decision.message, int(decision.permission), decision.lease
 
     def command(given: dict[str, Any], identity: str) -> Sequence[Any]:

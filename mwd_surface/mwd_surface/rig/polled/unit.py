@@ -16,7 +16,7 @@ from typing import Any
 
 from mwd_sensors.core.settings import setting
 from mwd_sensors.drivers import polled_line
-from mwd_sensors.drivers.polled_line import Item, Poll, PolledFrame
+from mwd_sensors.drivers.polled_line import Poll, PolledFrame, ReplyItem
 from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, InterfaceStatus, LoopInterface, optional
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
@@ -29,9 +29,9 @@ HOST_FRAME = PolledFrame(
             4,
             "00000003",
             (
-                Item("inclination", "uint16", 0.01, unit="deg"),
-                Item("azimuth", "uint16", 0.01, unit="deg"),
-                Item("gravity_toolface", "uint16", 0.01, unit="deg"),
+                ReplyItem("inclination", "uint16", 0.01, unit="deg"),
+                ReplyItem("azimuth", "uint16", 0.01, unit="deg"),
+                ReplyItem("gravity_toolface", "uint16", 0.01, unit="deg"),
             ),
         ),
     )
@@ -62,7 +62,7 @@ class PolledUnit(LoopInterface):
     def __init__(self, settings: PolledSettings) -> None:
         super().__init__("polled")
         self.settings = settings
-        self._unit = polled_line.Unit(HOST_FRAME)
+        self._unit = polled_line.PolledLineUnit(HOST_FRAME)
         self._serial: Any = None
 
     def start(self) -> None:
@@ -80,7 +80,7 @@ class PolledUnit(LoopInterface):
                 frame = polled_line.read(Path(self.settings.frame_file).expanduser(), QUANTITIES)
             except (ValueError, OSError) as error:
                 raise InterfaceError(f"frame_file: {error}") from error
-            self._unit = polled_line.Unit(frame)
+            self._unit = polled_line.PolledLineUnit(frame)
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:

@@ -28,7 +28,7 @@ from mwd_surface.rig.interface import (
     OnRigState,
     optional,
 )
-from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, Writer
+from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, WitsWriter
 
 _STEADY = 10.0  # s; after a connection that lasted this long, the wait starts again from the shortest
 
@@ -78,7 +78,7 @@ class _Caller(Wits0Link, abc.ABC):
         self._reason = ""
 
     @abc.abstractmethod
-    def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, Writer]]:
+    def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, WitsWriter]]:
         """Open one connection; raise OSError if that fails."""
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
@@ -133,7 +133,7 @@ class Wits0Client(_Caller):
         self.settings = settings
 
     @contextlib.asynccontextmanager
-    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, Writer]]:
+    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, WitsWriter]]:
         """Open a TCP connection."""
         async with asyncio.timeout(self.settings.connect_timeout):
             reader, stream = await asyncio.open_connection(self.settings.host, self.settings.port, limit=16384)
@@ -172,7 +172,7 @@ class Wits0Serial(_Caller):
         super().start()
 
     @contextlib.asynccontextmanager
-    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, Writer]]:
+    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, WitsWriter]]:
         """Open the device."""
         loop = asyncio.get_running_loop()
         device = await loop.run_in_executor(

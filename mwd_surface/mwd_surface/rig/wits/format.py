@@ -43,7 +43,7 @@ class WitsItem:
 
 
 @dataclasses.dataclass(frozen=True)
-class Frame:
+class WitsFrame:
     """Items between `&&` and `!!`, in order."""
 
     items: tuple[WitsItem, ...]
@@ -128,16 +128,16 @@ class Decoder:
         """Number of bytes in the buffer, which belong to a frame that has not ended yet."""
         return len(self._buffer)
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[WitsFrame]:
         """Return the frames that end within `data`."""
-        frames: list[Frame] = []
+        frames: list[WitsFrame] = []
         # Work in pieces, so that the buffer stays bounded for any input size.
         for at in range(0, len(data), 16384):
             self._buffer += data[at : at + 16384]
             self._extract(frames)
         return frames
 
-    def _extract(self, frames: list[Frame]) -> None:
+    def _extract(self, frames: list[WitsFrame]) -> None:
         while True:
             if not self._inside:
                 start = self._buffer.find(BEGIN)
@@ -178,7 +178,7 @@ class Decoder:
         del self._buffer[: len(self._buffer) - keep]
         self._inside, self._searched = False, 0
 
-    def _frame(self, body: bytes) -> Frame:
+    def _frame(self, body: bytes) -> WitsFrame:
         items = []
         for line in re.split(rb"[\r\n]+", body):
             if not line.strip(b" \t\0"):
@@ -188,7 +188,7 @@ class Decoder:
                 self.counts.bad_items += 1
             else:
                 items.append(item)
-        return Frame(tuple(items))
+        return WitsFrame(tuple(items))
 
     def _item(self, line: bytes) -> WitsItem | None:
         match = _LINE.fullmatch(line)

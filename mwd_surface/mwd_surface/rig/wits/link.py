@@ -21,7 +21,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.rig.input import RigInput, RigInputSettings
 from mwd_surface.rig.interface import InterfaceStatus, LoopInterface, OnRigState, PeerStatus
 from mwd_surface.rig.values import RigValues
-from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, Frame, encode
+from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, WitsFrame, encode
 from mwd_surface.rig.wits.records import Items, RecordWriter, Wits0Format, rig_readings, shown
 
 # Schedule of WITS packets: surveys once when accepted, toolfaces when they arrive, other records periodically.
@@ -158,7 +158,7 @@ class Wits0Settings:
     )
 
 
-class Writer(Protocol):
+class WitsWriter(Protocol):
     """Protocol of the outgoing side of a connection."""
 
     def write(self, data: bytes) -> None:
@@ -295,7 +295,7 @@ class Wits0Link(LoopInterface):
                 for peer in self._peers:
                     peer.put(packet)
 
-    async def converse(self, reader: asyncio.StreamReader, writer: Writer, address: str) -> None:
+    async def converse(self, reader: asyncio.StreamReader, writer: WitsWriter, address: str) -> None:
         """Exchange data with one peer until either side ends."""
         peer = Peer(address, self.talk.queue_bytes, self.clock())
         self._peers.add(peer)
@@ -339,7 +339,7 @@ class Wits0Link(LoopInterface):
                 peer.received += 1
                 self._receive(peer, frame)
 
-    async def _speak(self, writer: Writer, peer: Peer) -> None:
+    async def _speak(self, writer: WitsWriter, peer: Peer) -> None:
         while True:
             await peer.news.wait()
             packet = peer.take()
@@ -360,7 +360,7 @@ class Wits0Link(LoopInterface):
             if packet != KEEP_ALIVE:
                 peer.last = packet.decode("ascii").splitlines()[-2]
 
-    def _receive(self, peer: Peer, frame: Frame) -> None:
+    def _receive(self, peer: Peer, frame: WitsFrame) -> None:
         readings = rig_readings(frame, self.talk.form.units)
         if self._on_rig_state is None or not readings:
             return

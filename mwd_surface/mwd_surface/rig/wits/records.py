@@ -19,11 +19,11 @@ from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.value import Condition, RigValue
 from mwd_surface.rig.values import RigValues, survey_values
-from mwd_surface.rig.wits.format import Frame, checked_text, plain_text
+from mwd_surface.rig.wits.format import WitsFrame, checked_text, plain_text
 from mwd_surface.signals.cells import fixed
 from mwd_surface.signals.signal import SURVEY, Signal, Wits
 from mwd_surface.signals.table import BY_NAME, SIGNALS, TO_RIG
-from mwd_surface.signals.units import UNITS, Scale
+from mwd_surface.signals.units import UNITS, UnitScale
 from mwd_surface.surveys.azimuth_source import AzimuthSource
 
 SYSTEMS = ("metric", "fps")
@@ -222,7 +222,7 @@ def activity_code(values: RigValues) -> int | None:
     return _DRILLING if hole.value - bit.value < 0.5 else _CIRCULATING
 
 
-def rig_readings(frame: Frame, units: str) -> dict[str, float]:
+def rig_readings(frame: WitsFrame, units: str) -> dict[str, float]:
     """Return the rig values of a frame of record 1 in SI, by RigState names, without nulls and other records."""
     readings = {}
     for code, signal in RECORD_1.items():
@@ -232,7 +232,7 @@ def rig_readings(frame: Frame, units: str) -> dict[str, float]:
     return readings
 
 
-def _scale(signal: Signal, units: str) -> Scale:
+def _scale(signal: Signal, units: str) -> UnitScale:
     """Return the unit of a signal in a system of units."""
     return UNITS[signal.unit].metric if units == "metric" else UNITS[signal.unit].fps
 

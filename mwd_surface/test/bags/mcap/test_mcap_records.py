@@ -23,7 +23,15 @@ from mwd_surface.bags.mcap.decode import (
     parse_schema,
     parse_statistics,
 )
-from mwd_surface.bags.mcap.records import Attachment, Channel, ChunkHead, ChunkIndex, FormatError, Schema, Statistics
+from mwd_surface.bags.mcap.records import (
+    Attachment,
+    ChunkHead,
+    ChunkIndex,
+    FormatError,
+    McapChannel,
+    Schema,
+    Statistics,
+)
 from mwd_surface.bags.mcap.walk import walk_plain, walk_records
 from mwd_surface.bags.mcap.writer import (
     attachment_record,
@@ -57,7 +65,7 @@ def test_a_schema_is_the_librarys_schema(name, encoding, data):
 
 @given(words, tables)
 def test_a_channel_is_the_librarys_channel(topic, metadata):
-    channel = Channel(3, 7, topic, "cdr", metadata)
+    channel = McapChannel(3, 7, topic, "cdr", metadata)
     record = channel_record(channel)
     found = records.Channel.read(body(record))
     assert (found.id, found.schema_id, found.topic, found.metadata) == (3, 7, topic, metadata)

@@ -14,7 +14,7 @@ from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Chunk
 from mwd_surface.bags.mcap.decode import parse_chunk_head
 from mwd_surface.bags.mcap.reader import McapFile, declarations
-from mwd_surface.bags.mcap.records import Attachment, Channel, Opcode, Schema
+from mwd_surface.bags.mcap.records import Attachment, McapChannel, Opcode, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 START = 1_700_000_000_000_000_000
@@ -23,7 +23,7 @@ START = 1_700_000_000_000_000_000
 def opened(path, **options) -> McapWriter:
     writer = McapWriter(path, **options)
     writer.add_schema(Schema(1, "std_msgs/msg/String", "ros2msg", b"string data"))
-    writer.add_channel(Channel(1, 1, "/a", "cdr", {"offered_qos_profiles": ""}))
+    writer.add_channel(McapChannel(1, 1, "/a", "cdr", {"offered_qos_profiles": ""}))
     return writer
 
 

@@ -20,7 +20,7 @@ from mwd_surface.bags.bag_files import BagFiles
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead, Opcode
+from mwd_surface.bags.mcap.records import MAGIC, ChunkHead, McapChannel, Opcode
 from mwd_surface.bags.mcap.writer import channel_record, chunk_prefix, header_record, message_prefix
 
 START = 1_700_000_000_000_000_000
@@ -230,7 +230,7 @@ def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_pa
 
 def test_messages_whose_topic_was_lost_are_saved_under_its_number(tmp_path):
     path = tmp_path / "x.mcap"
-    body = channel_record(Channel(1, 0, "/a", "cdr", {}))
+    body = channel_record(McapChannel(1, 0, "/a", "cdr", {}))
     for number in (1, 2):
         body += message_prefix(number, 1, START, START, 3) + b"abc"
     path.write_bytes(MAGIC + header_record("x") + body)

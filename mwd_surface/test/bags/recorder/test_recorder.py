@@ -26,7 +26,7 @@ from mwd_surface.bags.mcap import recovery
 from mwd_surface.bags.recorder.folder import recordings_named
 from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState
+from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderState
 
 pytestmark = pytest.mark.slow(0.1)
 
@@ -508,7 +508,7 @@ def test_tables_attachments_and_events_are_inside_every_file_of_the_recording(tm
             assert reader.get_summary().statistics.metadata_count == len(names)
             assert reader.get_summary().statistics.attachment_count == number
     assert [event.text for event in seen] == [event.text for event in recorder.events]
-    assert seen[0].level == Level.INFO
+    assert seen[0].level == EventLevel.INFO
     assert events(path)[0] == f"recording to {path}"
 
 

@@ -13,10 +13,10 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.recorder import session as recording_session
-from mwd_surface.bags.recorder.message_queue import Item
+from mwd_surface.bags.recorder.message_queue import QueuedMessage
 from mwd_surface.bags.recorder.session import Session, SessionHooks
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
+from mwd_surface.bags.recorder.status import EventLevel, RecorderEvent, RecorderState
 
 START = 1_700_000_000_000_000_000
 STRING = "std_msgs/msg/String"
@@ -32,7 +32,7 @@ class Bench:
 
     def __init__(self, folder, monkeypatch, settings=SETTINGS):
         self.now, self.free, self.refused = 100.0, 10 * LOW, 0
-        self.given: list[tuple[Level, str]] = []
+        self.given: list[tuple[EventLevel, str]] = []
         clock = types.SimpleNamespace(monotonic=lambda: self.now, time_ns=lambda: START + round(self.now * 1e9))
         monkeypatch.setattr(recording_session, "time", clock)
         definitions = Definitions()
@@ -59,7 +59,7 @@ class Bench:
 
     def take(self, k, topic="/a", log_ns=None, size=300, type_name=STRING, qos=""):
         stamp = START + k * 1_000_000 if log_ns is None else log_ns
-        self.session.take(Item(topic, type_name, bytes(size), stamp, stamp, qos, ""))
+        self.session.take(QueuedMessage(topic, type_name, bytes(size), stamp, stamp, qos, ""))
 
     def later(self, seconds):
         self.now += seconds
@@ -146,7 +146,7 @@ def test_split_gives_back_the_finished_file(bench):
 def test_a_clock_that_jumps_begins_a_new_file_and_says_by_how_much(bench, jump_s):
     bench.take(0)
     bench.take(1, log_ns=START + jump_s * 10**9)
-    assert bench.given == [(Level.WARNING, f"the clock jumped by {jump_s:+d} s; a new file was begun")]
+    assert bench.given == [(EventLevel.WARNING, f"the clock jumped by {jump_s:+d} s; a new file was begun")]
     assert bench.file.path.name == "run_1.mcap"
     bench.session.finish()
     assert bench.recorded()[0] == 2
@@ -170,7 +170,7 @@ def test_a_disk_about_to_be_full_pauses_with_a_whole_file_and_goes_on_when_there
     bench.free = 2 * LOW
     bench.later(1.0)
     assert (session.state, session.reason) == (RecorderState.RECORDING, "")
-    assert bench.given[-1] == (Level.WARNING, "recording goes on after a pause of 11 s; 1 messages were lost")
+    assert bench.given[-1] == (EventLevel.WARNING, "recording goes on after a pause of 11 s; 1 messages were lost")
     bench.take(2)
     session.finish()
     messages, events, _ = bench.recorded()
@@ -223,7 +223,7 @@ def test_one_odd_message_is_counted_and_reported_once_and_the_others_go_on(bench
         bench.take(k)
     assert bench.session.dropped == 3
     (given,) = bench.given
-    assert given[0] == Level.WARNING
+    assert given[0] == EventLevel.WARNING
     assert "messages of /odd cannot be recorded: its stamp -1 lies before 1970" in given[1]
     bench.session.finish()
     assert bench.recorded()[0] == 3
@@ -234,7 +234,7 @@ def test_what_the_queue_did_not_take_is_reported_once_and_counts_as_lost(bench):
     bench.refused = 7
     bench.later(1.0)
     bench.later(1.0)
-    assert bench.given == [(Level.ERROR, "7 messages were lost: the disk is slower than the data")]
+    assert bench.given == [(EventLevel.ERROR, "7 messages were lost: the disk is slower than the data")]
     assert bench.session.lost == 7
 
 
@@ -248,7 +248,7 @@ def test_a_type_or_a_profile_that_is_not_known_is_recorded_and_reported(bench):
 
 
 def test_an_event_waits_for_the_first_message_whose_time_it_takes(bench):
-    bench.session.record(RecorderEvent(START - 10**9, Level.INFO, "begun"))
+    bench.session.record(RecorderEvent(START - 10**9, EventLevel.INFO, "begun"))
     bench.take(5)
     bench.session.finish()
     with Bag(bench.path) as bag:

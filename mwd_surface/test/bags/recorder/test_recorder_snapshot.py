@@ -4,14 +4,14 @@
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
-from mwd_surface.bags.recorder.message_queue import OVERHEAD, Item
+from mwd_surface.bags.recorder.message_queue import OVERHEAD, QueuedMessage
 from mwd_surface.bags.recorder.recorder import SnapshotRing
 
 TYPE = "std_msgs/msg/String"
 
 
 def item(k, size=40):
-    return Item("/t", TYPE, b"\0\1\0\0" + bytes([k]) * (size - 4), k, k, "", "")
+    return QueuedMessage("/t", TYPE, b"\0\1\0\0" + bytes([k]) * (size - 4), k, k, "", "")
 
 
 def test_the_oldest_go_when_the_bytes_are_used_up(tmp_path):

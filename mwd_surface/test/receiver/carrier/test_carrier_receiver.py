@@ -11,7 +11,7 @@ from carrier_runs import RATE_HZ, block_errors, decoded, tool_of, white
 import telemetry_limits as limits
 from mwd_sensors.simulator.carrier_tool import siren_run, transmit
 from mwd_sensors.simulator.mud_channel import MudChannel, Pump
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.carrier.carrier_receiver import CarrierReceiver
 
@@ -92,7 +92,7 @@ def test_a_siren_is_read_beside_pumps_whose_harmonic_is_on_its_carrier():
     tool = dataclasses.replace(starting("psk"), transmit_delay_s=30.0)
     sent = transmit(tool, ((20.0, 330.0),), 2)
     channel = MudChannel(
-        well=Well(depth_m=3000.0), pumps=(Pump(1.5, leak=0.05), Pump(1.53)), flow_off_s=((-100.0, 20.0),)
+        well=WellGeometry(depth_m=3000.0), pumps=(Pump(1.5, leak=0.05), Pump(1.53)), flow_off_s=((-100.0, 20.0),)
     )
     run = siren_run(channel, sent, 340.0, 2)
     got, _ = decoded(tool, run.time_s, run.pressure_pa)
@@ -108,7 +108,7 @@ def test_a_siren_is_read_beside_pumps_whose_harmonic_is_on_its_carrier():
 def test_a_pump_s_harmonic_on_a_carrier_that_is_not_heard_is_named(counted, said):
     tool = tool_of(frequency_hz=4.0, symbol_rate_hz=1.25, medium="mud")
     channel = MudChannel(
-        well=Well(depth_m=9000.0), pumps=(Pump(1.45), Pump(1.335, leak=0.2)), flow_off_s=((-100.0, 20.0),)
+        well=WellGeometry(depth_m=9000.0), pumps=(Pump(1.45), Pump(1.335, leak=0.2)), flow_off_s=((-100.0, 20.0),)
     )
     run = siren_run(channel, transmit(tool, ((20.0, 190.0),), 2), 200.0, 2)
     receiver = CarrierReceiver(tool)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link.link import Link
@@ -31,7 +31,7 @@ TOLD_S = 160.0
 def heard():
     """Pressure of a tool that sends with 0.8 s up to some time, and with 0.5 s from then on."""
     first, second = transmit(BEFORE, ((20.0, TOLD_S),), 3), transmit(AFTER, ((TOLD_S, 330.0),), 4)
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0),))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0),))
     both = dataclasses.replace(first, pulses=np.concatenate([first.pulses, second.pulses]))
     return link_run(channel, both, 340.0, 3), first, second
 

@@ -9,7 +9,7 @@ import pytest
 
 from mwd_sensors.simulator import carrier_tool
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
@@ -57,7 +57,7 @@ def reported(link, run, flow):
 
 @pytest.fixture(scope="module")
 def run():
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
     return link_run(channel, transmit(TOOL, FLOWS, 3), 260.0, 3)
 
 
@@ -145,7 +145,7 @@ def test_a_flow_meter_that_contradicts_the_pressure_does_not_decide(run):
 def test_a_survey_is_received_when_all_its_words_are_believed(words, state):
     """The pulses end after some words of a tool of surveys only; then its silence is longer than a word."""
     tool, flows = dataclasses.replace(TOOL, toolface_sequences=()), ((60.0, 400.0),)
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
     run, silent = (link_run(channel, transmit(tool, sent, 3), 400.0, 3) for sent in (flows, ()))
     last = run.sent.words[words - 1]
     pressure = np.where(run.time_s < last.end_s + 2.0, run.pressure_pa, silent.pressure_pa)
@@ -202,7 +202,9 @@ def test_any_cut_gives_the_same_words_and_surveys(run):
 @pytest.mark.parametrize(("rest_s", "listed"), [(6.0, 0), (58.0, 1)])
 def test_the_same_codes_are_a_repeat_unless_a_rest_for_another_survey_came_before_them(run, rest_s, listed):
     again = dataclasses.replace(run.sent, pulses=np.vstack([run.sent.pulses, run.sent.pulses + 260.0]))
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (320.0 - rest_s, 320.0)))
+    channel = MudChannel(
+        well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (320.0 - rest_s, 320.0))
+    )
     twice = link_run(channel, again, 520.0, 3)
     words, surveys, _ = pushed(link_of(), twice.time_s, twice.pressure_pa)
     assert len([word for word in words if word.name == "Inc" and word.revision]) == 2
@@ -214,7 +216,7 @@ def test_a_carrier_is_read_by_the_same_link():
     tool = dataclasses.replace(
         starting("psk"), transmit_delay_s=30.0, survey_sequences=TOOL.survey_sequences, toolface_sequences=("aTFA:6:P",)
     )
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 60.0),))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 60.0),))
     heard = carrier_tool.siren_run(channel, carrier_tool.transmit(tool, FLOWS, 5), 260.0, 5)
     link = link_of(tool)
     words, surveys, states = pushed(link, heard.time_s, heard.pressure_pa)
@@ -225,7 +227,7 @@ def test_a_carrier_is_read_by_the_same_link():
 
 def test_after_flow_on_the_state_says_nothing_of_before(run):
     again = dataclasses.replace(run.sent, pulses=run.sent.pulses)
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 300.0)))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 300.0)))
     twice = link_run(channel, again, 325.0, 3)
     link = link_of()
     pushed(link, twice.time_s, twice.pressure_pa)
@@ -239,7 +241,7 @@ def test_a_survey_over_a_carrier_is_received_before_another_pass_begins():
     tool = dataclasses.replace(
         starting("psk"), transmit_delay_s=30.0, survey_sequences=TOOL.survey_sequences, toolface_sequences=()
     )
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
+    channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
     heard = carrier_tool.siren_run(channel, carrier_tool.transmit(tool, FLOWS, 5), 260.0, 5)
     # The last 40 s without a signal, again and again.
     after = np.tile(heard.pressure_pa[heard.time_s >= 220.0], 15)

@@ -10,7 +10,7 @@ import pytest
 
 from mwd_sensors.simulator import serial_channel
 from mwd_sensors.simulator.mud_channel import MudChannel, Pump
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING
@@ -73,7 +73,7 @@ def counted():
         toolface_sequences=("aTFA:6:P",),
     )
     channel = MudChannel(
-        well=Well(depth_m=800.0),
+        well=WellGeometry(depth_m=800.0),
         pumps=(Pump(strokes_hz=1.45), Pump(strokes_hz=1.52, imbalance=0.02)),
         flow_off_s=((-100.0, 10.0),),
     )

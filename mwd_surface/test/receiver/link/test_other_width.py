@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_tool, sent_width
@@ -27,7 +27,7 @@ FLOW_ON = 20.0
 def pressure(width_s, seconds=200.0, seed=5, on_s=FLOW_ON, before=(), depth_m=2000.0):
     """Times and pressure of a tool with pulses of a width; before: spans without flow, s."""
     tool = dataclasses.replace(HERE, pulse_width_s=width_s)
-    channel = MudChannel(well=Well(depth_m=depth_m), flow_off_s=before or ((-100.0, on_s),))
+    channel = MudChannel(well=WellGeometry(depth_m=depth_m), flow_off_s=before or ((-100.0, on_s),))
     run = link_run(channel, transmit(tool, ((on_s, seconds),), seed), seconds, seed)
     return run.time_s, run.pressure_pa
 
@@ -44,7 +44,7 @@ def test_the_width_that_the_tool_sends_is_found(width):
 
 def test_width_sync_and_parity_are_found_blindly():
     sent = dataclasses.replace(HERE, pulse_width_s=0.65, sync=USUAL_SYNCS[1], parity="odd")
-    channel = MudChannel(well=Well(depth_m=2000.0), flow_off_s=((-100.0, FLOW_ON),))
+    channel = MudChannel(well=WellGeometry(depth_m=2000.0), flow_off_s=((-100.0, FLOW_ON),))
     run = link_run(channel, transmit(sent, ((FLOW_ON, 200.0),), 5), 200.0, 5)
     found = sent_tool(HERE, run.time_s, run.pressure_pa, {}, USUAL_SYNCS, ("even", "odd"))
     assert found.pulse_width_s == pytest.approx(0.65, rel=2e-3)
@@ -58,7 +58,7 @@ def test_a_recording_is_tried_from_the_flow_on_of_its_longest_flow():
 
 def test_no_width_is_found_in_pumps_alone():
     for seed in (6, 7, 8):
-        run = link_run(MudChannel(well=Well(depth_m=2000.0)), transmit(HERE, (), seed), 200.0, seed)
+        run = link_run(MudChannel(well=WellGeometry(depth_m=2000.0)), transmit(HERE, (), seed), 200.0, seed)
         assert sent_width(HERE, run.time_s, run.pressure_pa, {}) is None
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
-from mwd_surface.receiver.flow_spans import FlowSpans, Span
+from mwd_surface.receiver.flow_spans import FlowSpans, NoFlowSpan
 from mwd_surface.receiver.link.link import ToolFlow
 
 PULSES = ToolConfiguration()
@@ -29,7 +29,7 @@ def flow_of(tool, rates, pressure=None):
 def test_a_dip_that_the_tool_ignores_is_no_rest_of_a_link_through_the_earth():
     rates = [2000.0] * 20 + [0.0] * 60 + [2000.0] * 20 + [500.0] + [2000.0] * 20
     flow = flow_of(EARTH, np.array(rates) / 600.0 * THRESHOLD)
-    assert flow.spans.spans == [Span(20.0, 80.0)]
+    assert flow.spans.spans == [NoFlowSpan(20.0, 80.0)]
     assert flow.on_since(120.0) == 80.0
 
 

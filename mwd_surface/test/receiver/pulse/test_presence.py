@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Presence of pulses after a sync: confirmed by words, faint while pulses are missing, hopeless without words."""
 
-from mwd_surface.receiver.pulse.transmission import Evidence, Presence
+from mwd_surface.receiver.pulse.transmission import Presence, PulseEvidence
 
-WORD, NOTHING = Evidence(60.0, 60.0, 5, 1), Evidence(-1.0, 60.0, 5, 1)
+WORD, NOTHING = PulseEvidence(60.0, 60.0, 5, 1), PulseEvidence(-1.0, 60.0, 5, 1)
 
 
 def judged(score, stretches):
@@ -23,11 +23,11 @@ def test_words_confirm_a_sync_and_noise_does_not():
 
 
 def test_words_that_speak_against_a_sync_end_it_early():
-    assert judged(12.0, [Evidence(-10.0, 60.0, 5, 1)] * 2).hopeless
+    assert judged(12.0, [PulseEvidence(-10.0, 60.0, 5, 1)] * 2).hopeless
 
 
 def test_weak_words_add_up():
-    assert judged(12.0, [Evidence(4.0, 8.0, 5, 1)] * 3).confirmed
+    assert judged(12.0, [PulseEvidence(4.0, 8.0, 5, 1)] * 3).confirmed
 
 
 def test_a_confirmed_sync_is_never_hopeless():
@@ -48,10 +48,10 @@ def test_a_stall_is_waited_for_and_what_it_hid_is_named():
 
 def test_less_evidence_in_larger_noise_is_no_silence():
     """A fifth of the usual evidence is enough where the noise leaves no more to expect, and too little elsewhere."""
-    noisy = judged(30.0, [WORD] * 6 + [Evidence(12.0, 12.0, 5, 1)] * 3)
-    quiet = judged(30.0, [WORD] * 6 + [Evidence(12.0, 60.0, 5, 1)] * 3)
+    noisy = judged(30.0, [WORD] * 6 + [PulseEvidence(12.0, 12.0, 5, 1)] * 3)
+    quiet = judged(30.0, [WORD] * 6 + [PulseEvidence(12.0, 60.0, 5, 1)] * 3)
     # What noise reaches by chance is silence, however little is expected.
-    empty = judged(30.0, [WORD] * 6 + [Evidence(6.0, 6.0, 5, 1)] * 3)
+    empty = judged(30.0, [WORD] * 6 + [PulseEvidence(6.0, 6.0, 5, 1)] * 3)
     assert not noisy.faint
     assert quiet.faint
     assert empty.faint

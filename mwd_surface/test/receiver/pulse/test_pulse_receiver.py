@@ -9,9 +9,9 @@ from link_runs import TOOLS, pairs, reception, simulated, white
 from scipy import stats
 
 import telemetry_limits as limits
-from mwd_sensors.simulator.mud_channel import MudChannel, Noise
-from mwd_sensors.simulator.mud_line import Well
-from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
+from mwd_sensors.simulator.mud_channel import MudChannel, PressureNoise
+from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.pulse_tool import SentTransmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import encode
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver, decode
 from mwd_surface.receiver.words import BELIEVED, pulse_edges
@@ -69,7 +69,7 @@ def test_a_sync_behind_what_looked_like_one_is_found(seed, clock):
 
     It is found with the noise learnt anew, or with that of the transmission which began with the earlier one.
     """
-    channel = MudChannel(noise=Noise(stalls_per_hour=60.0), flow_off_s=((-100.0, 20.0),))
+    channel = MudChannel(noise=PressureNoise(stalls_per_hour=60.0), flow_off_s=((-100.0, 20.0),))
     run = link_run(channel, transmit(FAST, ((20.0, 180.0),), seed, clock), 180.0, 1000 + seed)
     survey = [word.raw for word in decode(FAST, run.time_s, run.pressure_pa).words if word.kind == "survey"]
     assert survey == [word.raw for word in run.sent.words[: len(FAST.surveys[0])]]
@@ -148,7 +148,7 @@ def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
     after = encode(tool, tool.toolfaces[0], tuple(range(len(tool.toolfaces[0]))))
     edges = np.array([*first.edges, *(first.length + edge for edge in after.edges)])
     begin = 40.0 + edges * tool.tu_s
-    sent = Transmission((), np.column_stack([begin, begin + tool.pulse_width_s]))
+    sent = SentTransmission((), np.column_stack([begin, begin + tool.pulse_width_s]))
     words = [one for one in decode(tool, *white(tool, sent, 14.0)).words if one.kind == "survey"]
     assert [one.status == BELIEVED for one in words] == [code is not None for code in codes]
     assert [one.raw for one in words if one.status == BELIEVED] == [code for code in codes if code is not None]
@@ -185,7 +185,7 @@ def test_words_of_a_wrong_configuration_are_not_believed(wrong):
 
 @pytest.mark.slow
 def test_a_new_flow_on_is_a_new_survey():
-    channel = MudChannel(well=Well(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
+    channel = MudChannel(well=WellGeometry(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
     sent = transmit(FAST, ((20.0, 250.0), (300.0, 520.0)), 3)
     run = link_run(channel, sent, 520.0, 3)
     got = decode(FAST, run.time_s, run.pressure_pa)
@@ -210,7 +210,7 @@ def test_syncs_between_sequences_and_headers_are_followed():
 @pytest.mark.slow
 def test_a_stall_that_looks_like_a_sync_at_the_end_of_a_pass_is_none():
     tool = dataclasses.replace(FAST, toolface_sequences=("3{2{aTFA:6:P} Gama:8:P} Inc:12:P Azm:12:P",))
-    channel = MudChannel(noise=Noise(stalls_per_hour=60.0), flow_off_s=((-100.0, 20.0),))
+    channel = MudChannel(noise=PressureNoise(stalls_per_hour=60.0), flow_off_s=((-100.0, 20.0),))
     sent = transmit(tool, ((20.0, 470.0),), 14, -5e-4)
     run = link_run(channel, sent, 470.0, 1014)
     got = decode(tool, run.time_s, run.pressure_pa)
@@ -230,7 +230,7 @@ def test_samples_too_far_apart_are_refused():
 def test_the_combinatorial_code_is_read_as_well(depth, clock):
     tool = dataclasses.replace(TOOL, code="combinatorial", header_bits=2)
     sent = transmit(tool, ((20.0, 420.0),), 3, clock)
-    run = link_run(MudChannel(well=Well(depth_m=depth), flow_off_s=((-100.0, 20.0),)), sent, 420.0, 3)
+    run = link_run(MudChannel(well=WellGeometry(depth_m=depth), flow_off_s=((-100.0, 20.0),)), sent, 420.0, 3)
     got = decode(tool, run.time_s, run.pressure_pa)
     both = pairs(run, got.words, tool, depth)
     assert len(both) == len(sent.words)
@@ -349,7 +349,7 @@ def test_a_clock_too_far_off_to_be_followed_gives_no_wrong_word(clock):
 
 @pytest.mark.slow
 def test_a_receiver_that_starts_amid_a_transmission_reads_from_the_next_sync():
-    channel = MudChannel(well=Well(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
+    channel = MudChannel(well=WellGeometry(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
     sent = transmit(FAST, ((20.0, 250.0), (300.0, 520.0)), 3)
     run = link_run(channel, sent, 520.0, 3)
     for start in (90.0, 131.7, 200.0):
@@ -366,7 +366,7 @@ def test_short_pulses_soon_after_flow_on_are_found():
     """Seven seconds of pumps behind their start teach too little of the noise: the pulses must not hide in it."""
     tool = dataclasses.replace(TOOL, pulse_width_s=0.3, transmit_delay_s=10.0)
     sent = transmit(tool, ((20.0, 130.0),), 3)
-    run = link_run(MudChannel(well=Well(depth_m=2000.0), flow_off_s=((-100.0, 20.0),)), sent, 135.0, 3)
+    run = link_run(MudChannel(well=WellGeometry(depth_m=2000.0), flow_off_s=((-100.0, 20.0),)), sent, 135.0, 3)
     both = pairs(run, decode(tool, run.time_s, run.pressure_pa).words, tool, 2000.0)
     assert len(both) == len(sent.words)
     assert all(s.raw == w.raw for s, w in both if w.status == BELIEVED)

@@ -8,7 +8,7 @@ import pytest
 from link_runs import TOOLS, pairs, white
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY as G
-from mwd_sensors.simulator.pulse_tool import Transmission, transmit
+from mwd_sensors.simulator.pulse_tool import SentTransmission, transmit
 from mwd_surface.receiver.pulse.pulse_receiver import decode
 from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
 from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
@@ -174,7 +174,7 @@ def test_a_repeat_brings_the_survey_at_7_db():
         # Long enough for the survey alone.
         first = transmit(TOOL, ((0.0, 145.0),), seed)
         again = tuple(w._replace(start_s=w.start_s + 145.0, end_s=w.end_s + 145.0, frame=1) for w in first.words)
-        sent = Transmission(first.words + again, np.concatenate([first.pulses, first.pulses + 145.0]))
+        sent = SentTransmission(first.words + again, np.concatenate([first.pulses, first.pulses + 145.0]))
         words = decode(TOOL, *white(TOOL, sent, 7.0, seed=seed)).words
         for late, found in ((0.0, once), (145.0, twice)):
             these = [w for w in words if abs(w.start_s - first.words[0].start_s - late) < 30.0 and w.index < 2]
