@@ -322,7 +322,9 @@ def test_a_polled_unit_gives_each_sample_as_it_is_asked():
     with tempfile.TemporaryDirectory() as folder:
         frame = Path(folder) / "frame.yaml"
         items = ["{quantity: time, form: int64, step: 1.0e-9}", *(exact % name for name in names)]
-        frame.write_text(f"{{start: 7e, address: 9, period_s: 0.001, polls: [{{items: [{', '.join(items)}]}}]}}")
+        frame.write_text(
+            f"{{start: 7e, address: 9, period_s: 0.001, timeout_s: 5.0, polls: [{{items: [{', '.join(items)}]}}]}}"
+        )
         sent = measured(1.0)
         probe, got = polled_to_the_end(settings, sent, 0.0)
     assert probe.reader.trouble == {}
