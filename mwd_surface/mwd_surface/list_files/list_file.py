@@ -211,6 +211,19 @@ def _roughly(cell: number_cells.Cell) -> float:
         return math.nan
 
 
+def _definitive(what: str, found: tuple[ListColumn, ...]) -> tuple[ListColumn, ...]:
+    """
+    Return the columns of a quantity without those of single methods, if a column has the plain name.
+
+    Lists of this program have a column of the definitive azimuth, "azimuth_deg", and one for each method, such as
+    "azimuth_gyro_deg"; the same holds for the sigma of the azimuth. Columns that name a north stay.
+    """
+    plain = f"{what}_deg"
+    if all(one.name != plain for one in found):
+        return found
+    return tuple(one for one in found if one.name == plain or one.north)
+
+
 class _ListReader:
     """
     Reader of one list: its table, the meaning of its columns and head, and the remarks so far.
@@ -230,13 +243,7 @@ class _ListReader:
         given = dataclasses.replace(given, confirm=(*given.confirm, *confirmed))
         self.table, self.head, self.given, self.provenance = table, head, given, provenance
         self.name = table.name
-        self.of = dict(columns.of)
-        if provenance is not None:
-            # Exports of this program have one azimuth column for each method too: read the definitive azimuth.
-            self.of = {
-                what: tuple(one for one in found if one.name == f"{what}_deg") or found
-                for what, found in self.of.items()
-            }
+        self.of = {what: _definitive(what, found) for what, found in columns.of.items()}
         self.german = any(_GERMAN.search(name) for name in table.names)
         self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
         for one in columns.unread:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lists of stations as engineers send them, and the line number of what is wrong with the others."""
 
+import csv
 import dataclasses
 import math
 
@@ -15,7 +16,7 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.trajectory.plan_file import plan_from_list, read_plan
-from project import REFERENCE_DATA
+from project import GOLDEN, REFERENCE_DATA
 
 GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"
 
@@ -208,6 +209,18 @@ def test_our_surveys_csv_comes_with_north_verdict_sigma_and_reference():
     assert math.degrees(got.figures["declination"][0]) == pytest.approx(2.0)
     with pytest.raises(ListFileError, match="azimuths from grid and true north in one list"):
         list_of((text + "3,160,20,40,true,accept,0.1,0.5,50000,70,2\n").encode())
+
+
+@pytest.mark.parametrize("run", ["faults", "stations"])
+def test_the_list_of_a_run_is_read_by_its_definitive_columns(run):
+    path = GOLDEN / run / "surveys.csv"
+    got = read_list(path)
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["in_use"] == "yes"]
+    assert rows
+    for field in ("inclination", "azimuth", "sigma_inclination", "sigma_azimuth"):
+        expected = np.radians([float(row[f"{field}_deg"] or "nan") for row in rows])
+        np.testing.assert_allclose(getattr(got, field), expected, err_msg=field)
 
 
 def test_a_las_file_is_read_by_its_curves_and_a_wrong_one_says_what_it_has():
