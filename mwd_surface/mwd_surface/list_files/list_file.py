@@ -597,6 +597,8 @@ class _ListReader:
             text = f"{self.name}: {unused} surveys that were not in use are left out"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(unused))
         if not found:
+            if unused:
+                raise ListFileError(f"{self.name}: none of its {unused} surveys is in use")
             raise ListFileError(f"{self.name}: no station in it")
         if angle == "dip":
             found = self._from_horizontal(found)
