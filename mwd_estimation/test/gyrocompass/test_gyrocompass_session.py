@@ -25,6 +25,7 @@ UNIT = dataclasses.replace(
     gyro_x_bias_deg_h=0.02,
     gyro_ramp_deg_h2=0.012,
     gyro_walk_deg_h_rth=0.0,
+    g_sensitivity_deg_h_g=0.02,
     shortest=20.0,
 )
 RATE = 50.0

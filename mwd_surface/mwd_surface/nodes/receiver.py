@@ -390,6 +390,8 @@ def _receive_survey(tool: ToolConfiguration) -> None:
     receiver = receiver_of(tool)
     noise = np.random.default_rng(0).normal(0.0, _NOISE, len(at))
     since = at - tool.transmit_delay_s
+    if not carrier:
+        receiver.strokes(1, np.arange(0.0, duration, 1.0))
     receiver.push(at, noise + (_carrier(tool, since) if carrier else _pulses(tool, since)))
     receiver.finish()
 
