@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from mwd_surface.conformance.bench import Bench, ControlAnswer, NotPossibleError, Point, View, Wish
 
+_PATIENCE_S = 20.0  # s; longest time for an answer of the server
 _LAG_S = 0.5  # s; longer than the period of 0.1 s at which the variables are updated
 _NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
 
@@ -123,7 +124,8 @@ class OpcuaPeer:
         from asyncua.ua.uaerrors import UaError
 
         keys = self._interface.keys
-        self._client = Client(self._interface.url, timeout=20)
+        # asyncua closes a connection whose server does not answer within the watchdog's interval, usually a second.
+        self._client = Client(self._interface.url, timeout=_PATIENCE_S, watchdog_intervall=_PATIENCE_S)
         self._client.aio_obj.session_timeout = 600_000
         self._client.application_uri = keys.application
         own = str(keys.certificate), str(keys.private_key)
