@@ -76,7 +76,7 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
     Return the deflections and slopes with the smallest energy between -bounds and bounds, and the contacts.
 
     The contact of a row is -1 or 1 if the row is at the lower or upper bound, else 0. side: initial guess of the
-    contacts. Raises LinAlgError if there is no minimum.
+    contacts. Raises LinAlgError if the energy has no minimum.
     """
     limited = np.isfinite(bounds)
     rigid = bounds <= 0.0

@@ -91,8 +91,8 @@ class MagneticAzimuths:
         if station is None or state is None or self._reference is None:
             return
         if station.accepted and self._contradicts(state, station):
-            # The station passes its checks, but its field contradicts the estimated interference, or the prior if there
-            # is no estimate yet.
+            # The station passes its checks, but its field contradicts the estimated interference (before the first
+            # estimate, the prior).
             state = interference_filter.initial(self._params, self._reference, self._errors, station.axial)
             self._state, self._new_start = state, True
         s = state[0]
@@ -132,7 +132,7 @@ class MagneticAzimuths:
         return rows
 
     def _read_plain(self, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
-        """Fill the rows if there is no reference: azimuths as measured."""
+        """Fill the rows with the measured azimuths, uncorrected, when the reference is unknown."""
         constant = min(in_force.model.sigma_north, math.pi)
         rest = np.sqrt(np.maximum(pairs["sigma"] ** 2 - constant**2, 0.0))
         rows["azimuth"], rows["sigma_constant"] = pairs["azimuth"], constant

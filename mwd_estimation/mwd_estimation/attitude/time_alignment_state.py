@@ -21,7 +21,7 @@ class TimeAlignmentParams(NamedTuple):
     """Settings of the time alignment."""
 
     mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity, ns
-    mag_timeout_ns: int = 2_000_000_000  #: age of the last magnetic sample above which there is no azimuth, ns
+    mag_timeout_ns: int = 2_000_000_000  #: largest age of the last magnetic sample, ns; then the azimuth is NaN
     #: Interval, ns, in which one magnetic sample is selected to update the interference filter and the azimuth.
     interval_ns: int = 200_000_000
     smoothing_s: float = 1.0  #: time constant of the smoothing of azimuth and magnetic toolface, s

@@ -186,7 +186,7 @@ class DownlinkDecoder:
         return [received]
 
     def _fit(self, cell: int) -> tuple[float, ReceivedCommand] | None:
-        """Return the command that ends with this cell and the rms error of its levels; None if there is no command."""
+        """Return the command that ends with this cell and the rms error of its levels; None without a command."""
         smooth, places, downlink = self._smooth, self._places, self._downlink
         first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
         high = (first + second + last) / 3.0

@@ -120,7 +120,7 @@ def _tilts(p: AccelerometerParams, s: Any, across: float) -> tuple[float, float]
         return math.pi, math.pi
     aside = 0.5 * max(total - axial, 0.0)
     along = axial * across * across + aside * (1.0 - across * across)
-    # With a disturbance nearly as strong as gravity there is no direction, so the scale grows without limit. The third
+    # A disturbance nearly as strong as gravity hides the direction, so the scale grows without limit. The third
     # power keeps the sigma of weaker disturbances unchanged
     # (`test_any_rate_from_50_to_1000_hz_is_followed_from_a_start_in_motion`).
     scale = 1.0 / ((1.0 - share * share * share) * p.gravity * p.gravity)

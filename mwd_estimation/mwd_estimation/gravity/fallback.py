@@ -3,8 +3,8 @@
 Gravity while a sensor is faulty: the faulty sensor is not used, and unknown gravity is better than a wrong one.
 
 Without usable gyros, gravity is the direction of the accelerometer alone, with a sigma from the scatter of the force.
-Without a usable accelerometer there is no gravity. When the fault has ended the method restarts, because its state
-during the fault may be wrong.
+Without a usable accelerometer gravity is NaN. After the fault the method starts anew, because its state during the
+fault may be wrong.
 """
 
 from __future__ import annotations

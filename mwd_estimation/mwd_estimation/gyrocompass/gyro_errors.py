@@ -31,9 +31,10 @@ from mwd_sensors.core.frames import wrap_pi
 # is small, because some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
 _DRIFT_SCALES: Array = np.array([4.0**k for k in (-2, -1, 0, 1, 4)])
-# Scale factors of the stated g-sensitivity, relative to the largest one. One seek does not show the g-sensitivity, so
-# that its sigma must contain units with three times the stated one: with smaller shares of worse units, or without
-# them, more than 1 % of the azimuths of such a unit are beyond 3 sigma. The stations of a run show how good a unit is.
+# Assumed sigmas of the g-sensitivity, relative to the largest of `G_SCALES`, and their equal prior probability. One
+# seek cannot show the g-sensitivity of a unit, the stations of a run can. The sigma of the first azimuths must
+# therefore cover a unit with three times the stated g-sensitivity: with less probability of the larger sigmas, more
+# than 1 % of the azimuths of such a unit differ from the truth by more than 3 sigma (`test_gyro_errors.py`).
 _OF_G = np.array(G_SCALES) / G_SCALES[-1]
 _G_SHARE = 1.0 / len(G_SCALES)
 _BETTER, _AS_STATED, _WORSE = 0.05, 0.8, 0.15

@@ -35,8 +35,9 @@ LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
 # `gyro_errors` replaces this prior by the one of the run. A larger sigma would let bias and scale of the x gyro, which
 # are not separable in steady rotation, grow without limit.
 _UNKNOWN = 16.0
-# Sigma of the g-sensitivity of a unit over the stated one, from a unit as stated to the worst; a seek starts with that
-# of the worst, because the knowledge of the run replaces it. Least 1 sigma, deg/h/g.
+# Assumed ratios of the real to the stated sigma of the g-sensitivity, from a unit as stated to the worst unit. A seek
+# starts with the largest ratio; `gyro_errors` then replaces this prior by that of the run. `_LEAST_G`: smallest stated
+# sigma of the g-sensitivity, deg/h/g, so that the Gaussians are not degenerate.
 G_SCALES, _LEAST_G = (1.0, 2.0, 4.0), 1e-6
 
 

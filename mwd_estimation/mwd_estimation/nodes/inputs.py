@@ -222,8 +222,10 @@ class InputTopics:
                 message = f"rate too low: {rate_hz:.1f} Hz, a turning string needs {_SLOWEST_HZ:g} Hz"
                 return Diagnostic(topic, WARN, message, "raise the rate of the unit; surveys at rest go on", values)
             if time.monotonic() - self._full_at.get(topic, -_FULL_S) < _FULL_S:
-                message = f"{qos.LONG_QUEUE} samples waited at once, and older ones were dropped"
-                remedy = "this machine is too slow for the stream: stop other programs, or lower the rate of the unit"
+                message = f"the queue was full ({qos.LONG_QUEUE} samples): older samples may be lost"
+                remedy = (
+                    "this computer was too slow or paused: stop other programs, or lower the rate of the sensor unit"
+                )
                 return Diagnostic(topic, WARN, message, remedy, values)
             lost = self._rates[topic].lost
             values = (*values, ("lost_percent", f"{100.0 * lost:.0f}"))

@@ -37,7 +37,8 @@ class DiagnosticsMonitor:
     reference : ReferenceField or None
         Reference field that the estimator or receiver reports in its diagnostics.
     over_at : float or None
-        When a simulation or replay last said that it sends no more samples, s; None while none has said so.
+        Time of the first report that a simulation or replay has ended, s; None without one, and again after the same
+        node reports that it goes on.
     """
 
     def __init__(self, context: WellContext, full_name: str) -> None:
@@ -82,9 +83,8 @@ class DiagnosticsMonitor:
         """Note that a simulation or replay has come to its end, or that the same node has begun anew."""
         if over and self.over_at is None:
             self._alarm_log.log_event("scenario", "over: no more samples come, and their absence raises no alarm")
-        if over:
             self.over_at, self._source = self._clock.now, node
-        elif node == self._source:
+        elif not over and node == self._source:
             self.over_at, self._source = None, ""
         if self._live.parts.over != (self.over_at is not None):
             self._live.show(self._clock.now, over=self.over_at is not None)

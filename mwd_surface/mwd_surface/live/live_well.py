@@ -517,7 +517,9 @@ class SlideRecorder:
 
 # Gathers the readings of the supervision table: silent topics, clocks, heartbeats, disk and queue.
 
-_TRAILING = 2.0  # s after the end of the samples, for what is computed from the last of them
+# Time after the end of a simulation or replay in which the last results still arrive, s. A topic or node that is heard
+# later is supervised for silence as before.
+_TRAILING = 2.0
 
 
 class SupervisionMonitor:
@@ -531,8 +533,8 @@ class SupervisionMonitor:
     judged : set of str
         Rows of the table that had a reading at the last update, by alarm id.
     over_at : float or None
-        When the simulation or replay that makes the data last said that it is over, s. What has been silent since then
-        raises no alarm (ISA-18.2: suppressed by design).
+        Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from then
+        on raise no alarm (ISA-18.2: suppressed by design).
     """
 
     def __init__(self, context: WellContext) -> None:

@@ -43,6 +43,7 @@ from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.receiver.link.link_log import log_samples, survey_samples
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 from mwd_surface.receiver.link.receivers import receiver_of
+from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
 
@@ -390,7 +391,7 @@ def _receive_survey(tool: ToolConfiguration) -> None:
     receiver = receiver_of(tool)
     noise = np.random.default_rng(0).normal(0.0, _NOISE, len(at))
     since = at - tool.transmit_delay_s
-    if not carrier:
+    if isinstance(receiver, SampledReceiver):
         receiver.strokes(1, np.arange(0.0, duration, 1.0))
     receiver.push(at, noise + (_carrier(tool, since) if carrier else _pulses(tool, since)))
     receiver.finish()

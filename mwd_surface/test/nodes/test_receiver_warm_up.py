@@ -35,8 +35,7 @@ else:
 warm_up([tool])
 before = ready()
 receiver = receiver_of(tool)
-if tool.code != "psk":
-    receiver.strokes(1, np.arange(10.0, 230.0, 0.6))
+receiver.strokes(1, np.arange(10.0, 230.0, 0.6))
 words = receiver.push(run.time_s, run.pressure_pa).words + receiver.finish().words
 print(len(words), *sorted(ready() - before))
 """

@@ -415,9 +415,11 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
     """
     Return the autocorrelation of the error of the expected pulses, Pa^2 summed over the samples; shape (ORDER + 2,).
 
-    places: as `StretchOnToolClock.pulses`. The expected power of the noise is that of the residual plus that of this
-    error (A. P. Dempster et al., J. R. Stat. Soc. B 39 (1977) 1); without it the noise of unsure pulses is too small,
-    and their words are too sure.
+    The expected pulses are means over the places where each pulse may be. If its place is uncertain, the mean differs
+    from the real pulse. The noise model needs the autocorrelation of the residual plus that of this difference (A. P.
+    Dempster et al., J. R. Stat. Soc. B 39 (1977) 1); without it the noise is too small and the words too confident.
+
+    places: as `StretchOnToolClock.pulses`.
     """
     pairs = np.empty(_LAGS)
     place_pairs(places, weight, pairs)

@@ -42,8 +42,9 @@ FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
 # Factor by which a toolface after a sync needs more evidence per TU than a survey.
 _CLEARER = 1.2
-# Least score of a sync within this one that shows a second tool, alone and as a share of the score of this one. Some 40
-# places are within a sync, and noise reaches the score at one of a million; an echo of a strong sync has a small share.
+# A sync that begins during this one shows a second tool if its score, a log likelihood ratio, exceeds `_SECOND` and the
+# share `_SECOND_SHARE` of the score of this sync. Noise reaches `_SECOND` at about one place in a million, and another
+# sync can begin at some 40 places. The share excludes the echo of a strong sync.
 _SECOND, _SECOND_SHARE = 14.0, 0.15
 
 
