@@ -121,16 +121,14 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
             player.advance(passed * asked.rate)
             asked.playing = player.at_s < player.length_s
         seeking = asked.seek_s is not None
-        server.tell(
-            replay={
-                "at": player.at_s,
-                "length": player.length_s,
-                "playing": asked.playing,
-                "rate": asked.rate,
-                "seeking": seeking,
-            }
-        )
-        server.push(shown.snapshot(player.state()))
+        replay = {
+            "at": player.at_s,
+            "length": player.length_s,
+            "playing": asked.playing,
+            "rate": asked.rate,
+            "seeking": seeking,
+        }
+        server.push({**shown.snapshot(player.state()), "server": {"replay": replay}})
         time.sleep(0.0 if seeking else max(0.0, _PERIOD_S - (time.monotonic() - now)))
 
 

@@ -178,7 +178,8 @@ class PageServer:
         """
         Set a new state (`StateJson.snapshot`), from any thread; the last one counts.
 
-        The snapshot is not copied and must not change afterwards.
+        A table `server` in it is added to what the server says about itself, and changes together with the state. The
+        snapshot is not copied and must not change afterwards.
         """
         self._feed.snapshot = snapshot
         loop = self._loop
@@ -188,10 +189,6 @@ class PageServer:
             except RuntimeError:
                 # The loop was closed after the check above, so no client is left.
                 return
-
-    def tell(self, **own: Any) -> None:
-        """Set tables about the server itself, sent with every message in addition to the state."""
-        self._feed.own = {**self._feed.own, **own}
 
     def start(self) -> None:
         """

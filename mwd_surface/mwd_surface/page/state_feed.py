@@ -139,6 +139,7 @@ class StateFeed:
         snapshot = self.snapshot
         own = {
             **self.own,
+            **({} if snapshot is None else snapshot.get("server", {})),
             "clients": len(self.clients),
             "skipped": skipped,
             "ready": snapshot is not None,

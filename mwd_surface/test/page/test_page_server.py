@@ -5,6 +5,7 @@ import asyncio
 import concurrent.futures
 import contextlib
 import http.client
+import itertools
 import json
 import socket
 import struct
@@ -123,6 +124,30 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
             "ready": True,
             "time_zone": "",
         }
+
+
+def test_what_the_server_says_of_a_state_is_said_with_that_state():
+    with running() as server:
+        done = threading.Event()
+
+        def play():
+            for at in itertools.count():
+                section = {"value": float(at)}
+                replay = {"replay": {"at": float(at)}}
+                server.push({"now": 0.0, "revisions": {"depth": at}, "sections": {"depth": section}, "server": replay})
+                if done.wait(0.0):
+                    return
+
+        player = threading.Thread(target=play)
+        player.start()
+        try:
+            for _ in range(200):
+                shown = json.loads(ask(server, "/state.json")[1])
+                if shown["server"]["ready"]:
+                    assert shown["sections"]["depth"]["value"] == shown["server"]["replay"]["at"]
+        finally:
+            done.set()
+            player.join()
 
 
 def test_a_state_that_cannot_be_sent_ends_the_connection_and_the_next_one_serves():
