@@ -94,14 +94,15 @@ def _language(code: str | None) -> None:
 @app.callback()
 def _top(
     _version_option: Annotated[
-        bool, typer.Option("--version", help="Print the versions and end.", is_eager=True, callback=_versions)
+        bool, typer.Option("--version", help="Print the versions and exit.", is_eager=True, callback=_versions)
     ] = False,
     _language_option: Annotated[
         str | None,
         typer.Option(
             "--language",
             metavar="CODE",
-            help="Language of help and messages, e.g. zh_CN; by default LANGUAGE, LC_ALL, LC_MESSAGES or LANG.",
+            help="Language of help and messages, e.g. zh_CN; by default from the environment variable LANGUAGE, "
+            "LC_ALL, LC_MESSAGES or LANG.",
             is_eager=True,
             callback=_language,
         ),
@@ -154,12 +155,12 @@ app.command(rich_help_panel=_MACHINE)(bundle)
 
 # Class of all errors of the library that reads the arguments; newer versions of typer carry a click of their own.
 _ClickError: Any = typer.BadParameter.__mro__[2]
-_FULL = ": free the disk, or write to another one"
+_FULL = ": free some space on this disk, or write to another disk"
 _REMEDIES = {
     errno.ENOSPC: _FULL,
     errno.EDQUOT: _FULL,
     errno.EROFS: ": write to another folder",
-    errno.EMFILE: ": close other programs of this user, or raise its limit (ulimit -n)",
+    errno.EMFILE: ": close other programs, or raise the limit on open files (ulimit -n)",
 }
 
 

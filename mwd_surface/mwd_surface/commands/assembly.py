@@ -19,22 +19,33 @@ _STRING = "String, if no assembly is given"
 
 
 def sag(
-    assembly: Annotated[Path, typer.Argument(metavar="BHA", help="YAML of the bottom-hole assembly.")],
+    assembly: Annotated[Path, typer.Argument(metavar="BHA", help="YAML file that describes the bottom-hole assembly.")],
     inclination: Annotated[
-        str, typer.Option(help="Inclinations, deg: LOW:HIGH[:STEP] or a list.", metavar="RANGE")
+        str,
+        typer.Option(
+            help="Inclinations, deg: LOW:HIGH:STEP, LOW:HIGH (10 values) or numbers separated by commas.",
+            metavar="RANGE",
+        ),
     ] = "0:90:10",
     build: Annotated[
         str | None,
         typer.Option(
-            "--build", "--dls", help="Build rates, deg/30m, in the same form; negative for drops.", metavar="RANGE"
+            "--build",
+            "--dls",
+            help="Build rates, deg/30 m, in the form of --inclination; negative where the hole drops. By default the "
+            "build rate in the BHA file.",
+            metavar="RANGE",
         ),
     ] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV to write.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="CSV file to write, in addition to the printed table.")
+    ] = None,
 ) -> None:
     """
     Compute the sag correction of a bottom-hole assembly, to add to measured inclinations.
 
-    With tool.assembly_file in the settings, `mwd process` and a live estimator apply it to every survey.
+    If the parameter tool.assembly_file names the BHA file, `mwd process` and the estimator node add the correction to
+    every survey.
 
     \b
     Examples:
@@ -69,23 +80,34 @@ def sag(
 def spacing(
     inclination: Annotated[float, typer.Option(help="Inclination of the hole, deg.")],
     azimuth: Annotated[
-        float, typer.Option(help="Azimuth of the hole, deg, from true north, or magnetic north without declination.")
+        float,
+        typer.Option(
+            help="Azimuth of the hole, deg: from true north, or from magnetic north if --field has no declination."
+        ),
     ],
     assembly: Annotated[
-        Path | None, typer.Argument(metavar="[BHA]", help="YAML of the bottom-hole assembly.", show_default=False)
+        Path | None,
+        typer.Argument(metavar="[BHA]", help="YAML file that describes the bottom-hole assembly.", show_default=False),
     ] = None,
     limit: Annotated[float, typer.Option(help="Allowed azimuth error, deg.")] = 0.5,
     above: Annotated[
-        str, typer.Option(help="Pole strength of the string above: uWb, or collars.", rich_help_panel=_STRING)
+        str,
+        typer.Option(
+            help="Magnetic pole strength of the steel above the non-magnetic collars: a number in uWb, or collars for "
+            "the usual value of steel drill collars.",
+            rich_help_panel=_STRING,
+        ),
     ] = "collars",
     below: Annotated[
         str,
         typer.Option(
-            help="Pole strength of the steel below: uWb, or motor, short collars, bit.", rich_help_panel=_STRING
+            help="Magnetic pole strength of the steel below the non-magnetic collars: a number in uWb, or motor, short "
+            "collars or bit for a usual value.",
+            rich_help_panel=_STRING,
         ),
     ] = "motor",
     below_length: Annotated[
-        float, typer.Option(help="Length of the steel below the collars, m.", rich_help_panel=_STRING)
+        float, typer.Option(help="Length of the steel below the non-magnetic collars, m.", rich_help_panel=_STRING)
     ] = 10.0,
     field: Field = None,
     lat: Lat = None,
@@ -93,7 +115,10 @@ def spacing(
     date: Date = None,
 ) -> None:
     """
-    Predict axial interference, its azimuth error, and the length of non-magnetic collars that keeps it small.
+    Predict the axial magnetic interference of the steel in the string, the azimuth error, and the collars needed.
+
+    The result is the length of non-magnetic collars above and below the sensors that keeps the azimuth error within
+    --limit. Give the magnetic field by --lat and --lon, or by --field.
 
     \b
     Examples:
@@ -134,7 +159,9 @@ def spacing(
     if assembly is not None:
         poles, below_length = _poles_of(pieces, poles, below_length)
     up, down = collar_spacing.shortest_collars(*poles, below_length, most)
-    lines.append(("collars", f"{up:.1f} m non-magnetic above the sensors and {down:.1f} m below are enough"))
+    lines.append(
+        ("collars", f"{up:.1f} m of non-magnetic collars above the sensors and {down:.1f} m below them are enough")
+    )
     terminal.facts(lines)
 
 
@@ -195,7 +222,10 @@ def _numbers(option: str, text: str) -> list[float]:
         return parts
     low, high, step = parts if len(parts) == 3 else [*parts, max((parts[1] - parts[0]) / 9.0, 1e-9)]
     if not (step > 0.0 and low <= high and (high - low) / step < _MOST_ROWS):
-        raise ValueError(f"{option} {text}: needs LOW not above HIGH and a step above 0, at most {_MOST_ROWS} values")
+        raise ValueError(
+            f"{option} {text}: LOW must not be above HIGH and STEP must be above 0; at most {_MOST_ROWS} values are "
+            "allowed"
+        )
     return [low + k * step for k in range(math.floor((high - low) / step + 1e-9) + 1)]
 
 

@@ -13,7 +13,9 @@ bag = typer.Typer(no_args_is_help=True, help="Inspect and repair recordings.")
 
 
 @bag.command()
-def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, or .mcap, .db3 or .bag file.")]) -> None:
+def info(
+    path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a recording, or an .mcap, .db3 or .bag file.")],
+) -> None:
     """
     Show topics, types, counts, rates and defects of a recording.
 
@@ -53,14 +55,20 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, or .m
 def recover(
     path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a recording, or one of its files.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Result to write: a file for .mcap, a folder for others.")
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Recording to write: a new .mcap file for an .mcap file, a new folder for a .db3 or .bag file. By "
+            "default its name ends in .recovered; not for a folder of .mcap files.",
+        ),
     ] = None,
 ) -> None:
     """
     Save every intact message of a recording that was cut off or damaged; the original is kept.
 
-    A folder of MCAP files is repaired in place. A .db3 file or a .bag of ROS 1 is saved to a new recording in the same
-    folder.
+    In a folder of MCAP files, the repaired file gets the name of the damaged file, and the damaged file is renamed to
+    end in .damaged. Otherwise the messages are saved to a new recording next to the original.
 
     \b
     Examples:
@@ -73,7 +81,7 @@ def recover(
 
     console = terminal.output()
     if not path.exists():
-        raise FileNotFoundError(2, "bag not found", str(path))
+        raise FileNotFoundError(2, "recording not found", str(path))
     reports = salvage.recover(path, output)
     for report in reports:
         console.print(report.sentence(), markup=False)

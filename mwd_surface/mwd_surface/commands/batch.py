@@ -21,29 +21,48 @@ _CLUSTER = "Cluster"
 Scheduler = Annotated[
     str,
     typer.Option(
-        help="local, processes, threads, or tls://HOST:PORT or tcp://HOST:PORT.",
+        help="Where to process: on this machine in processes (local) or in threads of one process (threads), or on the "
+        "Dask cluster at tls://HOST:PORT or tcp://HOST:PORT.",
         rich_help_panel=_CLUSTER,
     ),
 ]
 TlsCa = Annotated[
     Path | None,
-    typer.Option("--tls-ca", help="Certificate authority of a tls:// cluster, PEM.", rich_help_panel=_CLUSTER),
+    typer.Option(
+        "--tls-ca", help="PEM file with the certificate authority of a tls:// cluster.", rich_help_panel=_CLUSTER
+    ),
 ]
 TlsCert = Annotated[
     Path | None,
-    typer.Option("--tls-cert", help="Certificate of this client for a tls:// cluster, PEM.", rich_help_panel=_CLUSTER),
+    typer.Option(
+        "--tls-cert",
+        help="PEM file with the certificate of this client for a tls:// cluster.",
+        rich_help_panel=_CLUSTER,
+    ),
 ]
 TlsKey = Annotated[
-    Path | None, typer.Option("--tls-key", help="Key of that certificate, PEM.", rich_help_panel=_CLUSTER)
+    Path | None,
+    typer.Option(
+        "--tls-key", help="PEM file with the private key of the certificate of --tls-cert.", rich_help_panel=_CLUSTER
+    ),
 ]
-Workers = Annotated[int, typer.Option(help="Number of workers; 0: one per core.", min=0, rich_help_panel=_CLUSTER)]
+Workers = Annotated[
+    int,
+    typer.Option(
+        help="Number of parallel workers on this machine; 0: one per processor core.", min=0, rich_help_panel=_CLUSTER
+    ),
+]
 
 
 @reads_recording
 def batch(
-    bags: Annotated[list[str], typer.Argument(help="Recordings, folders of them, or patterns with * and **.")],
+    bags: Annotated[
+        list[str], typer.Argument(help="Recordings, folders that contain recordings, or patterns with * and **.")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set; created if missing.")],
-    method: Annotated[str | None, typer.Option("--method", help="Gravity extraction, as in `mwd process`.")] = None,
+    method: Annotated[
+        str | None, typer.Option("--method", help="Method that estimates gravity, as in `mwd process`.")
+    ] = None,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -62,10 +81,10 @@ def batch(
     Process many recordings into one data set of Parquet tables, with a page that lists the result of each.
 
     Writes DIR/bags, DIR/surveys and DIR/attitude (one row for every ten seconds), each a folder that polars, duckdb and
-    pandas read as one table, and DIR/index.html. Called again, it continues: recordings already processed with the same
-    content and settings are kept. A recording of the surface node contains the settings it was made with; options
-    override them, --config replaces them. The input options apply to every recording. A recording that fails is listed
-    with the reason; the exit status is then 1.
+    pandas read as one table, and DIR/index.html. If you run the command again, it continues: the results of recordings
+    whose content and settings have not changed are kept. A recording of the surface node contains the settings with
+    which it was made; options change single settings, and --config replaces all of them. The input options apply to
+    every recording. A recording that fails is listed with the reason; the exit status is then 1.
 
     \b
     Examples:
@@ -107,7 +126,7 @@ def batch(
         ):
             outcomes = fleet_run.run(found, output, client, estimator, given, report, of_recordings)
     except KeyboardInterrupt:
-        terminal.warn("interrupted; finished results are kept, the same command continues")
+        terminal.warn("interrupted; finished results are kept; run the same command again to continue")
         raise typer.Exit(130) from None
     failed = _show(output, fleet_index.write_index(output, outcomes), outcomes, time.monotonic() - began)
     if failed:

@@ -42,7 +42,7 @@ def bundle(
     console = terminal.output()
     for remark in packed.remarks:
         terminal.warn(remark)
-    what = f"; the end of {packed.recording}" if packed.recording is not None and not packed.remarks else ""
+    what = f"; contains the end of {packed.recording}" if packed.recording is not None and not packed.remarks else ""
     size = target.stat().st_size / 1e6
     console.print(f"{target}: {len(packed.names)} files, {size:.1f} MB{what}", markup=False)
-    console.print("check it before you send it: a recording contains data of the well", markup=False)
+    console.print("check the file before you send it: a recording contains data of the well", markup=False)

@@ -20,14 +20,22 @@ if TYPE_CHECKING:
 @reads_recording
 def calibrate(
     run: Annotated[
-        str, typer.Argument(metavar="BAG|SCENARIO", help="Recording of the run, or a scenario to simulate.")
+        str, typer.Argument(metavar="BAG|SCENARIO", help="Recording of the tumble run, or a scenario to simulate.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Calibration to write, YAML.")],
-    unit: Annotated[str, typer.Option(help="Unit of the sonde: ahrs or precision.")] = "ahrs",
+    output: Annotated[Path, typer.Option("--output", "-o", help="YAML file for the calibration.")],
+    unit: Annotated[
+        str,
+        typer.Option(
+            help="Unit to calibrate: ahrs (conventional IMU and magnetometer) or precision (high-precision gyros and "
+            "accelerometers)."
+        ),
+    ] = "ahrs",
     grade: Annotated[
-        str | None, typer.Option(help="Grade of the simulated unit, instead of that of the scenario.")
+        str | None, typer.Option(help="Instrument grade of the simulated unit; by default the grade in the scenario.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the simulation, instead of that of the scenario.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
+    ] = None,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -39,9 +47,10 @@ def calibrate(
     reading: Reading,
 ) -> None:
     """
-    Estimate bias, scale, misalignment and their change with temperature from a tumble run.
+    Estimate bias, scale and misalignment of a probe's sensors, and their change with temperature, from a tumble run.
 
-    The probe rests in many attitudes and is turned between them while its temperature changes; no stand is needed.
+    In a tumble run the probe rests in many attitudes and is turned between them while its temperature changes; no
+    calibration stand is needed.
     Gravity and field come from the scenario, from --lat and --lon, or from --field and --gravity.
 
     \b

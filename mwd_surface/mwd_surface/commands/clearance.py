@@ -20,28 +20,47 @@ if TYPE_CHECKING:
 def clearance(
     source: Annotated[
         Path,
-        typer.Argument(metavar="SURVEYS", help="Folder of `mwd path` or of a run, its surveys.json, or a recording."),
+        typer.Argument(
+            metavar="SURVEYS", help="Folder written by `mwd path` or `mwd run`, a surveys.json file, or a recording."
+        ),
     ],
-    offsets: Annotated[Path, typer.Option("--offsets", help="YAML of the offset wells.")],
+    offsets: Annotated[Path, typer.Option("--offsets", help="YAML file of the offset wells, described above.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     programme: Annotated[
-        Path | None, typer.Option("--programme", help="YAML of the survey programme of the well.")
+        Path | None,
+        typer.Option(
+            "--programme", help="YAML file of the survey programme of the well: tool codes by depth interval."
+        ),
     ] = None,
-    code: Annotated[str | None, typer.Option("--code", help="Tool code of the whole well.")] = None,
+    code: Annotated[
+        str | None, typer.Option("--code", help="ISCWSA tool code of all surveys of the well, e.g. MWD+SRGM.")
+    ] = None,
     plan: Annotated[
-        Path | None, typer.Option("--plan", help="Planned path: the well is continued along it by ahead_m of the file.")
+        Path | None,
+        typer.Option(
+            "--plan", help="Planned path. The well is extended along this path by ahead_m of the --offsets file."
+        ),
     ] = None,
     plan_set: PlanSet = None,
-    leg: Annotated[str | None, typer.Option("--leg", help="Leg to use, if not the current one.")] = None,
-    bit_depth: Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")] = None,
+    leg: Annotated[
+        str | None, typer.Option("--leg", help="Leg of the well to use; by default the current leg.")
+    ] = None,
+    bit_depth: Annotated[
+        float | None,
+        typer.Option(
+            "--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to it."
+        ),
+    ] = None,
 ) -> None:
     """
     Compare a well with its offset wells: separation factor, distance, directions.
 
-    Writes DIR/clearance.csv, and DIR/ladder.png, DIR/travelling_cylinder.png and DIR/plan_view.png. The offset wells
-    are given in a YAML file: wells, each with name, file, north_m and east_m of its wellhead, hole_diameter_m, and code
-    or programme; rule, with its factors; hole_diameter_m and ahead_m. Ends with status 1 if a factor at the bit or
-    ahead of it is below the level that stops drilling, or if a well of the file could not be compared.
+    Writes DIR/clearance.csv, and DIR/ladder.png, DIR/travelling_cylinder.png and DIR/plan_view.png. The YAML file of
+    the offset wells has a list, wells, in which each well has name, file, north_m and east_m of its wellhead,
+    hole_diameter_m, and code or programme; the file also has the factors of the separation rule (rule), and
+    hole_diameter_m and ahead_m (the length of plan to check) of the well itself. The command ends with status 1 if a
+    factor at the bit or ahead of it is below the level that stops drilling, or if a well of the file could not be
+    compared.
 
     \b
     Examples:
@@ -104,7 +123,7 @@ def _show(found: Sequence[Clearance]) -> None:
 
     from mwd_surface.commands import terminal
 
-    names = ("offset well", "depth m", "its depth m", "distance m", "allowed m", "factor", "toolface deg", "level")
+    names = ("offset well", "depth m", "offset depth m", "distance m", "allowed m", "factor", "toolface deg", "level")
     table = terminal.table(names, left=("offset well",))
     for other in found:
         at = other.least

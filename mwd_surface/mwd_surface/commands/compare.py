@@ -14,29 +14,42 @@ if TYPE_CHECKING:
 
 def compare(
     run_a: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Results of `mwd process`, a recording, or a folder of a golden run.")
+        Path,
+        typer.Argument(
+            metavar="RUN",
+            help="Results of `mwd process`, a recording, or the folder of a golden recording (see below).",
+        ),
     ],
     run_b: Annotated[
         Path | None,
-        typer.Argument(metavar="[EXPECTED]", help="Reference of the comparison: results, or a golden run."),
+        typer.Argument(
+            metavar="[EXPECTED]", help="Results to compare with: a folder of `mwd process` or of a golden recording."
+        ),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option("--limit", metavar="NAME=VALUE", help="Allowed difference. May be repeated."),
+        typer.Option(
+            "--limit",
+            metavar="NAME=VALUE",
+            help="Largest allowed difference of a quantity, e.g. survey_azimuth_deg=0.1. May be repeated.",
+        ),
     ] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Store the present results of a golden run's bag as the expected results.")
+        bool,
+        typer.Option(
+            "--accept", help="Process the bag of a golden recording, and store the results as the expected results."
+        ),
     ] = False,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Plot of both runs to write, PNG.", metavar="PNG")
+        Path | None, typer.Option("--output", "-o", help="PNG file to write, with a plot of both runs.", metavar="PNG")
     ] = None,
 ) -> None:
     """
     Show the differences of two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
 
-    Without limits, every printed digit counts. The folder of a golden run holds a bag, the results to expect, and
-    limits with their reasons; given alone, its bag is processed and compared with these results. A recording is
-    processed with the settings of the expected run.
+    Without limits, any difference in a printed digit counts. A golden recording is a folder with a bag, the results
+    that this bag must give, and limits with their reasons. If only this folder is given, its bag is processed and
+    compared with its results. A recording is processed with the settings of the results to compare with.
 
     \b
     Examples:
@@ -51,7 +64,7 @@ def compare(
 
     if accept:
         if run_b is not None or limit:
-            raise ValueError("--accept: give only a golden folder, without limits")
+            raise ValueError("--accept: give only the folder of a golden recording, and no limits")
         golden.accept(run_a)
         terminal.output().print(f"written: the expected results of {run_a}", markup=False)
         return
@@ -59,7 +72,7 @@ def compare(
     if output is not None and output.suffix.lower() != ".png":
         raise ValueError(f"--output {output}: the plot must be .png")
     if run_b is None and not golden.is_golden(run_a):
-        raise ValueError(f"{run_a} is not a golden folder; name the run to compare with")
+        raise ValueError(f"{run_a} is not the folder of a golden recording; name the results to compare with as well")
     if not run_folder.is_run(expected):
         raise ValueError(f"{expected} holds no results to compare with; `mwd process {expected} -o DIR` makes them")
     with golden.processed(ours, expected) as run:
@@ -119,7 +132,7 @@ def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
     console.print(table)
     console.print(
         f"{found.rows} samples in both, {found.rows_extra} only in the first, {found.rows_missing} only in the second; "
-        f"status differs at {found.status_differs}",
+        f"status differs at {found.status_differs} samples",
         markup=False,
     )
     for failure in found.failures if limited else ():

@@ -21,35 +21,36 @@ def decode(
     file: Annotated[
         Path,
         typer.Argument(
-            help="Table with time and pressure or voltage (CSV, TXT), WAV, or a recording; for a tool on a serial line,"
-            " a recording or the captured bytes."
+            help="Table with time and pressure or voltage (CSV, TXT), a WAV file, or a recording; for a tool on a "
+            "serial line, a recording or a file of the captured bytes."
         ),
     ],
-    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv, surveys.csv and picture.png.")],
+    tool: Annotated[Path, typer.Option("--tool", help="YAML file of the tool configuration (see `mwd tool new`).")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for words.csv, surveys.csv and picture.png.")],
     strokes: Annotated[
         Path | None,
         typer.Option(
-            help="CSV pump,time_s of a stroke counter. Omit it to take those of a recording, else to find the pumps in"
-            " the pressure."
+            help="CSV file with the strokes that a counter counted: columns pump and time_s. By default the strokes in "
+            "the recording are used; without any, the stroke rate of the pumps is estimated from the pressure."
         ),
     ] = None,
-    gauge: Annotated[int, typer.Option(help="Number of the pressure gauge: 1 or 2.")] = 1,
-    topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
+    gauge: Annotated[int, typer.Option(help="Pressure gauge to read, if FILE has two: 1 or 2.")] = 1,
+    topic: Annotated[str, typer.Option(help="Topic of the pressure, if a recording has several.")] = "",
     columns: Annotated[
         str,
         typer.Option(
-            help="Columns of a table by name or number, with the unit that the file does not give, for example"
-            " time_s=1,pressure_bar=2."
+            help="Columns of time and pressure in a table that does not name them with their units, by name or number, "
+            "for example time_s=1,pressure_bar=2."
         ),
     ] = "",
 ) -> None:
     """
     Decode the signal of an MWD tool: pulses or a carrier in standpipe pressure, a carrier in the earth, serial frames.
 
-    Each word has a confidence (the probability that its code is right) and a sigma (its error if it is right). A word
-    below 0.99 (survey) or 0.95 (toolface) is erased and shows its alternatives. The same samples give the same words
-    from every file format.
+    A word is one transmitted value, such as the inclination. words.csv gives its confidence (the probability that the
+    word was received without error) and its sigma (the error of the value if the word is right). A word with a
+    confidence below 0.99 (survey) or 0.95 (toolface) is erased, which means not used; words.csv lists its alternatives.
+    The same samples give the same words from every file format.
 
     \b
     Examples:

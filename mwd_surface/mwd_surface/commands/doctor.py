@@ -15,20 +15,22 @@ if TYPE_CHECKING:
 def doctor(
     file: Annotated[
         Path | None,
-        typer.Argument(help="Standpipe pressure (CSV, WAV, recording) to check instead of this machine."),
+        typer.Argument(help="Standpipe pressure (CSV, WAV or recording) to check instead of this machine."),
     ] = None,
-    tool: Annotated[Path | None, typer.Option(help="Tool configuration, YAML, of the tool that sent FILE.")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for recordings, checked for space.")] = Path(
-        "runs"
-    ),
-    gauge: Annotated[int, typer.Option(help="Number of the pressure gauge: 1 or 2.")] = 1,
-    topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
+    tool: Annotated[
+        Path | None, typer.Option(help="YAML file of the configuration of the tool whose signal is in FILE.")
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for recordings; its free disk space is checked.")
+    ] = Path("runs"),
+    gauge: Annotated[int, typer.Option(help="Pressure gauge to read, if FILE has two: 1 or 2.")] = 1,
+    topic: Annotated[str, typer.Option(help="Topic of the pressure, if a recording has several.")] = "",
     columns: Annotated[str, typer.Option(help="Columns of FILE by name or number, as in `mwd decode`.")] = "",
 ) -> None:
     """
     Check this machine, or a file of standpipe pressure, and suggest remedies.
 
-    Ends with status 1 if something essential is missing.
+    The command ends with status 1 if something essential is missing.
 
     \b
     Examples:

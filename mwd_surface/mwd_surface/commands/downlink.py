@@ -13,8 +13,11 @@ from mwd_surface.commands.speech import say
 if TYPE_CHECKING:
     from mwd_surface.ros.graph_client import GraphClient
 
-app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
-Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Send commands to the tool in the hole by changes of flow or rotation, through the running nodes.",
+)
+Name = Annotated[str, typer.Option("--name", help="Your name, for the record; required except to abort.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of the request, from `mwd downlink state`.")]
 _SUBMIT, _GRANT, _DENY, _ABORT = range(4)  # decisions, as in mwd_msgs/DecideDownlink
 _STATES = (
@@ -27,13 +30,21 @@ _LISTEN_S = 3.0  # longest wait for a state before the graph is asked again, s
 
 @app.command("send")
 def send(
-    command: Annotated[str, typer.Argument(help="sequence, pulse_width, carrier, toolface_rate, survey_now or mute.")],
-    value: Annotated[float, typer.Argument(help="Number of the sequence, s, Hz or rate; none for the last two.")] = 0.0,
+    command: Annotated[
+        str, typer.Argument(help="Command: sequence, pulse_width, carrier, toolface_rate, survey_now or mute.")
+    ],
+    value: Annotated[
+        float,
+        typer.Argument(
+            help="Number of the sequence from 0, pulse width in s, carrier in Hz, or number of times that each "
+            "toolface is sent. Omit it for survey_now and mute."
+        ),
+    ] = 0.0,
     name: Name = "",
     domain: Domain = None,
 ) -> None:
     """
-    Request a command to the tool; it waits until a named person grants it.
+    Request a command to the tool; the request waits until a named person grants it.
 
     \b
     Examples:
@@ -49,14 +60,14 @@ def send(
 
 @app.command("grant")
 def grant(number: Number, name: Name = "", domain: Domain = None) -> None:
-    """Grant the pending command; it starts as soon as all interlocks allow it."""
+    """Grant the pending request; the command starts as soon as all interlocks allow it."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _GRANT, "operator_name": name, "number": number})
 
 
 @app.command("deny")
 def deny(number: Number, name: Name = "", domain: Domain = None) -> None:
-    """Deny the pending command."""
+    """Deny the pending request."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _DENY, "operator_name": name, "number": number})
 
@@ -70,20 +81,20 @@ def abort(name: Name = "", domain: Domain = None) -> None:
 
 @app.command("state")
 def state(domain: Domain = None) -> None:
-    """Show the present command: its state, the reason, and the conditions it waits for."""
+    """Show the present command: its state, the reason, and the conditions that still prevent its start."""
     with visit(domain) as client:
         last = _newest(client, _LISTEN_S)
         typer.echo(say(_line(last)))
         for text in last["blocked_by"]:
-            typer.echo(say(f"  waits: {text}"))
+            typer.echo(say(f"  waits because {text}"))
 
 
 @app.command("watch")
 def watch(
-    seconds: Annotated[float, typer.Option(help="End after this number of seconds.")] = float("inf"),
+    seconds: Annotated[float, typer.Option(help="Time after which the command ends, s.")] = float("inf"),
     domain: Domain = None,
 ) -> None:
-    """Follow the newest command until it ends, or show its result; status 1 if the tool did not confirm it."""
+    """Print the states of the newest command until it ends; exit status 1 if the tool did not confirm the command."""
     with visit(domain) as client:
         newest = _newest(client, seconds)
         before = ""
@@ -114,8 +125,8 @@ def _newest(client: GraphClient, seconds: float) -> dict[str, Any]:
         listened += _LISTEN_S
     if not heard:
         raise ValueError(
-            f"no downlink state received within {seconds:g} s: the machine is busy, or the surface sends no"
-            " commands (downlink.tool_file: a tool.yaml with a downlink)"
+            f"no downlink state received within {seconds:g} s: the machine is busy, or the surface node has no"
+            " downlink; set its parameter downlink.tool_file to a tool.yaml with a section downlink"
         )
     return heard[-1]
 

@@ -17,23 +17,28 @@ if TYPE_CHECKING:
 
 @reads_recording
 def emulate(
-    source: Annotated[str, typer.Argument(metavar="RECORDING|SCENARIO", help="Source of the measurements.")],
+    source: Annotated[
+        str, typer.Argument(metavar="RECORDING|SCENARIO", help="Recording or scenario that gives the measurements.")
+    ],
     protocol: Annotated[str, typer.Option(help="Protocol of the line: binary, ascii, xsens or polled.")] = "binary",
-    link: Annotated[Path | None, typer.Option(help="Link to create for the line, such as /tmp/probe.")] = None,
+    link: Annotated[Path | None, typer.Option(help="Symbolic link to create to the line, such as /tmp/probe.")] = None,
     rate: Annotated[float, typer.Option(help="Speed relative to real time; 0: as fast as the line allows.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end (recordings only).")] = False,
     frame: Annotated[
-        Path | None, typer.Option("--frame", help="Frame of the protocol polled, YAML; by default Modbus RTU.")
+        Path | None,
+        typer.Option(
+            "--frame", help="YAML file with the requests and replies of the protocol polled; by default Modbus RTU."
+        ),
     ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="Send nothing until a driver sends the start command.")] = False,
     *,
     reading: Reading,
 ) -> None:
     """
-    Play a recording or a scenario as a probe on a serial line, for the probe node or any other driver.
+    Play a recording or a scenario as a probe on an emulated serial line, for the probe node or any other driver.
 
-    The name of the line is printed; give it to the driver as its port. The probe answers the commands of the protocol:
-    samples on and off, its time, its name.
+    The command prints the device name of the line; give this name to the driver as its port. The emulated probe obeys
+    the commands of the protocol: start or stop samples, report its time, report its name.
 
     \b
     Examples:

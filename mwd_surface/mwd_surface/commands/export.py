@@ -16,16 +16,21 @@ if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
 
 Source = Annotated[
-    Path, typer.Argument(metavar="SURVEYS", help="Folder of a run or well, its surveys.json, or a recording.")
+    Path, typer.Argument(metavar="SURVEYS", help="Folder of a run or well, a surveys.json file, or a recording.")
 ]
-PlanFile = Annotated[Path | None, typer.Option("--plan", help="Planned path, any list: adds the distances from it.")]
-LegName = Annotated[str | None, typer.Option("--leg", help="Leg to use, if not the current one.")]
-Bit = Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")]
+PlanFile = Annotated[
+    Path | None, typer.Option("--plan", help="File of the planned path; adds the distances from the plan.")
+]
+LegName = Annotated[str | None, typer.Option("--leg", help="Leg of the well to use; by default the current leg.")]
+Bit = Annotated[
+    float | None,
+    typer.Option("--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to it."),
+]
 WellChanges = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="Data of the well missing in the list, e.g. well.rig='Rig 7'. May be repeated.",
+        help="Fact about the well that replaces the one in the list, e.g. well.rig='Rig 7'. May be repeated.",
         metavar="NAME=VALUE",
     ),
 ]
@@ -36,27 +41,33 @@ def export(
     source: Source,
     kind: Annotated[
         str,
-        typer.Option("--format", "-f", help=f"{', '.join(FORMATS)} or timeseries; by default from the ending of -o."),
+        typer.Option(
+            "--format",
+            "-f",
+            help=f"Format: {', '.join(FORMATS)} or timeseries; by default the format of the file name of -o, else csv.",
+        ),
     ] = "",
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="File, or folder for a file named after the well.")
+        Path, typer.Option("--output", "-o", help="File to write, or folder for a file named after the well.")
     ] = Path(),
     plan: PlanFile = None,
     plan_set: PlanSet = None,
     leg: LegName = None,
     bit_depth: Bit = None,
     changes: WellChanges = None,
-    well: Annotated[str, typer.Option("--well", help="Namespace, for a recording of several wells (timeseries).")] = "",
+    well: Annotated[
+        str, typer.Option("--well", help="Namespace of the well, if a recording has several (timeseries only).")
+    ] = "",
     *,
     reading: Reading,
 ) -> None:
     """
     Write the surveys of a run or a recording for other programs and people.
 
-    csv, las and witsml contain the definitive survey, raw_csv every survey with its six axes. The numbers in all of
-    them are rounded once and agree. Files are written completely or not at all. timeseries is one row per second of a
-    recording: depth, rig data, attitude with sigmas; .csv or .parquet. A recording without attitude is processed first,
-    with the settings in it. The input options are only for timeseries; a list of surveys is read unchanged.
+    csv, las and witsml contain the definitive survey; raw_csv contains every survey with its six axes. All formats show
+    the same rounded numbers. Files are written completely or not at all. timeseries has one row per second of a
+    recording, with depth, rig data, and attitude with sigmas, as .csv or .parquet. A recording without attitude is
+    processed first, with the settings in the recording. The input options are only for timeseries.
 
     \b
     Examples:
@@ -72,7 +83,7 @@ def export(
         _time_series(source, output, well, reading)
         return
     if names := given_names(reading):
-        raise ValueError(f"{names[0]}: is for -f timeseries; the surveys of a recording come with `mwd process`")
+        raise ValueError(f"{names[0]}: works only with -f timeseries; `mwd process` computes surveys from a recording")
     endings = {made.ending: name for name, made in reversed(FORMATS.items())}
     ending = output.suffix.lower() if not output.is_dir() else ""
     chosen = kind or endings.get(ending, "csv")
@@ -99,7 +110,7 @@ def report(
     """
     Write the survey report as an HTML file and a PDF: head block, tables, plots, quality control, slide sheet.
 
-    The slide sheet is only in the folder of a run, not in a recording.
+    Only the folder of a run has a slide sheet; the report of a recording has none.
 
     \b
     Examples:
@@ -137,7 +148,7 @@ def _time_series(source: Path, output: Path, well: str, reading: Reading) -> Non
         written = time_series.write(opened, path, well, given, progress)
         notes += written.remarks
     if written.late:
-        notes.append(f"{written.late} samples were more than half a minute late and are left out")
+        notes.append(f"{written.late} samples were left out because they came more than half a minute late")
     for note in notes:
         terminal.warn(note)
     console = terminal.output()

@@ -21,24 +21,26 @@ def finalize(
         list[str],
         typer.Argument(
             metavar="SOURCE[=CODE]...",
-            help="Folder of a run, recording or list of stations, with its ISCWSA tool code; the main one first.",
+            help="Folder of a run, recording, or list of stations, each with its ISCWSA tool code unless the source "
+            "states the code; the main source first.",
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     key: Annotated[
-        Path | None, typer.Option("--key", help="Ed25519 private key, PEM, that signs the certificate.")
+        Path | None, typer.Option("--key", help="PEM file of the Ed25519 private key that signs the certificate.")
     ] = None,
     changes: WellChanges = None,
 ) -> None:
     """
     Write the final survey list of a well from all its runs and lists, with overlaps resolved.
 
-    Well, legs and decisions of people are those of the first source; the stations of the others join its current leg.
-    Where two sources cover an interval, the one with the smaller position uncertainty at its end is used, and depths at
-    which they disagree beyond their errors are named. Each magnetic run gets a multi-station analysis for comparison.
-    Writes DIR/surveys.json and programme.yaml (for `mwd path`, `clearance`, `export`), definitive.csv, raw.csv,
-    definitive.las, trajectory.xml, report.html, differences.csv to the list as first decided, and certificate.json with
-    the SHA-256 of every input and output; with --key also certificate.sig.
+    The first source gives the well, its legs and the decisions of people; the stations of the other sources join its
+    current leg. Where two sources cover an interval, the source with the smaller position uncertainty at the end of the
+    interval is used, and the depths at which the sources disagree beyond their errors are listed. Each magnetic run
+    gets a multi-station analysis for comparison. Writes DIR/surveys.json and programme.yaml (for `mwd path`,
+    `clearance`, `export`), definitive.csv, raw.csv, definitive.las, trajectory.xml, report.html, differences.csv
+    (differences from the list as first decided), and certificate.json with the SHA-256 of every input and output; with
+    --key also certificate.sig.
 
     \b
     Examples:
@@ -200,7 +202,7 @@ def _show(final: FinalList, distance: float, md: float, key: Path | None) -> Non
             (
                 "overlap",
                 f"{one.from_m:.1f} to {one.to_m:.1f} m: {one.used} is used, 1 sigma {one.sigma_used:.2f} m; "
-                f"{one.left_out} {one.sigma_left_out:.2f} m"
+                f"{one.left_out} has {one.sigma_left_out:.2f} m"
                 + (f"; the two differ by more than their errors at {len(one.apart)} depths" if one.apart else ""),
             )
             for one in final.overlaps

@@ -25,11 +25,18 @@ if TYPE_CHECKING:
 
 
 def forecast(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Planned path in any usual file, as in `mwd path`.")],
+    plan: Annotated[
+        Path, typer.Argument(metavar="PLAN", help="File of the planned path, in any format that `mwd path` reads.")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
-    code: Annotated[str, typer.Option("--code", help="Tool code, e.g. MWD+IFR1+SAG.")] = "MWD+SRGM",
+    code: Annotated[
+        str, typer.Option("--code", help="ISCWSA tool code of the surveys, e.g. MWD+IFR1+SAG.")
+    ] = "MWD+SRGM",
     axial: Annotated[float, typer.Option(help="Expected axial interference of the drill string, nT.")] = 0.0,
-    limit: Annotated[float, typer.Option(help="Largest useful sigma of a corrected azimuth, deg.")] = 2.0,
+    limit: Annotated[
+        float,
+        typer.Option(help="Largest useful 1 sigma of an azimuth after the axial correction, deg; beyond it: no-go."),
+    ] = 2.0,
     columns: Columns = None,
     length_unit: LengthUnit = "",
     angle_unit: AngleUnit = "",
@@ -49,9 +56,9 @@ def forecast(
     """
     Forecast surveys along a plan: sigmas, limits of quality control, no-go directions of the axial correction.
 
-    Writes DIR/forecast.csv and DIR/forecast.png. The share accepted is that of single stations of a healthy tool, with
-    the given interference, by the same verdict as that of a survey. Stations of a run are accepted more often, because
-    they show the interference of the string.
+    Writes DIR/forecast.csv and DIR/forecast.png. The column accepted gives the share of stations that pass quality
+    control if the tool is healthy, the interference is as given, and each station is judged alone. Stations of a run
+    are accepted more often, because together they show the interference of the string.
 
     \b
     Examples:

@@ -16,15 +16,18 @@ if TYPE_CHECKING:
     from mwd_surface.ros.graph_client import GraphClient
 
 Domain = Annotated[
-    int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else that of the run on this machine.")
+    int | None,
+    typer.Option(help="ROS domain of the nodes; by default ROS_DOMAIN_ID, else the domain of the run on this machine."),
 ]
+NodeName = Annotated[str, typer.Argument(help="Node, or the end of its name.")]
+ParameterName = Annotated[str, typer.Argument(help="Full name of the parameter.")]
 param = typer.Typer(no_args_is_help=True, help="Parameters of the nodes of a running graph.")
 topic = typer.Typer(no_args_is_help=True, help="Topics of a running graph.")
 
 
 def call(
     service: Annotated[
-        str | None, typer.Argument(help="Service, or the end of its name; if omitted, list all.")
+        str | None, typer.Argument(help="Service, or the end of its name; if omitted, all services are listed.")
     ] = None,
     fields: Annotated[
         list[str] | None, typer.Argument(metavar="[FIELD=VALUE]...", help="Fields of the request.")
@@ -32,7 +35,7 @@ def call(
     domain: Domain = None,
 ) -> None:
     """
-    Call a service of a running graph, like `ros2 service call`; ends with status 1 if it reports failure.
+    Call a service of a running graph, like `ros2 service call`; exit status 1 if the service reports failure.
 
     \b
     Examples:
@@ -53,11 +56,11 @@ def call(
 @param.command("list")
 def param_list(
     node: Annotated[
-        str | None, typer.Argument(help="Node, or the end of its name; if omitted, list the nodes.")
+        str | None, typer.Argument(help="Node, or the end of its name; if omitted, the nodes are listed.")
     ] = None,
     domain: Domain = None,
 ) -> None:
-    """List the nodes, or the parameters of one with their values."""
+    """List the nodes, or the parameters of one node with their values."""
     with visit(domain) as client:
         if node is None:
             for name in client.nodes():
@@ -67,7 +70,11 @@ def param_list(
 
 
 @param.command("get")
-def param_get(node: str, name: str, domain: Domain = None) -> None:
+def param_get(
+    node: NodeName,
+    name: ParameterName,
+    domain: Domain = None,
+) -> None:
     """
     Show the value and meaning of a parameter.
 
@@ -85,7 +92,12 @@ def param_get(node: str, name: str, domain: Domain = None) -> None:
 
 
 @param.command("set")
-def param_set(node: str, name: str, value: str, domain: Domain = None) -> None:
+def param_set(
+    node: NodeName,
+    name: ParameterName,
+    value: Annotated[str, typer.Argument(help="New value, written as in YAML.")],
+    domain: Domain = None,
+) -> None:
     """
     Set a parameter; if the node refuses it, print the reason.
 
@@ -110,8 +122,8 @@ def topic_list(domain: Domain = None) -> None:
 @topic.command("echo")
 def topic_echo(
     name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
-    count: Annotated[int, typer.Option("--count", "-n", help="End after this number of messages; 0: never.")] = 0,
-    seconds: Annotated[float, typer.Option(help="End after this number of seconds.")] = float("inf"),
+    count: Annotated[int, typer.Option("--count", "-n", help="End after this number of messages; 0: no limit.")] = 0,
+    seconds: Annotated[float, typer.Option(help="Time after which the command ends, s.")] = float("inf"),
     domain: Domain = None,
 ) -> None:
     """
@@ -132,7 +144,7 @@ def topic_echo(
 @topic.command("hz")
 def topic_hz(
     name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
-    seconds: Annotated[float, typer.Option(help="Time to measure, s.")] = 5.0,
+    seconds: Annotated[float, typer.Option(help="Duration of the measurement, s.")] = 5.0,
     domain: Domain = None,
 ) -> None:
     """Measure the rate of a topic."""

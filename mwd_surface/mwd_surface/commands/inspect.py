@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 @reads_recording
 def inspect(
     bag: Recording,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output folder in the printed command.")] = Path("out"),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Output folder to write into the printed command.")
+    ] = Path("out"),
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -40,8 +42,8 @@ def inspect(
     """
     Inspect a recording: topics, rates, units, signs, mount, gaps, clocks, and missing data for each result.
 
-    Prints the `mwd process` command for the recording, and the `mwd decode` command if it has the signal of a telemetry
-    link. With the place (--lat, --lon), signs and axes of the magnetometer are also found.
+    Prints the `mwd process` command for the recording, and the `mwd decode` command if the recording has the signal of
+    a telemetry link. If you give the place (--lat, --lon), the signs and axes of the magnetometer are also found.
 
     \b
     Examples:
@@ -120,7 +122,7 @@ def inspect(
 def _rests(count: int | None, longest_s: float) -> str:
     """Return how often the tool rested for long enough, in words."""
     if count is None:
-        return "not known: a survey needs 3 samples in each half second"
+        return "not known, because there are fewer than the 3 samples in each half second that a survey needs"
     return f"{count} times long enough for a survey, longest {longest_s:.0f} s"
 
 

@@ -20,7 +20,10 @@ NAMES = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wel
 
 Columns = Annotated[
     str | None,
-    typer.Option(help="Names of columns, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
+    typer.Option(
+        help="Columns of the list by quantity, if not recognised, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.",
+        rich_help_panel=_LIST,
+    ),
 ]
 LengthUnit = Annotated[
     str, typer.Option(help="Unit of lengths if the list does not give it: m, ft or ftus.", rich_help_panel=_LIST)
@@ -30,7 +33,11 @@ AngleUnit = Annotated[
 ]
 NorthOption = Annotated[
     str,
-    typer.Option("--north", help="North of the list's azimuths: magnetic, true or grid.", rich_help_panel=_LIST),
+    typer.Option(
+        "--north",
+        help="North of the azimuths if the list does not state it: magnetic, true or grid.",
+        rich_help_panel=_LIST,
+    ),
 ]
 Decimal = Annotated[
     str, typer.Option(help="Decimal mark, point or comma, if numbers like 1,000 are ambiguous.", rich_help_panel=_LIST)
@@ -49,7 +56,7 @@ Wellhead = Annotated[
 Confirm = Annotated[
     list[str] | None,
     typer.Option(
-        help="Kind of value that is correct though implausible: dogleg, wellhead or depth. May be repeated.",
+        help="Accept values of this kind that look wrong: dogleg, wellhead or depth. May be repeated.",
         rich_help_panel=_LIST,
     ),
 ]
@@ -127,7 +134,7 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
     given = assigned(changes, "--plan-set").given().with_dip(well.angles.points if well is not None else "")
     if path is None:
         if changes:
-            raise ValueError("--plan-set: there is no --plan to read")
+            raise ValueError("--plan-set: has no effect without --plan")
         return None
     try:
         return read_plan(path, well.north_reference if well is not None else "", given)

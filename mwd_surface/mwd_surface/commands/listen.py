@@ -23,27 +23,36 @@ def listen(
     source: Annotated[
         str,
         typer.Argument(
-            help="modbus:HOST:PORT (a 4-20 mA gauge), opcua:URL, wits:HOST:PORT, tcp:HOST:PORT (lines of text), lines:-"
-            " (lines on standard input), wav:- (PCM on standard input), or serial:DEVICE (a wired tool)."
+            help="Source of the signal: modbus:HOST:PORT (a 4-20 mA gauge), opcua:URL, wits:HOST:PORT, tcp:HOST:PORT"
+            " (lines of text), lines:- (lines of text on standard input), wav:- (a WAV stream on standard input), or"
+            " serial:DEVICE (a wired tool)."
         ),
     ],
-    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv and surveys.csv.")],
-    gauge: Annotated[Path | None, typer.Option(help="YAML of the gauge: register, unit, scale, rate_hz.")] = None,
+    tool: Annotated[Path, typer.Option("--tool", help="YAML file of the tool configuration (see `mwd tool new`).")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for words.csv and surveys.csv.")],
+    gauge: Annotated[
+        Path | None,
+        typer.Option(
+            help="YAML file of the Modbus gauge: unit, register, count_4_ma, count_20_ma, pressure_4_ma, "
+            "pressure_20_ma, rate_hz."
+        ),
+    ] = None,
     columns: Annotated[
         str,
         typer.Option(
-            help="Place and unit of the pressure: for lines as in `mwd decode` (time_s=1,pressure_bar=2), for WITS the"
-            " item (pressure_psi=0121), for OPC UA the node (pressure_bar=ns=2;s=SPP)."
+            help="Where the pressure is, and its unit: for lines the columns (time_s=1,pressure_bar=2), for WITS the "
+            "item (pressure_psi=0121), for OPC UA the node (pressure_bar=ns=2;s=SPP)."
         ),
     ] = "",
-    seconds: Annotated[float, typer.Option(help="Stop after this time; 0: at Ctrl-C or the end of the stream.")] = 0.0,
+    seconds: Annotated[
+        float, typer.Option(help="Time after which decoding stops, s; 0: at Ctrl-C or at the end of the stream.")
+    ] = 0.0,
 ) -> None:
     """
     Decode the signal of an MWD tool live, without ROS, and print each word when it is received.
 
-    words.csv and surveys.csv are written when words become final, at the end of each pass of a sequence; words written
-    are safe in a power failure.
+    A word (one transmitted value) is final at the end of its sequence; it is then written to words.csv and surveys.csv.
+    Written words survive a power failure.
 
     \b
     Examples:

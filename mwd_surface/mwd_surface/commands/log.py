@@ -21,17 +21,21 @@ def log(
         str,
         typer.Option(
             "--pass",
-            help="first: while the sensor was deeper than ever before; deepest: while the bit was on bottom; all: all "
-            "data, also of reaming.",
+            help="Data to use. first: data measured while the sensor was deeper than ever before; deepest: data "
+            "measured while the bit was on bottom; all: all data, including reaming.",
         ),
     ] = "first",
     step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
     well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the recording has several.")] = "",
     compute: Annotated[
-        bool, typer.Option("--compute", help="Compute the samples from counts and IMU, even if the recording has them.")
+        bool,
+        typer.Option(
+            "--compute", help="Compute the log from pulse counts and IMU, even if the recording has log samples."
+        ),
     ] = False,
     tool: Annotated[
-        Path | None, typer.Option("--tool", help="Tool configuration with the log channels, for --compute.")
+        Path | None,
+        typer.Option("--tool", help="YAML file of the tool configuration with the log channels, for --compute."),
     ] = None,
     *,
     reading: Reading,
@@ -39,8 +43,8 @@ def log(
     """
     Write gamma and other log channels over depth: LAS 2.0, CSV, Parquet or WITSML.
 
-    Each depth step has the mean, its 1 sigma, the time of measurement and the counts; gamma also has its sectors, the
-    first centred on the high side. Depth steps without data stay empty and are named.
+    Each depth step has the mean, its 1 sigma, the duration of the measurement and the counts; gamma also has its
+    sectors, the first centred on the high side. Depth steps without data stay empty; a warning lists them.
 
     \b
     Examples:
@@ -81,10 +85,12 @@ def log(
     for line in gap_lines(found, which):
         terminal.warn(line)
     for name, count in found.unplaced.items():
-        terminal.warn(f"{name}: {count} samples have no depth, because the rig gave none near their time")
+        terminal.warn(f"{name}: {count} samples have no depth, because there is no bit depth within 30 s of their time")
     for reason, count in found.unusable.items():
         terminal.warn(f"{count} samples or depths are left out: {reason}")
     if found.disordered:
-        terminal.warn(f"{found.disordered} samples came after later ones and were placed as they came")
+        terminal.warn(
+            f"{found.disordered} samples came after samples with a later time, and were placed in the order of arrival"
+        )
     names = ", ".join(found.channels) or "no channel"
     terminal.output().print(f"written: {output} ({names}; {which} pass, depth steps of {step:g} m)", markup=False)

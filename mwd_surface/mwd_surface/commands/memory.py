@@ -10,21 +10,28 @@ from typing import Annotated
 import typer
 
 app = typer.Typer(
-    help="The tool's own recording: fill the gaps of the real-time log, and revise the surveys.", no_args_is_help=True
+    help="Use the data in the tool's memory: fill the gaps of the real-time log, and revise the surveys.",
+    no_args_is_help=True,
 )
 
 
 @app.command()
 def dump(
-    recording: Annotated[Path, typer.Argument(help="Recording of the sensors, as `mwd simulate` writes it.")],
+    recording: Annotated[Path, typer.Argument(help="Recording of the sensors, such as `mwd simulate` writes.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the dump to write.")],
-    tool: Annotated[Path | None, typer.Option("--tool", help="Tool configuration with the log channels.")] = None,
-    interval: Annotated[int, typer.Option("--interval", help="Interval of the samples, s.", min=1, max=60)] = 2,
-    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Error of its clock at the begin, s.")] = 0.0,
-    clock_drift: Annotated[float, typer.Option("--clock-drift", help="Drift of its clock, ppm.")] = 0.0,
+    tool: Annotated[
+        Path | None, typer.Option("--tool", help="YAML file of the tool configuration with the log channels.")
+    ] = None,
+    interval: Annotated[int, typer.Option("--interval", help="Time between two log samples, s.", min=1, max=60)] = 2,
+    clock_offset: Annotated[
+        float, typer.Option("--clock-offset", help="Error of the tool's clock at the start, s; positive: fast.")
+    ] = 0.0,
+    clock_drift: Annotated[
+        float, typer.Option("--clock-drift", help="Drift of the tool's clock, ppm; positive: it gains time.")
+    ] = 0.0,
 ) -> None:
     """
-    Write what the memory of a tool would hold, by its own clock: all log channels at a higher rate, rotation, surveys.
+    Simulate a dump of a tool's memory: log channels at a higher rate, rotation and surveys, by the tool's own clock.
 
     \b
     Examples:
@@ -42,12 +49,14 @@ def dump(
         recorded = recorded_settings(bag)
         channels = channels_of(tool)
         samples, taken = memory_dump.dump(bag, output, channels, clock, interval_s=interval, recorded=recorded)
-    terminal.output().print(f"{output}: {samples} log samples, each {interval} s, and {taken} surveys", markup=False)
+    terminal.output().print(
+        f"{output}: {samples} log samples, one every {interval} s, and {taken} surveys", markup=False
+    )
 
 
 @app.command()
 def merge(
-    run: Annotated[Path, typer.Argument(help="Recording of the run, with rig data and real-time log.")],
+    run: Annotated[Path, typer.Argument(help="Recording of the run, with rig data and the real-time log.")],
     memory: Annotated[Path, typer.Argument(help="Dump of the tool's memory.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Log to write: .las, .csv, .parquet or .xml (WITSML).")
@@ -56,18 +65,19 @@ def merge(
     step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
     well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the run has several.")] = "",
     surveys: Annotated[
-        Path | None, typer.Option("--surveys", help="Survey list to write, .json: that of the run, revised.")
+        Path | None,
+        typer.Option("--surveys", help="JSON file to write, with the survey list of the run revised from the memory."),
     ] = None,
 ) -> None:
     """
-    Find the clock of a memory, fill the gaps of the real-time log with it, and say what was improved.
+    Merge a dump of a tool's memory into the log of a run: fill its gaps, and print the improvements.
 
-    With --surveys, a survey that came as words over a link gets the readings of the memory as its revised value, and
-    a survey that never arrived is added; `mwd report` and `mwd export` read the file.
+    Offset and drift of the tool's clock are found from the rotation that rig and tool have both recorded. Where the
+    memory has samples of a channel, they replace the samples of the run; where the memory has a gap, the samples of
+    the run remain.
 
-    Offset and drift of the clock come from the rotation that rig and tool have both recorded. Where the memory has a
-    channel, its samples replace those of the run, which rest on the same pulses; in a gap of the
-    memory the samples of the run remain.
+    With --surveys, a survey that was received over the telemetry link is revised with the readings in the memory, and a
+    survey that was never received is added; `mwd report` and `mwd export` read the file.
 
     \b
     Examples:

@@ -7,6 +7,7 @@ import contextlib
 import enum
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated
 
 import typer
 
@@ -34,9 +35,12 @@ _ROS_PACKAGES = ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs", "rosgraph
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
-def node(context: typer.Context, name: Node) -> None:
+def node(
+    context: typer.Context,
+    name: Annotated[Node, typer.Argument(help="Node to run; well: sonde, estimator and surface in one process.")],
+) -> None:
     """
-    Run one node, like `ros2 run`; arguments after its name are passed to ROS.
+    Run one node, like `ros2 run`; arguments after the node's name are passed to ROS.
 
     \b
     Examples:

@@ -43,7 +43,7 @@ class Values(enum.StrEnum):
 
 def path(
     source: Annotated[
-        Path, typer.Argument(metavar="LIST", help="List of stations in any usual file, or the list of a run.")
+        Path, typer.Argument(metavar="LIST", help="File with a list of stations, or the folder of a run.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     against: Annotated[
@@ -53,14 +53,15 @@ def path(
         str | None, typer.Option("--code", help="ISCWSA tool code of the error model, e.g. MWD+SRGM or GYRO-NS.")
     ] = None,
     programme: Annotated[
-        Path | None, typer.Option(help="Survey programme, YAML: tool codes by interval, instead of one code.")
+        Path | None,
+        typer.Option(help="YAML file of the survey programme: tool codes by depth interval, instead of --code."),
     ] = None,
-    against_code: Annotated[str | None, typer.Option(help="Tool code of the other list.")] = None,
+    against_code: Annotated[str | None, typer.Option(help="ISCWSA tool code of the list of --against.")] = None,
     against_set: Annotated[
         list[str] | None,
         typer.Option(
             "--against-set",
-            help="How to read the other list, with the names of panel List, e.g. length_unit=ft. May be repeated.",
+            help="How to read the list of --against: an option of panel List, e.g. length_unit=ft. May be repeated.",
             metavar="NAME=VALUE",
         ),
     ] = None,
@@ -75,7 +76,7 @@ def path(
     tie_on: Annotated[
         str | None,
         typer.Option(
-            help="Start of the path: MD,INC,AZI[,TVD,NORTH,EAST] in m and deg.",
+            help="Tie-on, the start of the path: MD,INC,AZI or MD,INC,AZI,TVD,NORTH,EAST in m and deg.",
             rich_help_panel=_LIST,
             metavar="...",
         ),
@@ -84,7 +85,11 @@ def path(
         bool, typer.Option("--all", help="Also use stations whose verdict is not accept.", rich_help_panel=_LIST)
     ] = False,
     values: Annotated[
-        Values, typer.Option(help="Of a run: the definitive values, or those as first decided.", rich_help_panel=_LIST)
+        Values,
+        typer.Option(
+            help="Values to use from the list of a run: as revised last (definitive), or as first decided (first).",
+            rich_help_panel=_LIST,
+        ),
     ] = Values.DEFINITIVE,
     lat: Lat = None,
     lon: Lon = None,
@@ -99,10 +104,10 @@ def path(
 
     Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` read. Reads tables and .xlsx,
     LAS 2 and 3, WITSML 1.3 to 2.1, P7/17 and Petrel .dev, recognised by the content of the file. Columns, units and
-    north are found by their names ("MD (usft)", azi_grid ...) and in the head of the list; a word that is not
-    understood is quoted, and every assumption is a remark in path, report and exports. A list that contradicts itself
-    is refused with the likely cause. The error model needs a place or a field. With --against: DIR/comparison.csv and
-    DIR/comparison.png.
+    north are found by their names ("MD (usft)", azi_grid ...) and in the head of the list. An error message quotes each
+    word that is not understood, and every assumption is a remark in path, report and exports. A list that contradicts
+    itself is refused with the likely cause. The position uncertainty needs a place (--lat, --lon) or a field (--field).
+    With --against, DIR/comparison.csv and DIR/comparison.png are also written.
 
     \b
     Examples:
@@ -168,7 +173,8 @@ def _surveys(
         wrong += [name for name in ("tie_on", "every") if options[name] and beside is None]
         if wrong:
             raise ValueError(
-                f"--{wrong[0].replace('_', '-')}: not for {source}, the list of a run, which contains this itself"
+                f"--{wrong[0].replace('_', '-')}: is not used for {source}, because the list of a run states this; "
+                "omit it"
             )
         surveys, remarks = surveys_of(source)
         if options["values"] == Values.FIRST and beside is None:

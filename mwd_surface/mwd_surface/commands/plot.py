@@ -14,22 +14,23 @@ from mwd_surface.commands.recording_options import Reading, Recording, input_set
 @reads_recording
 def plot(
     bag: Recording,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Plot to write: .png or .svg.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write, .png or .svg.")],
     what: Annotated[
         str,
         typer.Option(
-            "--what", help="Any of sensors, rig, truth, attitude, surveys, spectra, allan, separated by commas; or all."
+            "--what",
+            help="What to plot: sensors, rig, truth, attitude, surveys, spectra or allan, separated by commas; or all.",
         ),
     ] = "sensors,attitude,surveys",
-    topic: Annotated[list[str] | None, typer.Option(help="Draw only this topic. May be repeated.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Plot only this topic. May be repeated.")] = None,
     *,
     reading: Reading,
 ) -> None:
     """
     Plot a recording: sensors, rig, truth, attitude, surveys, spectra, Allan deviation.
 
-    Sensors are drawn as `mwd process` reads them: in SI, each sample once, the two parts of an IMU joined. For a long
-    recording the lowest and highest values are drawn, so that no spike is lost; memory stays constant.
+    Sensor data are plotted as `mwd process` reads them: in SI units, each sample once, the two parts of an IMU joined.
+    For a long recording the lowest and highest value of each short interval are plotted, so that no spike is lost.
 
     \b
     Examples:

@@ -78,9 +78,9 @@ def process(
 
     Writes DIR/attitude.csv (one line per IMU sample), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and `mwd
     report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings used). The results
-    equal those of the live graph. A recording of the surface node contains the settings it was made with (place, tool,
-    well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,
-    DIR/merged.
+    equal those of the live graph. A recording of the surface node contains the settings with which it was made (place,
+    tool, well, sensor to bit); options change single settings. --format mcap writes a copy of the recording with the
+    estimates, DIR/merged.
 
     \b
     Examples:
@@ -143,7 +143,9 @@ def _run(
     with (
         Bag(path) as opened,
         terminal.progress(f"processing {path.name}") as progress,
-        when_compiling(lambda: terminal.remark("compiling new filters, which can take minutes, once")),
+        when_compiling(
+            lambda: terminal.remark("compiling the filters; this can take minutes, and is needed only once")
+        ),
     ):
         recorded = recorded_settings(opened)
         estimator, remark = with_a_model(settings(recorded.estimator), opened.start_ns)
@@ -174,7 +176,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         text = describe(fault)
         terminal.warn(f"{moment * 1e-9:.1f} s: {text.message}" + (f"; {text.remedy}" if text.remedy else ""))
     rate = (summary.rows - 1) / summary.seconds if summary.seconds > 0.0 else 0.0
-    other = "; not the same input as live" if summary.other_input else ""
+    other = "; the input differs from the live input" if summary.other_input else ""
     lines = [
         ("IMU", f"{summary.topics.imu}: {summary.rows} samples, {summary.seconds:.1f} s, {rate:.1f} Hz"),
         ("magnetometer", summary.topics.mag or "none: no azimuth"),

@@ -34,22 +34,25 @@ def _seconds(words: str, name: str) -> Any:
 
 
 _OPTIONS = {
-    "imu_topic": _text("Topic of the IMU, or of its gyro."),
-    "accel_topic": _text("Topic of the accelerometer, if that of the IMU is only its gyro."),
+    "imu_topic": _text("Topic of the IMU, or of the gyro if gyro and accelerometer have separate topics."),
+    "accel_topic": _text("Topic of the accelerometer, if the topic of the IMU has only the gyro."),
     "mag_topic": _text("Topic of the magnetometer."),
-    "gyro_topic": _text("Topic of the precision unit."),
+    "gyro_topic": _text("Topic of the high-precision gyro unit."),
     "temperature_topic": _text("Topic of the IMU's temperature."),
-    "rig_topic": _text("Topic of the rig state, for depths."),
+    "rig_topic": _text("Topic of the rig data, which give the depths."),
     "accel_unit": _text("Unit of specific force: m/s2, g or mg."),
     "gyro_unit": _text("Unit of angular rate: rad/s or deg/s."),
     "mag_unit": _text("Unit of the field: T, mT, uT, nT, G or mG."),
     "stamps": _text(
-        "Times of the samples: header, or recording if sensor clocks disagree or were not set.", "--stamps"
+        "Times of the samples: header (stamps in the messages), or recording (times of recording) if the sensor clocks "
+        "disagree or were not set.",
+        "--stamps",
     ),
     "start_s": _seconds("Start this many seconds after the first message.", "--start"),
     "end_s": _seconds("End this many seconds after the first message.", "--end"),
     "partial": Annotated[
-        bool, typer.Option("--partial", help="Use the readable part of a damaged bag.", rich_help_panel=INPUT_PANEL)
+        bool,
+        typer.Option("--partial", help="Use the readable part of a damaged recording.", rich_help_panel=INPUT_PANEL),
     ],
 }
 
@@ -99,5 +102,5 @@ def input_settings(reading: Reading, **more: Any) -> InputSettings:
 
     start, end = reading["start_s"] or 0.0, reading["end_s"]
     if end is not None and end <= start:
-        raise ValueError(f"--end {end:g}: not after --start {start:g}")
+        raise ValueError(f"--end {end:g}: must be after --start {start:g}")
     return given_settings(InputSettings, {**reading, **more})

@@ -21,28 +21,39 @@ Lat = Annotated[float | None, typer.Option("--lat", help="Latitude, deg, north p
 Lon = Annotated[float | None, typer.Option("--lon", help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)]
 Date = Annotated[
     str | None,
-    typer.Option("--date", help="Day of the field, YYYY-MM-DD.", rich_help_panel=FIELD_PANEL, metavar="DAY"),
+    typer.Option(
+        "--date",
+        help="Day for the field model, YYYY-MM-DD; by default the day of the data.",
+        rich_help_panel=FIELD_PANEL,
+        metavar="DAY",
+    ),
 ]
 Field = Annotated[
     str | None,
     typer.Option(
         "--field",
-        help="Known field: nT,dip[,declination] in deg.",
+        help="Known magnetic field: total in nT, dip and optionally declination in deg, e.g. 50360,71.63,-2.2.",
         rich_help_panel=FIELD_PANEL,
         metavar="B,D,D",
     ),
 ]
 Declination = Annotated[
-    float | None, typer.Option(help="Magnetic north from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    float | None,
+    typer.Option(
+        help="Declination: angle from true to magnetic north, deg, east positive.", rich_help_panel=FIELD_PANEL
+    ),
 ]
 Convergence = Annotated[
-    float | None, typer.Option(help="Grid north from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    float | None,
+    typer.Option(
+        help="Grid convergence: angle from true to grid north, deg, east positive.", rich_help_panel=FIELD_PANEL
+    ),
 ]
 Config = Annotated[
     Path | None,
     typer.Option(
         "--config",
-        help="YAML of settings: a config.yaml of `mwd process`, or the estimator's ROS parameter file.",
+        help="YAML file of settings: a config.yaml of `mwd process`, or a ROS parameter file of the estimator.",
         rich_help_panel=SETTINGS_PANEL,
     ),
 ]
@@ -50,7 +61,7 @@ Changes = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="One setting, e.g. survey.duration_s=12. May be repeated.",
+        help="Change one parameter of the estimator, e.g. survey.duration_s=12. May be repeated.",
         rich_help_panel=SETTINGS_PANEL,
         metavar="NAME=VALUE",
     ),
@@ -61,7 +72,7 @@ Tool = Annotated[
     str | None,
     typer.Option(
         "--tool",
-        help="Data sheet of the conventional unit: a tool file, or the name of a grade of the simulator.",
+        help="YAML file with the sensor errors of the conventional (AHRS) unit, or a grade of the simulator.",
         rich_help_panel=SETTINGS_PANEL,
         metavar="FILE",
     ),

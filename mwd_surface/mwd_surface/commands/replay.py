@@ -18,12 +18,19 @@ def replay(
     start: Annotated[float, typer.Option(help="Start this many seconds after the first message.")] = 0.0,
     end: Annotated[float | None, typer.Option(help="End this many seconds after the first message.")] = None,
     topic: Annotated[list[str] | None, typer.Option(help="Publish only this topic. May be repeated.")] = None,
-    sensors: Annotated[bool, typer.Option("--sensors", help="Publish only the topics of sonde and rig.")] = False,
+    sensors: Annotated[
+        bool,
+        typer.Option(
+            "--sensors", help="Publish only the topics of sonde and rig, so that estimator and surface can run live."
+        ),
+    ] = False,
     no_clock: Annotated[bool, typer.Option("--no-clock", help="Do not publish /clock.")] = False,
-    wait: Annotated[float, typer.Option(help="Longest time to wait for a subscriber, s.")] = 3.0,
+    wait: Annotated[
+        float, typer.Option(help="Longest time to wait for subscribers before the first message, s.")
+    ] = 3.0,
 ) -> None:
     """
-    Publish a recording with its own stamps, in its own order, and with /clock.
+    Publish the messages of a recording again, with their stamps and in their order, and /clock.
 
     Remappings and other ROS arguments can follow after --ros-args.
 

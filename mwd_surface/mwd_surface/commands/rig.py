@@ -20,14 +20,16 @@ rig = typer.Typer(help="Interfaces to the rig: WITS, OPC UA, Modbus, WITSML.", n
 def status(
     folders: Annotated[
         list[Path] | None,
-        typer.Argument(help="Folder of a run or a well; by default out/ here and ~/mwd_data.", show_default=False),
+        typer.Argument(
+            help="Folder of a run or a well; by default the folders out and ~/mwd_data.", show_default=False
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, for programs.")] = False,
 ) -> None:
     """
     Show the rig interfaces of running graphs: state and address, peers, rates, drops, last values.
 
-    Ends with status 1 if none is running.
+    The command ends with status 1 if no graph is running.
 
     \b
     Examples:
@@ -68,14 +70,14 @@ def status(
         if not running:
             where = ", ".join(str(place) for place in places)
             console.print(f"no running graph has its folder below {where}", markup=False)
-            console.print("start one with `mwd run`, or name the folder of its surface node", markup=False)
+            console.print("start a graph with `mwd run`, or name the folder of a surface node", markup=False)
     raise typer.Exit(0 if running else 1)
 
 
 @rig.command("manifest")
 def print_manifest() -> None:
     """
-    Print the D-WIS manifest of all signals, as sent to a blackboard.
+    Print the D-WIS manifest of all signals: the JSON description that the surface node sends to a D-WIS blackboard.
 
     \b
     Examples:
@@ -91,27 +93,31 @@ def print_manifest() -> None:
 @rig.command("conformance")
 def conformance(
     namespace: Annotated[
-        str, typer.Option("--ros", help="Namespace of the well: test its ROS interface and grant requests there.")
+        str,
+        typer.Option(
+            "--ros", help="Namespace of the well: tests its ROS interface, and grants all requests of the tests."
+        ),
     ] = "",
     opcua: Annotated[str, typer.Option(help="Address of the OPC UA server to test.")] = "",
     modbus: Annotated[str, typer.Option(help="HOST:PORT of the Modbus server to test.")] = "",
-    heartbeat: Annotated[
-        float, typer.Option(help="Heartbeat limit of the authority (its control.heartbeat_s), s.")
-    ] = 2.0,
-    well: Annotated[str, typer.Option(help="Name of the OPC UA object that has the methods.")] = "well",
-    certificate: Annotated[Path | None, typer.Option(help="Certificate of this client for OPC UA.")] = None,
-    key: Annotated[Path | None, typer.Option(help="Private key of the certificate.")] = None,
-    server_certificate: Annotated[Path | None, typer.Option(help="Certificate of the OPC UA server.")] = None,
-    application: Annotated[str, typer.Option(help="Application URI in the certificate.")] = "urn:mwd:conformance",
-    unit: Annotated[int, typer.Option(help="Modbus unit.")] = 1,
-    domain: Annotated[int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else 0.")] = None,
+    heartbeat: Annotated[float, typer.Option(help="Value of control.heartbeat_s of the surface node, s.")] = 2.0,
+    well: Annotated[str, typer.Option(help="Name of the OPC UA object that has the control methods.")] = "well",
+    certificate: Annotated[Path | None, typer.Option(help="Certificate file of this OPC UA client.")] = None,
+    key: Annotated[Path | None, typer.Option(help="File with the private key of --certificate.")] = None,
+    server_certificate: Annotated[Path | None, typer.Option(help="Certificate file of the OPC UA server.")] = None,
+    application: Annotated[str, typer.Option(help="OPC UA application URI in --certificate.")] = "urn:mwd:conformance",
+    unit: Annotated[int, typer.Option(help="Unit identifier of the Modbus server.")] = 1,
+    domain: Annotated[
+        int | None, typer.Option(help="ROS domain of the surface node; by default ROS_DOMAIN_ID, else 0.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, for programs.")] = False,
 ) -> None:
     """
-    Test whether a control authority keeps the lease contract: misuse it over each interface, print a table.
+    Test whether the surface node refuses wrong control commands, and print the result of each case.
 
-    Use it on a rig that is switched off or simulated: it rotates, turns and pumps within the limits. Ends with status 1
-    if a case fails, 2 if an interface does not answer.
+    A controller may command top drive and pumps only with a lease of control, and within limits. The test breaks these
+    rules on purpose. Run it only on a rig that is switched off or simulated, because it also commands rotation, turns
+    and flow within the limits. The command ends with status 1 if a case fails, 2 if an interface does not answer.
 
     \b
     Examples:
@@ -129,7 +135,7 @@ def conformance(
     from mwd_surface.conformance.bench import Interface, Person
 
     if not (namespace or opcua or modbus):
-        raise ValueError("name an interface to test: --ros, --opcua or --modbus")
+        raise ValueError("no interface to test is given: use --ros, --opcua or --modbus")
     interfaces: list[Interface] = []
     person: Person | None = None
     results: list[cases.Result] = []

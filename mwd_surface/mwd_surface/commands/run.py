@@ -36,7 +36,10 @@ if TYPE_CHECKING:
 
 def run(
     scenario: Annotated[
-        str, typer.Argument(help="Name (see `mwd scenario list`) or YAML file.", autocompletion=scenario_names)
+        str,
+        typer.Argument(
+            help="Scenario: a name (see `mwd scenario list`) or a YAML file.", autocompletion=scenario_names
+        ),
     ] = "demo",
     well: Annotated[str, typer.Option(help="Name of the well: the namespace of its topics.")] = "well_1",
     port: Annotated[int | None, typer.Option(help="Port of the live page; by default 8080 or a free one.")] = None,
@@ -46,12 +49,17 @@ def run(
         typer.Option("--output", "-o", help="Folder for recording, surveys and logs; by default out/TIME_WELL."),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the survey list of an earlier run of this well in that folder.")
+        bool,
+        typer.Option("--resume", help="Continue the survey list of an earlier run of this well in the folder of -o."),
     ] = False,
-    seed: Annotated[int | None, typer.Option(help="Seed, instead of that of the scenario.")] = None,
-    method: Annotated[str | None, typer.Option(help="Gravity extraction of the estimator.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
+    ] = None,
+    method: Annotated[
+        str | None, typer.Option(help="Method that estimates gravity; `mwd doctor` lists the methods.")
+    ] = None,
     no_record: Annotated[
-        bool, typer.Option("--no-record", help="Do not record; no table is printed at the end.")
+        bool, typer.Option("--no-record", help="Do not record; surveys are then not compared with the truth.")
     ] = False,
     no_rig: Annotated[
         bool, typer.Option("--no-rig", help="Do not start the rig interfaces (WITS, OPC UA, Modbus) on this machine.")
@@ -67,8 +75,8 @@ def run(
     """
     Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
 
-    Ends with the scenario or with Ctrl-C, and then compares each survey with the truth. Several runs can be active at
-    the same time: each has its own middleware domain, port and folder.
+    The command ends with the scenario or with Ctrl-C, and then compares each survey with the simulated truth. Several
+    runs can be active at the same time: each has its own ROS domain, port and folder.
 
     \b
     Examples:
@@ -96,7 +104,9 @@ def run(
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     console = terminal.output()
     if story.rig.time_lapse > 1.0:
-        console.print(f"compressed time: drilling is {story.rig.time_lapse:g} times as fast as its rate of penetration")
+        console.print(
+            f"compressed time: the depth grows {story.rig.time_lapse:g} times as fast as by the rate of penetration"
+        )
     name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
     parameters = _parameters(story, path, method=method, rate=rate, seed=seed)
     if story.well.plan:
@@ -139,7 +149,7 @@ def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
 
     if path is None:
         if said:
-            raise ValueError("--plan-set: there is no --plan to read")
+            raise ValueError("--plan-set: has no effect without --plan")
         return {}
     words = dataclasses.asdict(assigned(said, "--plan-set")).items()
     return {"plan.file": str(path.resolve(strict=True)), **{f"plan.{name}": word for name, word in words if word}}
@@ -221,8 +231,8 @@ def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
     if output is not None:
         if not resume and (output / namespace.replace("/", "_")).exists():
             raise ValueError(
-                f"{output} holds a run of {namespace} already, whose survey list would be continued; give a new folder "
-                "with -o, or --resume if that is meant"
+                f"{output} already contains a run of {namespace}; give a new folder with -o, or continue the survey "
+                "list of this run with --resume"
             )
         output.mkdir(parents=True, exist_ok=True)
         return output

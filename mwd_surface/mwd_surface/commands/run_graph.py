@@ -133,7 +133,7 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     from mwd_surface.commands import terminal
 
     began = printed = time.monotonic()
-    with terminal.waiting("starting the nodes; the first time, their filters are compiled"):
+    with terminal.waiting("starting the nodes; at the first start, their filters are compiled, which can take minutes"):
         while not interrupts.count:
             supervisor.watch()
             if supervisor.failing:

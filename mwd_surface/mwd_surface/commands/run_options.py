@@ -17,7 +17,10 @@ _LEAST_SECRET = 8  # least number of characters of a secret, as required by the 
 Hold = Annotated[bool, typer.Option("--hold", help="Keep running after the scenario, until Ctrl-C.")]
 SingleProcess = Annotated[
     bool,
-    typer.Option("--single-process", help="Sonde, estimator and surface in one process: less CPU load, no restarts."),
+    typer.Option(
+        "--single-process",
+        help="Run sonde, estimator and surface in one process: less CPU time, but a crash ends all three.",
+    ),
 ]
 Token = Annotated[
     str | None,
@@ -27,14 +30,15 @@ Token = Annotated[
     ),
 ]
 Plan = Annotated[
-    Path | None, typer.Option(help="Planned path, CSV or WITSML, for the page.", rich_help_panel=_SETTINGS)
+    Path | None,
+    typer.Option(help="File of the planned path, in any format that `mwd path` reads.", rich_help_panel=_SETTINGS),
 ]
 Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="One parameter of a node, e.g. estimator.survey.duration_s=12; the node's name is optional if only one "
-        "has it. May be repeated.",
+        help="Set one parameter, e.g. estimator.survey.duration_s=12. The name of the node may be omitted if only one "
+        "node has the parameter. May be repeated.",
         metavar="NAME=VALUE",
         rich_help_panel=_SETTINGS,
     ),
@@ -47,9 +51,10 @@ Params = Annotated[
 
 # Parameters that only an option of `mwd run` may set, with the name of the option or the remedy.
 OF_OPTIONS = {
-    "surface.folder": "mwd run keeps recording, lists and logs in one folder: name it with -o",
-    "surface.serve_page": "mwd run follows the graph over its page: start the nodes by a launch file to have none",
-    "sonde.scenario": "everything else follows from the scenario: name it as the argument of mwd run",
+    "surface.folder": "mwd run keeps recording, lists and logs in one folder; choose the folder with -o",
+    "surface.serve_page": "mwd run needs the page to follow the nodes; to run without a page, start the nodes by a "
+    "launch file",
+    "sonde.scenario": "name the scenario as the argument of mwd run, because other parameters follow from it",
 }
 # Parameters that an option of `mwd run` also sets, with the name of the option.
 _ALSO = {
@@ -231,7 +236,7 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
         token = secrets.token_urlsafe(9)
         typer.echo(say(f"token of the page: {token}"))
     if len(token) < _LEAST_SECRET:
-        raise ValueError(f"--token: write {_LEAST_SECRET} characters or more, or `new`")
+        raise ValueError(f"--token: must have {_LEAST_SECRET} characters or more, or be `new`")
     file = folder / "page_token"
     file.unlink(missing_ok=True)
     with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as opened:

@@ -44,11 +44,15 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            metavar="SCENARIO", help="Name (`mwd scenario list`) or YAML file.", autocompletion=scenario_names
+            metavar="SCENARIO",
+            help="Scenario: a name (see `mwd scenario list`) or a YAML file.",
+            autocompletion=scenario_names,
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the bag; must not exist.")],
-    seed: Annotated[int | None, typer.Option(help="Seed, instead of that of the scenario.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the recording; must not exist yet.")],
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
+    ] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the topics, for example /well_2.")] = "",
 ) -> None:
     """

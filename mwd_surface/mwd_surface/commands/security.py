@@ -13,13 +13,15 @@ from mwd_surface.commands.speech import say
 
 def security(
     well: Annotated[str, typer.Argument(help="Namespace of the well.")] = "well_1",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; if omitted, print it.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File to write; if omitted, the policy is printed.")
+    ] = None,
 ) -> None:
     """
     Write the SROS2 policy of a well: what each node may publish, subscribe to, serve and call.
 
-    There is one enclave per node, and one for an operator, who may read everything and call services. `ros2 security
-    create_permission` makes signed permissions from it.
+    The policy has one enclave for each node, and one for an operator, who may read everything and call services. `ros2
+    security create_permission` makes signed permissions from the policy.
 
     \b
     Example:

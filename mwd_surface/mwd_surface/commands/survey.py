@@ -23,8 +23,10 @@ from mwd_surface.commands.reference_options import (
 
 
 def survey(
-    stations: Annotated[Path, typer.Argument(help="CSV with one line per station and named columns.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV to write.")] = None,
+    stations: Annotated[Path, typer.Argument(help="CSV file with one line per station and named columns.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="CSV file to write, in addition to the printed table.")
+    ] = None,
     field: Field = None,
     declination: Declination = None,
     convergence: Convergence = None,
@@ -33,11 +35,14 @@ def survey(
     lon: Lon = None,
     date: Date = None,
     axial: Annotated[
-        str | None, typer.Option(help="Axis that points downhole, x or z, for columns like gx, gy, gz.")
+        str | None, typer.Option(help="Axis that points down-hole, x or z, if columns are named like gx, gy, gz.")
     ] = None,
-    single: Annotated[bool, typer.Option("--single", help="Judge each row by itself, not as part of a run.")] = False,
+    single: Annotated[
+        bool, typer.Option("--single", help="Judge each row alone, not together with the other rows of its run.")
+    ] = False,
     runs: Annotated[
-        str | None, typer.Option("--runs", help="Column with the run of a row; by default run, bha or tool.")
+        str | None,
+        typer.Option("--runs", help="Column that names the tool run of each row; by default run, bha or tool."),
     ] = None,
     config: Config = None,
     changes: Changes = None,
@@ -46,12 +51,13 @@ def survey(
     Compute surveys from a table of six-axis readings, each with its verdict and the reasons.
 
     Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace the
-    values of the table. A station without a reference remains magnetic and uncorrected, and is marked as such. The rows
-    of a run (columns run, bha, tool; without them the whole table) are analysed together, because the errors of string
-    and sensors are the same in all of them. A row can then be revised; its first value, from the rows before it only,
-    is kept in addition. Inclination and azimuth that the table already has (incl_deg, azi_grid_deg) are compared with
-    the readings: a table with the wrong hand, sign, order or unit of its sensor columns, or with a dead axis, is
-    rejected, and the reason says which columns to correct.
+    values of the table. The azimuth of a station without a reference field is not corrected and is from magnetic north;
+    the station is marked as such. The rows of a run (column run, bha or tool; without such a column, the whole table)
+    are analysed together, because the errors of string and sensors are the same in all of them. A row can then be
+    revised; its first value, which uses only the rows before it, is also kept. Inclination and azimuth that the table
+    already has (incl_deg, azi_grid_deg) are compared with the readings: a table whose sensor columns have a wrong sign,
+    order or unit or are left-handed, or which has a dead axis, is rejected, and the reason says which columns to
+    correct.
 
     \b
     Examples:

@@ -109,7 +109,9 @@ def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
     lines = [f"stations of each run, analysed together: {named}"]
     outliers = [row.record.survey.sequence for row in rows if row.outlier]
     if outliers:
-        lines.append(f"{numbered(outliers):>4} outlier: its field differs from that of the other stations of the run")
+        lines.append(
+            f"{numbered(outliers):>4} outlier: the field differs from the field at the other stations of the run"
+        )
     return lines
 
 
@@ -125,7 +127,7 @@ def correction_sentences(references: Sequence[Reference | None]) -> list[str]:
         if north == "grid" and reference.convergence is not None:
             parts += f", convergence {math.degrees(reference.convergence):+.2f} deg, both east positive"
         total = f"{math.degrees(correction):+.2f} deg"
-        found[f"azimuths are from {north} north: {total} is added to the magnetic ones ({parts})"] = None
+        found[f"azimuths are from {north} north: {total} is added to magnetic azimuths ({parts})"] = None
     sentences = list(found)
     return sentences[:3] + ([f"and {len(sentences) - 3} other corrections"] if len(sentences) > 3 else [])
 

@@ -144,7 +144,8 @@ def table_reference(
         if day is None and otherwise:
             day = _moment(otherwise)
             remarks.append(
-                f"no day is given: the field is that of {otherwise}; it changes slowly, set the day with --date"
+                f"no day is given: the field model is used for {otherwise}; the field changes slowly, so set the day "
+                "with --date"
             )
         if day is None:
             raise ValueError("--lat and --lon: the table has no times; give the day of the field with --date")

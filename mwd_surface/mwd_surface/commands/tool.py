@@ -23,11 +23,13 @@ Configuration = Annotated[Path, typer.Argument(metavar="TOOL.YAML", help="Tool c
 
 @tool.command()
 def new(
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write; an existing one is kept.")],
-    code: Annotated[str, typer.Option(help="mary, combinatorial, psk or serial.")] = "mary",
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write; an existing file is not overwritten.")],
+    code: Annotated[
+        str, typer.Option(help="Telemetry code: mary, combinatorial (pulses), psk (carrier) or serial (wire).")
+    ] = "mary",
 ) -> None:
     """
-    Write a tool configuration to start from: pulses of 0.8 s or another code, with usual sequences.
+    Write an example of a tool configuration, with usual sequences: pulses of 0.8 s, or another telemetry code.
 
     \b
     Examples:
@@ -49,16 +51,18 @@ def check(
     channel: Annotated[
         Path | None,
         typer.Option(
-            help="Pressure (CSV, WAV, recording) of such a tool, to find the pulse widths its channel allows."
+            help="Pressure (CSV, WAV or recording) with the signal of such a tool, to find the shortest pulse width "
+            "that can be received."
         ),
     ] = None,
     on: Annotated[
         Path | None,
         typer.Option(
-            "--on", help="Pressure with the tool's signal (as in `mwd decode`), to find pulse width, sync and parity."
+            "--on",
+            help="Pressure (CSV, WAV or recording) with the tool's signal, to find its pulse width, sync and parity.",
         ),
     ] = None,
-    columns: Annotated[str, typer.Option(help="Columns of the pressure, as in `mwd decode`.")] = "",
+    columns: Annotated[str, typer.Option(help="Columns of a table with pressure, as in `mwd decode`.")] = "",
 ) -> None:
     """
     Show the properties of a tool configuration: time on air, survey time, toolface rate, steps of the words.
@@ -196,8 +200,10 @@ def _toolface_line(read: ToolConfiguration, items: tuple[SequenceItem, ...]) -> 
 def simulate(
     configuration: Configuration,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the recording and sent.csv.")],
-    depth: Annotated[float, typer.Option(help="Measured depth, m.", min=200.0, max=12000.0)] = 3000.0,
-    minutes: Annotated[float, typer.Option(help="Length, min; flow begins after 20 s.", min=2.0, max=600.0)] = 10.0,
+    depth: Annotated[float, typer.Option(help="Measured depth of the bit, m.", min=200.0, max=12000.0)] = 3000.0,
+    minutes: Annotated[
+        float, typer.Option(help="Duration, min; the flow begins after 20 s.", min=2.0, max=600.0)
+    ] = 10.0,
     seed: Annotated[int, typer.Option(help="Seed of values and noise.")] = 1,
     clock: Annotated[float, typer.Option(help="Error of the tool's clock, %.", min=-1.0, max=1.0)] = 0.0,
     resistivity: Annotated[
@@ -211,8 +217,9 @@ def simulate(
     """
     Simulate what the surface would record of this tool; sent.csv contains the words sent.
 
-    Pulses and a carrier in the mud: pressure.csv, with two pumps and noise, and strokes.csv. A carrier in the earth:
-    voltage.csv, with rig noise. The field of a coil: voltage.csv, with mains. A serial line: bytes.bin.
+    For a tool with pulses or a carrier in the mud, the other files are pressure.csv, with two pumps and noise, and
+    strokes.csv; for a carrier in the earth voltage.csv, with rig noise; for a coil voltage.csv, with noise of the
+    mains; for a serial line bytes.bin.
 
     \b
     Example:
@@ -284,7 +291,7 @@ def locate(
         Path,
         typer.Argument(
             metavar="READINGS",
-            help="Table: north_m, east_m, down_m and strength_nt or b_north_nt, b_east_nt, b_down_nt.",
+            help="CSV table with north_m, east_m, down_m, and strength_nt or b_north_nt, b_east_nt, b_down_nt.",
         ),
     ],
     configuration: Annotated[
@@ -303,20 +310,22 @@ def locate(
     calibrate: Annotated[
         str | None,
         typer.Option(
-            metavar="M,NT", help="Calibration: distance beside the sonde at its level, m, and strength there, nT."
+            metavar="M,NT",
+            help="Calibration: distance from the sonde, at its level and beside it, m, and field strength there, nT.",
         ),
     ] = None,
     noise: Annotated[float, typer.Option(help="Noise of a reading, 1 sigma, nT.", min=0.0)] = 0.01,
     share: Annotated[
-        float, typer.Option(help="Error of gain and alignment of a reading, 1 sigma, as a share of it.", min=1e-4)
+        float, typer.Option(help="Error of gain and alignment, 1 sigma, as a share of the reading.", min=1e-4)
     ] = 0.02,
 ) -> None:
     """
     Locate the coil of a sonde below the surface from the strength of its field at some points.
 
-    Prints the point above the sonde, its depth, pitch, azimuth and roll with their sigmas, and the points behind and
-    ahead of it where the field is vertical, if the surface is level. A receiver with three coils gives all components
-    of a point; their sign has no meaning. Of a single strength more points are needed.
+    Prints the point above the sonde, and depth, pitch, azimuth and roll of the sonde with their sigmas. If the surface
+    is level, it also prints the points behind and ahead of the sonde where the field is vertical. A receiver with three
+    coils gives the three components of the field, whose common sign has no meaning; a receiver that gives only the
+    strength needs more points.
 
     \b
     Examples:

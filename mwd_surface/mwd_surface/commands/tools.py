@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 def tools(
     scenarios: Annotated[
         list[str],
-        typer.Argument(metavar="SCENARIO...", help="Names or YAML files.", autocompletion=scenario_names),
+        typer.Argument(
+            metavar="SCENARIO...",
+            help="Scenarios: names (see `mwd scenario list`) or YAML files.",
+            autocompletion=scenario_names,
+        ),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Table of all stations to write, CSV.", metavar="CSV")
+        Path | None, typer.Option("--output", "-o", help="CSV file to write, with all stations.", metavar="CSV")
     ] = None,
     angles: Annotated[
         AngleConvention | None,
@@ -32,8 +36,8 @@ def tools(
     """
     Compare the conventional tool of a probe with its gyro tool, station by station, in simulated holes.
 
-    The conventional tool has the azimuth of the magnetometer as measured, the gyro tool that of north seeking; both are
-    from true north. A survey is taken at the end of each rest.
+    The azimuth of the conventional tool is the uncorrected magnetic azimuth, the azimuth of the gyro tool comes from
+    north seeking; both are from true north. A survey is taken at the end of each rest.
 
     \b
     Examples:

@@ -31,20 +31,20 @@ def trajectory(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     continuous: Annotated[
-        Path | None, typer.Option(help="Table of continuous md, inclination, azimuth: CSV or LAS.")
+        Path | None, typer.Option(help="Table of continuous measured depth, inclination and azimuth, CSV or LAS.")
     ] = None,
     recording: Annotated[
-        Path | None, typer.Option(help="Recording that was processed into LIST, for the depths of the rig.")
+        Path | None, typer.Option(help="Recording from which `mwd process` made LIST, with the depths of the rig.")
     ] = None,
     slides: Annotated[
         Path | None, typer.Option(help="Slide sheet, slides.jsonl; by default the one in the folder of the list.")
     ] = None,
-    step: Annotated[float, typer.Option(help="Distance between points, m.")] = 1.0,
+    step: Annotated[float, typer.Option(help="Distance between the points of the path, m.")] = 1.0,
     continuous_set: Annotated[
         list[str] | None,
         typer.Option(
             "--continuous-set",
-            help="How to read the continuous table, with the names of panel List. May be repeated.",
+            help="How to read the continuous table: an option of panel List, e.g. length_unit=ft. May be repeated.",
             metavar="NAME=VALUE",
         ),
     ] = None,
@@ -58,7 +58,7 @@ def trajectory(
     confirm: Confirm = None,
 ) -> None:
     """
-    Join the survey stations by continuous inclination and azimuth, or by the slide sheet if there are none.
+    Compute the path between the survey stations from continuous inclination and azimuth, or from the slide sheet.
 
     Writes DIR/trajectory.csv and DIR/trajectory.las with the differences from minimum curvature, and
     DIR/trajectory.png. The definitive list is not changed.
@@ -86,9 +86,7 @@ def trajectory(
         raise ValueError("--continuous and --recording: give only one of them")
     said = list_settings(options)
     if said != ListSettings() and not is_list(source):
-        raise ValueError(
-            f"{source} is a list of a run, which says itself how it is read; leave out the options of panel List"
-        )
+        raise ValueError(f"{source} is the list of a run, which needs no options of panel List; omit them")
     surveys, remarks = surveys_of(source, said.given())
     if slides is not None and not slides.is_file():
         raise ValueError(f"--slides {slides}: file not found")
@@ -105,7 +103,7 @@ def trajectory(
     for remark in (*remarks, *found.remarks):
         terminal.warn(remark)
     if not found.has_detail:
-        terminal.warn("there are no data for any interval between stations: all are drawn as arcs")
+        terminal.warn("there are no data between the stations: every interval is computed as a circular arc")
     terminal.output().print(summary(found), markup=False)
     files: dict[str, str | bytes] = {
         "trajectory.csv": trajectory_csv(found, path),

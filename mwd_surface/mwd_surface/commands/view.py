@@ -27,19 +27,22 @@ def view(
     run: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run, or a recording.")],
     port: Annotated[int | None, typer.Option(help="Port of the page; by default 8080 or a free one.")] = None,
     rate: Annotated[float, typer.Option(help="Speed relative to real time.")] = 1.0,
-    paused: Annotated[bool, typer.Option("--paused", help="Start paused, until the play button is pressed.")] = False,
+    paused: Annotated[
+        bool, typer.Option("--paused", help="Start paused; the play button starts the playback.")
+    ] = False,
     plan: Annotated[
-        Path | None, typer.Option(help="Planned path, any list; by default the file named in the recording.")
+        Path | None, typer.Option(help="File of the planned path; by default the plan that the recording names.")
     ] = None,
     plan_set: PlanSet = None,
     *,
     reading: Reading,
 ) -> None:
     """
-    Show a recording on the live page: play it at any rate, and seek any moment with the slider.
+    Show a recording on the live page: play it at any speed, and go to any moment with the slider.
 
-    A recording without estimates is processed first, with the settings in it and the input options; for results of
-    `mwd process`, their recording is processed with the same settings. Needs no ROS. Ends with Ctrl-C.
+    A recording without estimates is processed first, with the settings in the recording and the input options. If RUN
+    is a folder of `mwd process`, its recording is processed with the settings of these results. The command needs no
+    ROS, and ends with Ctrl-C.
 
     \b
     Examples:
@@ -80,7 +83,9 @@ def view(
         if not namespace_of(bag):
             bag = held.enter_context(estimated(bag, input_settings({**reading, "start_s": None}), read))
         elif names := given_names({**reading, "start_s": None}):
-            raise ValueError(f"{names[0]}: {recording} holds estimates, which are shown as they were recorded")
+            raise ValueError(
+                f"{names[0]}: omit this option, because {recording} contains estimates, which are shown as recorded"
+            )
         elif read is not None:
             terminal.remark("the estimates in the recording are shown, not those of these results")
         player = Player(bag, namespace_of(bag), settings, planned)
