@@ -71,8 +71,8 @@ class Attitude:
 
     vertical_deg: float = setting(
         3.0,
-        "Inclination below which azimuth and high side are not given; they return one degree above. Lowering it "
-        "gives azimuths of little use near the vertical.",
+        "Inclination below which azimuth and high side are not given; they are given again one degree above it. "
+        "Lowering it gives azimuths of little use near the vertical.",
         unit="deg",
         low=0.5,
         high=20.0,
@@ -88,8 +88,8 @@ class Attitude:
     )
     toolface_dwell_cycles: float = setting(
         1.5,
-        "The same time as a multiple of the longest stick-slip cycle in the last minutes of rotation. Raise it if "
-        "cycles are irregular.",
+        "Like toolface_dwell_s, but as a multiple of the longest stick-slip cycle in the last minutes of rotation; the "
+        "longer of the two times applies. Raise it if cycles are irregular.",
         low=1.0,
         high=10.0,
         expert=True,

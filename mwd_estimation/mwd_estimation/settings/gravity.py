@@ -46,8 +46,8 @@ class FuzzyMahony(Mahony):
     )
     window: int = setting(
         20,
-        "Number of samples whose largest non-gravity acceleration enters the table. Raising it reacts to single "
-        "shocks for longer.",
+        "Number of last samples; their largest non-gravity acceleration is the input of the fuzzy table. Raising it "
+        "keeps the gain low for longer after a single shock.",
         unit="samples",
         low=1,
         high=512,
@@ -61,7 +61,7 @@ class LigorioKalman:
 
     gyro_noise: float = setting(
         0.01,
-        "Gyro white noise with reserve. Raising it follows the accelerometer more.",
+        "White noise of the gyro, with a reserve for its other errors. Raising it gives the accelerometer more weight.",
         unit="rad/s/sqrt(Hz)",
         low=1e-7,
         high=1.0,
@@ -69,7 +69,7 @@ class LigorioKalman:
     )
     accel_noise: float = setting(
         0.5,
-        "Accelerometer noise of a sample. Raising it follows the gyro more.",
+        "Noise of one accelerometer sample, 1 sigma. Raising it gives the gyro more weight.",
         unit="m/s^2",
         low=0.0001,
         high=100.0,
@@ -77,7 +77,7 @@ class LigorioKalman:
     )
     motion: float = setting(
         10.0,
-        "Acceleration of the tool, 1 sigma. Raising it follows the gyro more.",
+        "Acceleration of the tool, 1 sigma. Raising it gives the gyro more weight.",
         unit="m/s^2",
         low=0.01,
         high=1000.0,
@@ -85,7 +85,7 @@ class LigorioKalman:
     )
     memory: float = setting(
         0.05,
-        "Correlation time of that acceleration; an acceleration that lasts longer is taken for gravity.",
+        "Correlation time of the tool's acceleration; an acceleration that lasts longer is taken for gravity.",
         unit="s",
         low=0.001,
         high=100.0,
@@ -99,7 +99,8 @@ class AccelerometerOnly:
 
     memory: float = setting(
         2.0,
-        "Time over which the disturbance is averaged for sigma. Raising it holds sigma wide for longer.",
+        "Time over which non-gravity acceleration is averaged to compute sigma. Raising it keeps sigma large for "
+        "longer after a disturbance.",
         unit="s",
         low=0.01,
         high=60.0,

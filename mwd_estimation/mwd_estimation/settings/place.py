@@ -33,16 +33,16 @@ class Place:
 
     field: str = setting(
         "none",
-        "Source of the reference field: none (azimuth from magnetic north, no check of the field), model (the "
-        "World Magnetic Model of 2025 to 2030, by position and date), igrf (the IGRF, likewise, from 1900), fixed (the "
-        "figures below, such as those of an IFR or HDGM certificate). Surveys are judged and corrected only against a "
-        "field.",
+        "Source of the reference field: none (azimuth from magnetic north, no check of the field), model (the World "
+        "Magnetic Model of 2025 to 2030, by position and date), igrf (the IGRF of 1900 to 2030, by position and date), "
+        "fixed (total_nt, dip_deg and declination_deg, for example from an IFR or HDGM certificate). Without a "
+        "reference field, surveys are neither checked against the field nor corrected.",
         choices=("none", *_MODELS, "fixed"),
     )
     lat_deg: float | None = setting(
         None,
-        "Latitude, WGS 84, north positive. The gyro azimuth needs it too, and with a fixed field gravity follows "
-        "from it. nan: not given.",
+        "Latitude, WGS 84, north positive. The gyro azimuth also needs the latitude, and with a fixed field gravity is "
+        "computed from the latitude. nan: not given.",
         unit="deg",
         low=-90.0,
         high=90.0,
@@ -64,10 +64,10 @@ class Place:
         "position then gives the convergence to grid north.",
         expert=True,
     )
-    date: str = setting("", "Date for the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
+    date: str = setting("", "Date for the field model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
     total_nt: float = setting(
         0.0,
-        "Strength of the fixed field, which needs dip_deg too; 0: not given.",
+        "Total strength of the fixed field; dip_deg must then also be set. 0: not given.",
         unit="nT",
         low=0.0,
         high=75000.0,
@@ -89,13 +89,14 @@ class Place:
     )
     source: str = setting(
         "",
-        "Name of the field model behind the fixed field: IFR1, IFR2, HDGM or any other. With a name "
-        "source_sigmas must be given, which replace those of survey.tool_code; without one they must be 0.",
+        "Name of the field model from which the fixed field comes: IFR1, IFR2, HDGM or any other. If it is set, "
+        "source_sigmas must be set too; they replace the sigmas of survey.tool_code. If it is empty, source_sigmas "
+        "must be 0.",
         expert=True,
     )
     source_sigmas: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0),
-        "Total, dip and declination of the named field, 1 sigma each, from its certificate.",
+        "1 sigma of total, dip and declination of the field named in `source`, from its certificate.",
         unit="nT, deg, deg",
         low=0.0,
         high=5000.0,
@@ -112,14 +113,15 @@ class Place:
     )
     observatory_file: str = setting(
         "",
-        "File of a magnetic observatory near the well, IAGA-2002 format; empty: none. Its disturbance is added to the "
-        "reference at the time of each survey; the file is read again when it has changed.",
+        "File of a magnetic observatory near the well, IAGA-2002 format; empty: none. The disturbance of the field "
+        "that the observatory measured at the time of a survey is added to the reference field; the file is read again "
+        "when it has changed.",
         expert=True,
     )
     observatory_share: float = setting(
         0.2,
-        "Share of the observatory's disturbance that the well does not have, 1 sigma. Raising it widens the sigmas of "
-        "surveys in a storm. Raise it with the distance and at auroral latitudes.",
+        "Difference between the disturbances at observatory and well, 1 sigma, as a share of the disturbance. Raising "
+        "it widens the sigmas of surveys in a magnetic storm. Raise it with the distance and at auroral latitudes.",
         low=0.0,
         high=2.0,
         expert=True,

@@ -21,16 +21,16 @@ class Gyro:
 
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
-        "Largest rate that each axis reads; the smallest of the three counts. If set too large, clipped rates are "
-        "taken for true ones; if too small, fast turning counts as clipped. From the data sheet.",
+        "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
+        "rates are taken for true ones; if too small, fast turning counts as clipped. From the data sheet.",
         unit="deg/s",
         low=0.1,
         high=2e6,
     )
     noise_deg_sqrt_h: float = setting(
         0.42,
-        "White noise (angle random walk). Raising it widens the sigma of an azimuth that only the gyros carry. From "
-        "the data sheet or `mwd calibrate`.",
+        "White noise (angle random walk). Raising it widens the sigma of a gyro-propagated azimuth. From the data "
+        "sheet, or from `mwd plot --what allan`.",
         unit="deg/sqrt(h)",
         low=0.0,
         high=100.0,
@@ -38,8 +38,8 @@ class Gyro:
     )
     bias_deg_h: float = setting(
         400.0,
-        "Bias that may remain, 1 sigma. Raising it slows the convergence of the azimuth that the gyros carry. From "
-        "the data sheet (turn-on bias).",
+        "Bias that remains after calibration, 1 sigma. Raising it slows the convergence of the gyro-propagated "
+        "azimuth. From the data sheet (turn-on bias).",
         unit="deg/h",
         low=0.0,
         high=1e5,
@@ -48,8 +48,8 @@ class Gyro:
     misalignment_mrad: float = setting(
         0.3,
         "Share of the rate about the tool axis that the cross axes read, 1 sigma. Raising it widens the sigma of "
-        "inclination and azimuth in a turning string until it is learnt. 0.3 remains after calibration, 1 is common "
-        "without.",
+        "inclination and azimuth in a turning string until the misalignment is estimated. 0.3 is usual after a "
+        "calibration, 1 without.",
         unit="mrad",
         low=0.0,
         high=100.0,
@@ -57,7 +57,7 @@ class Gyro:
     )
     g_deg_h_g: float = setting(
         3.6,
-        "Sensitivity of the rate to specific force. Raising it widens the sigma of the azimuth that the gyros carry.",
+        "Sensitivity of the rate to specific force, 1 sigma. Raising it widens the sigma of a gyro-propagated azimuth.",
         unit="deg/h/g",
         low=0.0,
         high=1e4,
@@ -71,8 +71,8 @@ class Accelerometer:
 
     range_g: Vector = setting(
         (16.0, 16.0, 16.0),
-        "Largest force that each axis reads; the smallest of the three counts. If set too large, clipped shocks bias "
-        "the estimate; if too small, ordinary vibration counts as clipped. From the data sheet.",
+        "Largest force that each axis can measure; the smallest of the three values is used. If set too large, clipped "
+        "shocks bias the estimate; if too small, ordinary vibration counts as clipped. From the data sheet.",
         unit="g",
         low=0.1,
         high=2e5,
@@ -81,7 +81,7 @@ class Accelerometer:
         408.0,
         "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigma of inclination and toolface "
         "of every sample, and the acceptance limits of surveys. The default is the ISCWSA MWD tool code's (0.004 "
-        "m/s^2); a calibration certificate may state less, a new unit without calibration has some 3000.",
+        "m/s^2); a calibration certificate may state less; a new unit without calibration has about 3000.",
         unit="ug",
         low=0.0,
         high=1e5,
@@ -109,11 +109,11 @@ class Accelerometer:
         None,
         "Direction error of each axis that calibration leaves, 1 sigma, from the residual of a tumble calibration. "
         "Together with bias and scale error it sets the sigma of inclination and toolface of every sample; raising "
-        "one widens the sigma. Not stated: nobody has described the accelerometers, every sample gets the sigma of a "
-        "unit as it leaves its factory until the data show a better one, and all outputs say that the tool is "
-        "assumed. In surveys it is the angle by which the accelerometers may be rotated in their mount: it widens "
-        "the sigmas of inclination and azimuth, and above some 5 mrad the first stations are doubtful until a turning "
-        "string, or other toolfaces, show the mount.",
+        "any of the three widens this sigma. nan: not stated; every sample then has the sigma of a new unit without "
+        "calibration until the data show a smaller error, and all outputs say that the tool is assumed. In surveys "
+        "this value is the angle by which the accelerometers may be rotated in their mount: it widens the sigmas of "
+        "inclination and azimuth, and above about 5 mrad the first stations are doubtful until rotation of the "
+        "string, or stations at other toolfaces, show the mount.",
         unit="mrad",
         low=0.0,
         high=500.0,
@@ -137,8 +137,8 @@ class Magnetometer:
     )
     range_ut: float = setting(
         800.0,
-        "Largest field that an axis reads; 0: not known. If set too large, saturation is not detected. From the data "
-        "sheet.",
+        "Largest field that an axis can measure; 0: not known. If set too large, saturation is not detected. From the "
+        "data sheet.",
         unit="uT",
         low=0.0,
         high=1e6,
@@ -173,8 +173,9 @@ class Magnetometer:
     )
     delay_s: float = setting(
         0.02,
-        "Time after its stamp at which a magnetic sample is used; those that arrive later are counted and not used. "
-        "Raising it delays the azimuth by as much. Raise it if `mwd process` or the diagnostics count late samples.",
+        "Time after its stamp at which a magnetic sample is used; samples that arrive later are counted and not used. "
+        "Raising it delays the azimuth by the same time. Raise it if `mwd process` or the diagnostics count late "
+        "samples.",
         unit="s",
         low=0.0,
         high=0.2,
@@ -188,8 +189,8 @@ class PrecisionGyro:
 
     range_deg_s: Vector = setting(
         (100.0, 100.0, 100.0),
-        "Largest rate that each axis reads; the smallest of the three counts. If set too large, clipped rates bias the "
-        "gyro azimuth. From the data sheet.",
+        "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
+        "rates bias the gyro azimuth. From the data sheet.",
         unit="deg/s",
         low=0.1,
         high=2e6,
@@ -206,15 +207,15 @@ class PrecisionGyro:
     )
     bias_deg_h: float = setting(
         5.0,
-        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. The stations "
-        "of a run estimate the bias of this unit.",
+        "Bias that remains after calibration, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. "
+        "The bias of this unit is estimated from the stations of a run.",
         unit="deg/h",
         low=0.0,
         high=1e5,
     )
     walk_deg_h_sqrt_h: float = setting(
         0.3,
-        "Random walk of the bias. Raising it widens the sigma of long seeks and of an azimuth that the gyros carry.",
+        "Random walk of the bias. Raising it widens the sigma of a long north seek and of a gyro-propagated azimuth.",
         unit="deg/h/sqrt(h)",
         low=0.0,
         high=1e4,
@@ -222,7 +223,8 @@ class PrecisionGyro:
     )
     misalignment_mrad: float = setting(
         0.3,
-        "Share of the rate about the tool axis that the cross axes read. Raising it widens sigma in a turning string.",
+        "Share of the rate about the tool axis that the cross axes read, 1 sigma. Raising it widens the sigma of the "
+        "gyro azimuth in a turning string.",
         unit="mrad",
         low=0.0,
         high=100.0,
@@ -230,8 +232,8 @@ class PrecisionGyro:
     )
     g_deg_h_g: float = setting(
         0.5,
-        "Sensitivity of the rate of each axis to the specific force along each axis. Raising it widens the sigma of "
-        "every gyro azimuth. State it for a better unit.",
+        "Sensitivity of the rate of each axis to the specific force along each axis, 1 sigma. Raising it widens the "
+        "sigma of every gyro azimuth. Lower it for a better unit.",
         unit="deg/h/g",
         low=0.0,
         high=1e3,
@@ -239,8 +241,9 @@ class PrecisionGyro:
     )
     g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
         (0.0, 0.0, 0.0, 0.0),
-        "Sensitivity to specific force that a calibration found, which is corrected: along, across, stretch, shear. "
-        "Zeros: not calibrated.",
+        "Sensitivity of the y and z gyros to specific force, known from a calibration and corrected. The four values "
+        "a, c, s, h give the rate error (a + s) fy + (c + h) fz of y and (h - c) fy + (a - s) fz of z. Zeros: not "
+        "calibrated.",
         unit="deg/h/g",
         expert=True,
     )
@@ -266,14 +269,15 @@ class Tool:
         "integrated",
         "Meaning of a sample of the conventional unit: integrated (strapdown-integrated over its interval), means "
         "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
-        "coning of 2 deg drifts by 65 deg/h. With gravity.method bounded, points that are stated as integrated are "
-        "found when the rotary speed changes, used as points and reported. From the data sheet.",
+        "coning of 2 deg causes a drift of 65 deg/h. With gravity.method bounded, samples that are stated as "
+        "integrated but are points are detected when the rotary speed changes; they are then used as points, and "
+        "reported. From the data sheet.",
         choices=("integrated", "means", "points"),
     )
     calibrated_c: tuple[float, float] = setting(
         (-40.0, 175.0),
-        "Lowest and highest temperature of the calibration. Surveys beyond them have wider sigmas, and a warning says "
-        "so. Set them from the calibration's report.",
+        "Lowest and highest temperature of the calibration. Surveys outside this range have wider sigmas and a "
+        "warning. From the calibration report.",
         unit="degC",
         low=-273.0,
         high=1000.0,
@@ -281,8 +285,8 @@ class Tool:
     )
     latency_s: float = setting(
         0.0,
-        "Age of a reading at its stamp: the x gyro extrapolates both toolfaces by this time. Raising it "
-        "amplifies gyro noise. Set it if the tool stamps samples late.",
+        "Time from the measurement of a sample to its stamp. Both toolfaces are extrapolated by this time with the "
+        "x gyro. Raising it amplifies gyro noise. Set it if the tool stamps its samples late.",
         unit="s",
         low=0.0,
         high=2.0,
@@ -297,8 +301,8 @@ class Tool:
     )
     hole_axis_deg: tuple[float, float] = setting(
         (0.0, 0.0),
-        "Known angles of the hole axis from the tool axis, about y (towards -z) and z (towards +y), which are "
-        "corrected.",
+        "Known misalignment, which is corrected: angles from the tool axis to the hole axis, about y (towards -z) and "
+        "about z (towards +y).",
         unit="deg",
         low=-10.0,
         high=10.0,
@@ -311,8 +315,9 @@ class Tool:
     )
     sag_correction_deg: float = setting(
         0.0,
-        "Sag of the assembly in a horizontal hole; multiplied by the sine of the inclination, it is added to that. "
-        "Setting it lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. From a sag model of the assembly.",
+        "Sag correction of the assembly in a horizontal hole; this value times the sine of the inclination is added to "
+        "the inclination. A value other than 0 lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. From a sag "
+        "model of the assembly.",
         unit="deg",
         low=-5.0,
         high=5.0,
@@ -323,7 +328,7 @@ class Tool:
         "Pipe around the magnetometer: non_magnetic (enough non-magnetic collars: 220 nT along the axis, 1 sigma), "
         "short (too few of them: 1500 nT), steel (none, as around a probe in steel pipe: 3000 nT along the axis, 1000 "
         "nT across it, and at one station in three a rotated field). In a string of steel a magnetic azimuth "
-        "is not accepted by itself: use a gyro.",
+        "alone is not accepted: use a gyro.",
         choices=("non_magnetic", "short", "steel"),
     )
     axial_interference_nt: float | None = setting(

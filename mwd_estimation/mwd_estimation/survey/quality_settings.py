@@ -31,14 +31,15 @@ class QualitySettings:
 
     limits: str = setting(
         TOOLCODE,
-        "Limits on total gravity, total field and dip: toolcode (from the errors of the tool at this attitude), "
-        "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (2.5 mG, 300 nT, 0.25 deg), custom (custom_limits).",
+        "Limits on the deviations of total gravity, total field and dip: toolcode (from the errors of the tool at this "
+        "attitude), service (2.5 mG, 300 nT, 0.45 deg), iscwsa (2.5 mG, 300 nT, 0.25 deg), custom (custom_limits).",
         choices=(TOOLCODE, *LIMITS, CUSTOM),
     )
     custom_limits: tuple[float, float, float] = setting(
         (2.5, 300.0, 0.45),
-        "Custom limits on the deviations of total gravity (mG; beyond it a survey is doubtful), total field (nT) and "
-        "dip (deg; beyond them an azimuth is). Raising them accepts worse accelerometers and more interference.",
+        "Custom limits on the deviations of total gravity (mG), total field (nT) and dip (deg) from the reference. "
+        "Beyond the limit of gravity a survey is doubtful, beyond the limit of field or dip its azimuth. Raising them "
+        "accepts worse accelerometers and more interference.",
         unit="mG, nT, deg",
         low=0.01,
         high=10000.0,

@@ -14,7 +14,7 @@ SHORTEST_S, LONGEST_S = 1.0, 600.0  # shortest and longest averaging time, s
 class SurveySettings:
     """Settings for taking and computing surveys."""
 
-    automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
+    automatic: bool = setting(True, "Take a survey automatically in each interval in which the tool is at rest.")
     settle_s: float = setting(
         2.0,
         "Time for the string to settle before averaging. Raising it delays each survey and leaves out more of the "
@@ -26,15 +26,15 @@ class SurveySettings:
     )
     duration_s: float = setting(
         8.0,
-        "Averaging time of a survey. Raising it lowers the noise and takes longer.",
+        "Averaging time of a survey. Raising it lowers the noise; each survey takes longer.",
         unit="s",
         low=SHORTEST_S,
         high=LONGEST_S,
     )
     wait_for_gyro_s: float = setting(
         120.0,
-        "Longest time that a survey taken by itself waits for the gyro azimuth and averages on. Raising it gives "
-        "better gyro azimuths where the string stands still long enough; 0: do not wait.",
+        "Longest time that an automatic survey waits for the gyro azimuth; it continues to average while it waits. "
+        "Raising it gives better gyro azimuths if the string stands still long enough. 0: do not wait.",
         unit="s",
         low=0.0,
         high=3600.0,
@@ -42,26 +42,28 @@ class SurveySettings:
     )
     north: str = setting(
         "best",
-        "North that azimuths refer to; best is grid, else true, else magnetic, as far as the reference goes.",
+        "North of the azimuths. best: grid north if the convergence is known, else true north if the declination is "
+        "known, else magnetic north.",
         choices=("best", "grid", "true", "magnetic"),
     )
     gyro_method: str = setting(
         "seek",
-        "North from the precision unit: seek (still or in two positions, biases estimated), s1 (the paper's filter: "
-        "still, small bias only).",
+        "North seeking with the precision unit: seek (tool at rest, in one or two positions; gyro biases are "
+        "estimated) or s1 (filter of paper S1: tool at rest, for a small gyro bias only).",
         choices=("seek", "s1"),
         expert=True,
     )
     tool_code: str = setting(
         "",
-        "ISCWSA / OWSG tool code whose magnitudes replace the tool's biases, scales, interference and alignment in "
-        "surveys, for example MWD+SRGM; empty: the figures of `tool`. The limits of the verdict follow it.",
+        "ISCWSA / OWSG tool code, for example MWD+SRGM. Its error magnitudes replace bias, scale, interference and "
+        "alignment errors of the section `tool` in surveys, and the limits of the verdict follow from them. Empty: the "
+        "errors of the section `tool`.",
     )
     motion: float = setting(
         1.0,
-        "Motion in which a survey is still taken, as a multiple of a mean rate and a standard deviation of the rate of "
-        "0.03 rad/s and a standard deviation of the force of 0.25 m/s^2. Raising it takes surveys in a creeping string "
-        "or with pumps on; their sigma grows.",
+        "Factor on the limits of motion within which a survey is taken. With 1 the limits are 0.03 rad/s for the mean "
+        "rate and for the standard deviation of the rate, and 0.25 m/s^2 for the standard deviation of the force. "
+        "Raising it allows surveys in a creeping string or with pumps on; their sigma is larger.",
         low=0.1,
         high=10.0,
         expert=True,
