@@ -84,7 +84,7 @@ class ReplyItem:
     step: float = setting(1.0, "Change of the value when the number rises by 1; not 0.", low=-1e15, high=1e15)
     offset: float = setting(
         0.0,
-        "Value of the number 0; a dip is an inclination with offset 90 and a negative step.",
+        "Value that the number 0 stands for. For a dip, use the inclination with offset 90 and a negative step.",
         low=-1e15,
         high=1e15,
     )

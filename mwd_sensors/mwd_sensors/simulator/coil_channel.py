@@ -54,7 +54,7 @@ class CoilChannel:
     )
     mains_t: float = setting(
         1.0e-12,
-        "Amplitude of each odd harmonic of the mains there; the even ones are a tenth of it.",
+        "Amplitude of each odd harmonic of the mains at the receiver; even harmonics have a tenth of this amplitude.",
         unit="T",
         low=0.0,
     )

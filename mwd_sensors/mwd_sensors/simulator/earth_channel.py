@@ -30,7 +30,7 @@ class EarthNoise:
     """Noise of the surface voltage: everything that is not the tool's signal."""
 
     telluric_v: float = setting(
-        2.0e-5, "Telluric and electrode noise: rms below 1 Hz, falling as 1/f.", unit="V", low=0.0
+        2.0e-5, "1/f noise of earth currents and electrodes: rms value of the part below 1 Hz.", unit="V", low=0.0
     )
     amplifier_v: float = setting(2.0e-6, "White noise of the amplifier, rms at 250 Hz.", unit="V", low=0.0)
     mains_v: float = setting(2.0e-4, "Mains: amplitude.", unit="V", low=0.0)
@@ -38,7 +38,7 @@ class EarthNoise:
     drive_v: float = setting(1.0e-5, "Rig drives: amplitude of the first line.", unit="V", low=0.0)
     drive_hz: float = setting(
         1.45,
-        "Rig drives: base frequency; lines at its multiples, like the current of pumps and rotary.",
+        "Rig drives: base frequency. Lines are at its multiples, as in the current of pumps and rotary.",
         unit="Hz",
         low=0.05,
     )

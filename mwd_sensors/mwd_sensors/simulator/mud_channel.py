@@ -116,8 +116,12 @@ _BAND_HZ = 35.0  # bandwidth of the gauge
 class PressureNoise:
     """Pressure noise: everything that is neither a pulse nor a pump."""
 
-    bit_pa: float = setting(5.0e4, "Bit and motor: rms below 1 Hz at the bit.", unit="Pa", low=0.0, high=1e7)
-    surface_pa: float = setting(8.0e3, "Surface: rms below 1 Hz, falling as 1/f.", unit="Pa", low=0.0, high=1e6)
+    bit_pa: float = setting(
+        5.0e4, "1/f noise of bit and motor, at the bit: rms value of the part below 1 Hz.", unit="Pa", low=0.0, high=1e7
+    )
+    surface_pa: float = setting(
+        8.0e3, "1/f noise at the surface: rms value of the part below 1 Hz.", unit="Pa", low=0.0, high=1e6
+    )
     gauge_pa: float = setting(300.0, "White noise of the gauge, rms at 100 Hz.", unit="Pa", low=0.0, high=1e6)
     stick_slip_pa: float = setting(0.0, "Stick-slip: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
     stick_slip_hz: float = setting(0.18, "Stick-slip: frequency.", unit="Hz", low=0.02, high=2.0)

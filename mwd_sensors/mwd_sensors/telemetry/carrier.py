@@ -56,7 +56,7 @@ class Carrier:
     )
     frequency_hz: float = setting(
         12.0,
-        "Frequency of the carrier; with a coil, that of the change of strength, which carries the symbols.",
+        "Frequency of the carrier; with a coil, the frequency of the changes of field strength that carry the symbols.",
         unit="Hz",
         low=0.5,
         high=200.0,
@@ -129,7 +129,9 @@ class Coil:
         low=1e-4,
         high=1e4,
     )
-    depth: float = setting(0.5, "Share by which the strength is changed.", low=0.05, high=1.0)
+    depth: float = setting(
+        0.5, "Change of the strength by the symbols, as a share of the strength.", low=0.05, high=1.0
+    )
 
 
 class BlockName(NamedTuple):

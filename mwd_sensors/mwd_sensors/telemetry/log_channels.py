@@ -82,7 +82,8 @@ class LogChannel:
     )
     sensor_to_bit_m: float | None = setting(
         None,
-        "Distance of the sensor from the bit; none: that of the sonde. The surface uses it for values from words.",
+        "Distance of the sensor from the bit; none: the distance of the sonde. The surface uses this distance for "
+        "values that were received as words.",
         unit="m",
         low=0.0,
         high=100.0,

@@ -33,7 +33,9 @@ class SerialLine:
     """A serial line and the format of its frames."""
 
     format: str = setting("binary", "Format of the frames: binary with CRC-16, or text.", choices=("binary", "ascii"))
-    check: bool = setting(True, "Whether lines of text carry a CRC-16. Without it wrong digits cannot be detected.")
+    check: bool = setting(
+        True, "Whether lines of text end with a CRC-16. Without a CRC-16 wrong digits cannot be detected."
+    )
     baud: int = setting(
         9600, "Speed of the line; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=50, high=4_000_000
     )

@@ -51,8 +51,10 @@ class Sync:
 
     # All distances between two of these pulses differ by more than 1 TU, so a shifted copy of the sync and the sync
     # have at most one pulse in common.
-    edges_tu: tuple[int, ...] = setting((0, 5, 14, 21, 32), "Leading edges relative to its start.", unit="TU", low=0)
-    length_tu: int = setting(40, "Time from its start to the first packet.", unit="TU", low=1)
+    edges_tu: tuple[int, ...] = setting(
+        (0, 5, 14, 21, 32), "Times of the leading edges of the pulses, from the start of the sync.", unit="TU", low=0
+    )
+    length_tu: int = setting(40, "Time from the start of the sync to the first packet.", unit="TU", low=1)
 
     def __post_init__(self) -> None:
         """
@@ -87,7 +89,11 @@ class ToolConfiguration:
     coil: Coil = setting(Coil, "Coil of a sonde, for a carrier with the medium coil.")
     serial: SerialLine = setting(SerialLine, "Line and frames, for the code serial.")
     header_bits: int = setting(
-        0, "Bits after the sync with the number of the sequence, from 0; 0 bits always means the first.", low=0, high=6
+        0,
+        "Number of bits after the sync that give the number of the sequence, from 0. With 0 bits the tool always "
+        "sends the first sequence.",
+        low=0,
+        high=6,
     )
     parity: str = setting("even", "Parity of words marked P; the parity bit comes last.", choices=("even", "odd"))
     missing_code: bool = setting(

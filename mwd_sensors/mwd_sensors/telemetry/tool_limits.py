@@ -40,7 +40,7 @@ class Pack:
     active_a: float = setting(0.4, "Mean current while the pumps are on.", unit="A", low=0.0, high=100.0)
     idle_a: float = setting(0.06, "Mean current while the pumps are off.", unit="A", low=0.0, high=100.0)
     used_ah: float = setting(
-        0.0, "Charge used before this run; a tool that counts its charge tells it itself.", unit="A h", low=0.0
+        0.0, "Charge used before this run. Not needed for a tool that counts and sends its charge.", unit="A h", low=0.0
     )
 
     def __post_init__(self) -> None:
@@ -58,16 +58,21 @@ class BatteryLimits(Pack):
     """Battery of a tool, from its data sheet."""
 
     capacity_sigma: float = setting(
-        0.05, "1 sigma of the capacity as a share of it: batteries of a kind differ.", low=0.0, high=1.0
+        0.05,
+        "1 sigma of the capacity, as a share of the capacity: batteries of the same kind differ.",
+        low=0.0,
+        high=1.0,
     )
-    current_sigma: float = setting(0.1, "1 sigma of these currents as a share of them.", low=0.0, high=1.0)
+    current_sigma: float = setting(
+        0.1, "1 sigma of active_a and idle_a, as a share of each current.", low=0.0, high=1.0
+    )
     counter_sigma: float = setting(
-        0.02, "1 sigma of the charge that the tool counts, as a share of it.", low=0.0, high=1.0
+        0.02, "1 sigma of the charge that the tool counts, as a share of this charge.", low=0.0, high=1.0
     )
     least_v: float = setting(
         0.0,
-        "Voltage below which the tool stops and an alarm is raised; it depends on the cells in series, so 0, which "
-        "raises no alarm, where it is not known.",
+        "Voltage at which the tool stops working; below it an alarm is raised. It depends on the number of cells in "
+        "series. 0: not known, no alarm.",
         unit="V",
         low=0.0,
         high=1000.0,
@@ -79,7 +84,9 @@ class BatteryLimits(Pack):
 class ExposureLimit:
     """Time that a tool withstands each level of a quantity."""
 
-    hours: Rows = setting(doc="Rows of the level, in the unit of the quantity, and the time that the tool stands, h.")
+    hours: Rows = setting(
+        doc="Rows of level, in the unit of the quantity, and time that the tool withstands this level, h."
+    )
 
     def __post_init__(self) -> None:
         """Raise ValueError if the levels do not rise, or a time is not above 0 or grows with the level."""
@@ -105,8 +112,8 @@ class ToolPart:
     """A part of the tool."""
 
     serial_number: str = setting("", "Serial number.")
-    calibrated: str = setting("", "Day of the last calibration, as 2026-03-01; empty: none.")
-    valid_days: int = setting(365, "Days for which a calibration holds.", unit="d", low=1, high=10000)
+    calibrated: str = setting("", "Day of the last calibration, such as 2026-03-01; empty: not calibrated.")
+    valid_days: int = setting(365, "Time for which a calibration is valid.", unit="d", low=1, high=10000)
 
     def __post_init__(self) -> None:
         """Raise ValueError if the day is not a date."""
@@ -139,8 +146,8 @@ class ToolLimits:
     battery: BatteryLimits | None = setting(None, "The battery; none: assumed figures of a usual kit.")
     exposures: dict[str, ExposureLimit] = setting(
         {},
-        "Time that the tool stands, by quantity: temperature (degC), lateral_vibration, axial_vibration and shock_peak "
-        "(m/s^2) or any other source of a log channel. Without any, assumed figures of a usual kit.",
+        "Time that the tool withstands each level, by quantity: temperature (degC), lateral_vibration, axial_vibration "
+        "and shock_peak (m/s^2) or any other source of a log channel. Without any, assumed figures of a usual kit.",
     )
     parts: dict[str, ToolPart] = setting({}, "Parts by name, with serial number and calibration.")
 

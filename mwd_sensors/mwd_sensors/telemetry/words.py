@@ -26,7 +26,7 @@ class Word:
     high: float = setting(1.0, "Value of the highest code; for a word that wraps, the value that is the same as low.")
     unit: str = setting("", "Unit of low and high.")
     wraps: bool | None = setting(
-        None, "Whether high and low are the same direction; by default a full circle in deg wraps."
+        None, "Whether high and low are the same direction; by default true for a full circle in deg."
     )
     logarithmic: bool = setting(False, "Whether steps are equal ratios instead of equal differences (used for sigmas).")
     sigma: float = setting(
