@@ -27,8 +27,8 @@ class ControlSettings:
     )
     heartbeat_s: float = setting(
         2.0,
-        "Time without a command of the owner after which the owner counts as dead. Raising it lets the string turn "
-        "longer without a living controller; lowering it ends the leases of slow clients.",
+        "Time without a command after which the controller that has control counts as dead. Raising it lets the string "
+        "turn longer without a working controller; lowering it ends the control of slow clients.",
         unit="s",
         low=0.2,
         high=30.0,
@@ -44,7 +44,8 @@ class ControlSettings:
     )
     longest_s: float = setting(
         3600.0,
-        "Longest lease; the owner renews it by a new request. Lowering it ends a forgotten lease sooner.",
+        "Longest time for which control is granted; the controller extends it by a new request. Lowering it ends "
+        "forgotten control sooner.",
         unit="s",
         low=1.0,
         high=86400.0,
@@ -55,7 +56,7 @@ class ControlSettings:
     )
     speed_rate_rpm_s: float = setting(
         10.0,
-        "Largest change of the commanded speed. Raising it excites stick-slip.",
+        "Largest rate of change of the commanded speed. Raising it can excite stick-slip.",
         unit="r/min/s",
         low=0.1,
         high=1000.0,
@@ -73,7 +74,7 @@ class ControlSettings:
     left_speed_rpm: float = setting(
         0.0,
         "Highest counter-clockwise speed, looking downhole, that may be commanded. Left-hand rotation can unscrew "
-        "the string; 0 refuses it.",
+        "the string; with 0 it is refused.",
         unit="r/min",
         low=0.0,
         high=600.0,
@@ -81,8 +82,8 @@ class ControlSettings:
     )
     left_turn_deg: float = setting(
         0.0,
-        "Largest counter-clockwise turn in one command; 0 refuses it. A controller that rocks the string, or "
-        "corrects a toolface to the left, needs a value above 0.",
+        "Largest counter-clockwise turn in one command; with 0 such turns are refused. A controller that rocks the "
+        "string, or corrects a toolface to the left, needs a value above 0.",
         unit="deg",
         low=0.0,
         high=36000.0,
@@ -107,7 +108,8 @@ class ControlSettings:
     mwd_lost_sliding: str = setting(
         "hold",
         "Reaction while sliding if attitude and toolface stop arriving: hold, release or keep, as for "
-        "controller_lost_sliding. Except for keep, ORIENT set-points are refused until they arrive again.",
+        "controller_lost_sliding. Except with keep, ORIENT set-points are refused until attitude and toolface arrive "
+        "again.",
         choices=REACTIONS,
         fixed=True,
     )

@@ -16,35 +16,35 @@ class LiveSettings:
 
     estimator_period: float = setting(
         0.5,
-        "Usual time between attitudes. The page shows STALE after twice this time without them; raise it for a "
+        "Usual time between attitudes. The page shows STALE after twice this time without an attitude. Raise it for a "
         "slower source.",
         unit="s",
         low=0.05,
     )
     dynamics_period: float = setting(
         1.0,
-        "Usual time between summaries of drilling dynamics. The page shows STALE after twice this time without "
-        "them; raise it for a slower source.",
+        "Usual time between summaries of drilling dynamics. The page shows STALE after twice this time without a "
+        "summary. Raise it for a slower source.",
         unit="s",
         low=0.05,
     )
     rig_period: float = setting(
         1.0,
-        "Usual time between messages of rig data. The page shows STALE after twice this time without them; raise "
+        "Usual time between messages of rig data. The page shows STALE after twice this time without a message. Raise "
         "it for a slower source.",
         unit="s",
         low=0.05,
     )
     temperature_period: float = setting(
         1.0,
-        "Usual time between temperatures. The page shows STALE after twice this time without them; raise it for a "
-        "slower source.",
+        "Usual time between temperatures. The page shows STALE after twice this time without a temperature. Raise it "
+        "for a slower source.",
         unit="s",
         low=0.05,
     )
     magnetometer_period: float = setting(
         0.5,
-        "Usual time between magnetometer samples. The page shows STALE after twice this time without them; raise "
+        "Usual time between magnetometer samples. The page shows STALE after twice this time without a sample. Raise "
         "it for a slower source.",
         unit="s",
         low=0.05,
@@ -52,21 +52,21 @@ class LiveSettings:
     interference_period: float = setting(
         1.0,
         "Usual time between estimates of the magnetic interference. The page shows STALE after twice this time "
-        "without them; raise it for a slower source.",
+        "without an estimate. Raise it for a slower source.",
         unit="s",
         low=0.05,
     )
     recorder_period: float = setting(
         1.0,
-        "Usual time between reports of the recorder. The page shows STALE after twice this time without them; "
-        "raise it for a slower source.",
+        "Usual time between reports of the recorder. The page shows STALE after twice this time without a report. "
+        "Raise it for a slower recorder.",
         unit="s",
         low=0.05,
     )
     sonde_period: float = setting(
         0.5,
-        "Usual time between raw samples of the sonde. The page shows STALE after twice this time without them; "
-        "raise it for a slower source.",
+        "Usual time between raw samples of the sonde. The page shows STALE after twice this time without a sample. "
+        "Raise it for a slower sonde.",
         unit="s",
         low=0.05,
     )

@@ -92,7 +92,7 @@ class InputSettings:
     end_s: float = setting(math.inf, "End this long after the first message.", unit="s", low=0.0)
     partial: bool = setting(False, "Use the readable part of a bag that is cut off or damaged.")
     sensor_to_bit_m: float | None = setting(
-        None, "Distance from sonde to bit; nan: from the recording, else 0.", unit="m", low=0.0, high=100.0
+        None, "Distance from sonde to bit; nan: the distance in the recording, else 0.", unit="m", low=0.0, high=100.0
     )
     stamps: str = setting(
         "header",

@@ -60,12 +60,16 @@ class GaugeSettings:
     port: int = setting(502, "TCP port of the converter.", low=1, high=65535)
     unit: int = setting(1, "Unit (slave) number of the converter.", low=0, high=255)
     register: int = setting(0, "Input register of the channel, counted from 0.", low=0, high=65535)
-    count_4_ma: int = setting(0, "Register at 4 mA.", low=0, high=65535)
-    count_20_ma: int = setting(65535, "Register at 20 mA.", low=0, high=65535)
+    count_4_ma: int = setting(0, "Value of the register at 4 mA.", low=0, high=65535)
+    count_20_ma: int = setting(65535, "Value of the register at 20 mA.", low=0, high=65535)
     pressure_4_ma: float = setting(0.0, "Pressure at 4 mA.", unit="Pa")
     pressure_20_ma: float = setting(3.5e7, "Pressure at 20 mA.", unit="Pa")
     rate_hz: float = setting(
-        50.0, "Readings per second. A pulse width needs 5, a period of a carrier 2.5.", unit="Hz", low=0.5, high=500.0
+        50.0,
+        "Readings per second. At least 5 readings are needed in a pulse width, 2.5 in a period of a carrier.",
+        unit="Hz",
+        low=0.5,
+        high=500.0,
     )
 
     def __post_init__(self) -> None:

@@ -21,7 +21,7 @@ class ListRules:
     same_depth: float = setting(
         0.5,
         "Difference of measured depth below which two stations count as repeated surveys of one depth. Raising it "
-        "merges short check shots.",
+        "can merge stations that are close together.",
         unit="m",
         low=0.01,
     )

@@ -33,30 +33,31 @@ class AgeRules:
 
     toolface_max_age_s: float = setting(
         120.0,
-        "Age beyond which a toolface is withheld. Raising it bridges longer fades and shows older angles; a controller "
-        "stops when the toolface is withheld.",
+        "Age above which a toolface is not shown or used. Raising it bridges longer losses of signal and shows older "
+        "angles; a controller stops when there is no toolface.",
         unit="s",
         low=1.0,
         high=3600.0,
     )
     toolface_rate_deg_s: float = setting(
         0.15,
-        "1 sigma of the change of the toolface while sliding. Raise it for a motor whose reactive torque varies.",
+        "1 sigma of the rate of change of the toolface while sliding. Raise it for a motor whose reactive torque "
+        "varies.",
         unit="deg/s",
         low=0.0,
         high=90.0,
     )
     toolface_sigma_deg: float = setting(
         2.0,
-        "1 sigma of the tool's own toolface, combined with the rounding of the word.",
+        "1 sigma of the toolface as the tool measures it, combined with the rounding of the transmitted word.",
         unit="deg",
         low=0.0,
         high=45.0,
     )
     quill_share: float = setting(
         0.2,
-        "1 sigma of how far the string follows a turn of the top drive, as a share of that turn. Raise it in a hole "
-        "with much friction.",
+        "1 sigma of the difference between a turn of the top drive and the turn of the tool, as a share of the turn. "
+        "Raise it in a hole with much friction.",
         low=0.0,
         high=1.0,
     )
@@ -71,21 +72,23 @@ class AgeRules:
     )
     inclination_sigma_deg: float = setting(
         0.25,
-        "1 sigma of the tool's inclination, combined with the rounding where the tool does not send sigma (word sInc).",
+        "1 sigma of the tool's inclination, combined with the rounding, if the tool does not send its sigma (word "
+        "sInc).",
         unit="deg",
         low=0.0,
         high=10.0,
     )
     azimuth_sigma_deg: float = setting(
         1.0,
-        "1 sigma of the tool's azimuth, combined with the rounding where the tool does not send its sigma (word sAzm).",
+        "1 sigma of the tool's azimuth, combined with the rounding, if the tool does not send its sigma (word sAzm).",
         unit="deg",
         low=0.0,
         high=90.0,
     )
     angle_rate_deg_s: float = setting(
         0.002,
-        "1 sigma of the change of inclination and azimuth while drilling. Raise it for a fast, strongly curved hole.",
+        "1 sigma of the rate of change of inclination and azimuth while drilling. Raise it for a fast, strongly curved "
+        "hole.",
         unit="deg/s",
         low=0.0,
         high=10.0,
