@@ -78,10 +78,10 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
     severity = math.degrees(turned[k]) / length[k] * 30.0
     text = (
         f"{at[k + 1]}: the hole turns by {math.degrees(turned[k]):.1f} deg over {length[k]:.2f} m,"
-        f" {severity:.0f} deg/30 m; no usual hole does so"
+        f" {severity:.0f} deg/30 m, which is implausible"
     )
     if sharp.size > 1:
-        text += f" ({sharp.size} intervals of the list do)"
+        text += f" (as in {sharp.size} intervals of the list)"
     if "dogleg" in given.confirm:
         return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg": float(severity)}),)
     raise ListFileError(f"{text}: check depths, units and angles, or confirm it with --confirm dogleg")

@@ -493,7 +493,7 @@ class _ListReader:
         if self.german and (column.unit or otherwise) == "grad" and not self.given.angle_unit:
             # The German word Grad means degrees; elsewhere grads are 400 to the circle.
             column = dataclasses.replace(column, unit="deg")
-            text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit says otherwise"
+            text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit sets another unit"
             if all(one.text != text for one in self.remarks):
                 self._say(RemarkKind.UNIT_ASSUMED, text)
         given = (
@@ -503,8 +503,8 @@ class _ListReader:
         known = {**list_columns.LENGTH_UNITS, **list_columns.ANGLE_UNITS}
         if column.unit and self._given_unit(column) and known[column.unit] != factor:
             text = (
-                f"{self.name}: column {column.name!r} states {column.unit!r}; {self._given_unit(column)} is taken, as"
-                " the caller says"
+                f"{self.name}: column {column.name!r} states {column.unit!r}; {self._given_unit(column)} is used, as"
+                " set by the user"
             )
             if all(one.text != text for one in self.remarks):
                 self._say(RemarkKind.OVERRIDDEN, text)
@@ -667,11 +667,11 @@ class _ListReader:
                 f"{self.table.at}: column {column.name!r} was to be read with positive angles {chosen}, but the"
                 f" vertical depths of the list fit positive angles {fitting}; leave out --dip, or check the depths"
             )
-        way, why = chosen, "as the caller says"
+        way, why = chosen, "as set by the user"
         if not way:
-            way, why = fitting, "as its vertical depths say"
+            way, why = fitting, "as its vertical depths show"
             if stated not in ("", fitting):
-                why = f"as its vertical depths say, although the list says {stated}"
+                why = f"as its vertical depths show, although the list states {stated}"
         if not way:
             way, why = stated, "as the list says"
         if not way:
@@ -709,7 +709,7 @@ class _ListReader:
             above = kept[-1] if kept else None
             if above is not None and md <= above.numbers["md"]:
                 if all(above.numbers.get(what) == row.numbers.get(what) for what in NEEDED):
-                    text = f"{row.at}: the same station again, taken once"
+                    text = f"{row.at}: this station is a repetition of the one above, and is used once"
                     self._say(RemarkKind.STATION_REPEATED, text, measured_depth=md)
                     continue
                 raise ListFileError(
@@ -776,7 +776,7 @@ class _ListReader:
         first = rows[0]
         if first.texts.get("coordinates") != "assumed" or first.texts.get("station", "tie-on") not in _START_ROWS:
             return None
-        text = f"{self.name}: its coordinates rest on an assumption, as its column coordinates says"
+        text = f"{self.name}: its coordinates depend on an assumption, as its column coordinates states"
         remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
         md, inclination, azimuth = (first.numbers.get(what, 0.0) for what in NEEDED)
         north, east = (first.numbers.get(what, 0.0) for what in _LOCAL)
@@ -804,8 +804,8 @@ class _ListReader:
             if stated - {self.given.north}:
                 words = " and ".join(sorted(stated))
                 text = (
-                    f"{self.name}: it states {words} north for its azimuths; {self.given.north} is taken, as the caller"
-                    " says"
+                    f"{self.name}: it states {words} north for its azimuths; {self.given.north} north is used, as set "
+                    "by the user"
                 )
                 self._say(RemarkKind.OVERRIDDEN, text)
             return self.given.north
@@ -888,9 +888,9 @@ class _ListReader:
         if fits(angles, positions):
             if offset > _OFFSET:
                 text = (
-                    f"{self.name}: its azimuths are from {north} north and its map coordinates along a grid; its first"
-                    f" station, {offset:.0f} m from the wellhead, is not turned by the convergence, which the list does"
-                    " not show: export the list with azimuths from grid north"
+                    f"{self.name}: its azimuths are from {north} north and its map coordinates along a grid; its first "
+                    f"station, {offset:.0f} m from the wellhead, is not corrected for the convergence, which the list "
+                    "does not state: export the list with azimuths from grid north"
                 )
                 self._say(RemarkKind.NORTH_ASSUMED, text, distance=offset)
             return positions

@@ -75,7 +75,7 @@ def offsets_from_wellhead(
     if beyond <= _SITE and not charted:
         text = (
             f"{name}: its first station lies {place[0]:+.2f} m north and {place[1]:+.2f} m east: north and east are"
-            " taken to count from another point of the site, and the path starts there"
+            " assumed to be measured from another point of the site, and the path starts at this station"
         )
         return pair, (Remark(RemarkKind.TIE_ON_OF_LIST, text, {"north": float(place[0]), "east": float(place[1])}),)
     if not charted and beyond <= _MAP and "wellhead" not in given.confirm:

@@ -302,9 +302,11 @@ class BagEstimate:
             skew_s = offset_s(topic) - offset_s(topics.imu)
             if abs(skew_s) > _SKEW_S:
                 del samples[topic]
-                words = f"{topic}: stamps are seconds ahead of those of {topics.imu}" if skew_s > 0.0 else ""
-                words = words or f"{topic}: stamps are seconds behind those of {topics.imu}"
-                words = f"{words}, by the times of recording: not used there; stamp both with one clock"
+                words = f"{topic}: the stamps are seconds ahead of the stamps of {topics.imu}" if skew_s > 0.0 else ""
+                words = words or f"{topic}: the stamps are seconds behind the stamps of {topics.imu}"
+                words = (
+                    f"{words}, judged by the times of recording; such samples are not used; stamp both with one clock"
+                )
                 self._summary.warnings += [words] * (words not in self._summary.warnings)
 
     def _pass_gate(self, samples: BlockSamples) -> None:
@@ -458,8 +460,8 @@ class UsedSamples:
                     continue
                 more = run.recorded - run.used
                 words = (
-                    f"not the same input as live: the estimator used {run.used} samples of {single} from "
-                    f"{_time(run.first_ns)} on, the recording holds {run.recorded} of this time"
+                    f"the input differs from the live input: from {_time(run.first_ns)} on, the live estimator used "
+                    f"{run.used} samples of {single}, and the recording has {run.recorded}"
                 )
                 late_s = (run.recorded_from_ns - run.first_ns) * 1e-9
                 begins = f", the first {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""

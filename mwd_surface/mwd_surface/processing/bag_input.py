@@ -249,7 +249,7 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
                 f"the gyro of {topics.imu} and the accelerometer of {topics.accelerometer} are paired by time"
             )
         elif taken is not None and not named and not taken.endswith(usual):
-            remarks.append(f"{taken} is used as the {what}: the recording has no other")
+            remarks.append(f"{taken} is used as the {what}, because the recording has no other")
     remarks += [
         f"{name} comes in several alternating frames: two units publish it, and only frame {frame!r} is used"
         for name, frame in bag.frames_used.items()
@@ -268,9 +268,10 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
             remarks.append(f"not used: {', '.join(others)}; choose the precision unit with --gyro-topic")
     if topics.kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY):
         remarks.append(
-            f"{topics.imu}: gyro and accelerometer alternate, with zeros for the other: paired by time"
+            f"{topics.imu}: gyro and accelerometer come in alternating messages, each with zeros for the other sensor; "
+            "they are paired by time"
             if topics.kind == ImuKind.IN_TURNS
-            else f"{topics.imu}: messages of zeros among the readings are left out"
+            else f"{topics.imu}: messages that have only zeros are left out"
         )
     rigs = [name for name in bag.topics if _has(bag, name, wire.RIG_STATE) and name != topics.rig]
     if rigs and topics.rig is None:
@@ -369,7 +370,9 @@ def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
     names = {unit: seen.get(name, "") for unit, name in units.items() if name is not None}
     mount = resolve(given, names, static_transforms(bag))
     if "imu" in mount.unusable:
-        raise BagError(f"{topics.imu}: {mount.unusable['imu']}", "with `mwd process`: --mount z-down, for example")
+        raise BagError(
+            f"{topics.imu}: {mount.unusable['imu']}", "give the mount to `mwd process`, for example --mount z-down"
+        )
     there = {unit: why for unit, why in mount.unusable.items() if units[unit] is not None}
     return dataclasses.replace(mount, unusable=there)
 
@@ -498,7 +501,7 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     vectors = [t.name for t in bag.topics.values() if t.type_name == wire.VECTOR.type_name and t.count]
     if vectors:
         raise BagError(
-            f"{bag.path} has no IMU, and the names of its vectors ({wire.VECTOR.type_name}) do not say what they "
+            f"{bag.path} has no IMU, and the names of its topics of type {wire.VECTOR.type_name} do not show what they "
             f"measure: {', '.join(vectors)}",
             "choose the gyro with --imu-topic, the accelerometer with --accel-topic, the magnetometer with --mag-topic",
         )

@@ -137,7 +137,7 @@ def checked_limits(limits: dict[str, float]) -> dict[str, float]:
         if name not in LIMITS:
             raise ValueError(f"limit {name}: unknown; known are {', '.join(LIMITS)}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-            raise ValueError(f"limit {name}: must be a number from 0 on, got {value!r}")
+            raise ValueError(f"limit {name}: must be a number of 0 or more, got {value!r}")
     return limits
 
 

@@ -44,7 +44,7 @@ _APART_S = 1.0
 _FEW = 5
 # Least time since 1970 of a clock that has been set (1989), ns.
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
-_RAW = "record the driver's raw data (its topic often ends in data_raw), or disable its removal of gravity"
+_RAW = "record the raw data of the driver (topic often ending in data_raw), or let the driver keep gravity in the data"
 
 
 class StreamProblem(NamedTuple):
@@ -99,13 +99,13 @@ class SampleStream:
         """Return sentences on unusual times of the topics, and on samples left out so far."""
         names = ", ".join(sorted(self.without_time))
         return [
-            *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
+            *([f"{names}: there is no time in the headers; the times of recording are used"] if names else []),
             *(
-                f"{name}: {_samples(count)} were left out because they came twice, as from two publishers"
+                f"{name}: {_samples(count)} twice, as from two publishers; the copies were left out"
                 for name, count in self.repeated.items()
             ),
             *(
-                f"{name}: {_samples(count)} were left out because they have no time, which other samples have"
+                f"{name}: {_samples(count)} without a time, although other samples have one, and were left out"
                 for name, count in self.undated.items()
             ),
         ]
@@ -304,7 +304,7 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
     accelerometer = topics.accelerometer or topics.imu
     samples = first_samples(bag, accelerometer)
     if topics.kind == ImuKind.GYRO and topics.accelerometer is None:
-        sentence = f"{topics.imu} is the gyro of an IMU alone, and the recording has no topic of its accelerometer"
+        sentence = f"{topics.imu} has only the gyro of an IMU, and the recording has no topic of the accelerometer"
         return [StreamProblem(f"{sentence}; record both, or choose a complete IMU with --imu-topic")]
     if topics.kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY):
         samples = samples[(samples["linear_acceleration"] != 0.0).any(axis=1)]

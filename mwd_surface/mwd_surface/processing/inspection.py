@@ -57,8 +57,9 @@ _PASSES = 6  # largest number of corrections of the settings
 _SENSORS = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.DEAD, FaultCode.INVALID)
 _ASKEW = (
-    "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
-    "scribe line; correct the toolface with --set tool.toolface_offset_deg, or give the whole mount"
+    "the unit is mounted obliquely; its mount was found from the axis about which the string turns, which does not "
+    "show the scribe line; correct the toolface with --set tool.toolface_offset_deg, or give the full mount with "
+    "--mount"
 )
 
 
@@ -190,7 +191,7 @@ def inspect(
     reason = summary.no_survey if summary is not None else ""
     own = recorded or EstimatorSettings()
     if recorded is not None and (differences := _other_place(estimator.place, recorded.place)):
-        doubts.append(f"the given place is not that of the recording: {differences}")
+        doubts.append(f"the given place differs from the place in the recording: {differences}")
     return Inspection(
         topics,
         reading.times,

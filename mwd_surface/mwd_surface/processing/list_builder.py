@@ -91,7 +91,7 @@ class ListBuilder:
         if self._live.without_events:
             self.warnings.append(
                 f"the recording has no operator events ({namespace}operator_events): requested surveys are "
-                "not repeated, and only decisions in its survey lists are applied; record that topic"
+                "not repeated, and only decisions in its survey lists are applied; record this topic"
             )
         self._begun = False
 
@@ -104,12 +104,12 @@ class ListBuilder:
     def depth_source(self) -> str:
         """Source of the depths, as text."""
         if self._table is not None:
-            return f"of the table {self._given_depths}"
+            return f"from the table {self._given_depths}"
         if self._live_used:
-            return "of the live list"
+            return "from the live list"
         if self._rig_topic is None:
             return "none: the recording has no depths of the rig; give a table of depths with --depths"
-        return f"of the rig ({self._rig_topic})"
+        return f"from the rig ({self._rig_topic})"
 
     def take_rig(self, rig: Arrived, imu: Arrived | None) -> None:
         """
@@ -203,7 +203,7 @@ class ListBuilder:
         if not self._live.records:
             return self.surveys, ""
         if not self.as_live and any(r.judgement for r in self._live.records.values()):
-            self.warnings.append("decisions of people in the live list are not applied: other settings are in force")
+            self.warnings.append("decisions of people in the live list are not applied, because the settings differ")
         # A message has only the last decision about a survey, without the revision that was known at that time.
         told = (dataclasses.replace(r, decisions=r.decisions[-1:], decided_revision=0) for r in self.surveys.records)
         ours = {record.survey.uuid: record for record in told}
@@ -244,7 +244,8 @@ class ListBuilder:
             return dataclasses.replace(bare, legs=live.legs, leg=live.leg, plan=live.plan, tool=tool)
         if live is not None and (live.legs, live.plan) != (bare.legs, None):
             self.warnings.append(
-                f"legs and plan of the recording are not used: they are from {live.well.north_reference} north"
+                "legs and plan of the recording are not used, because their azimuths are from "
+                f"{live.well.north_reference} north"
             )
             return bare
         try:

@@ -81,8 +81,8 @@ class Rests:
         if self.count or self.hidden_s < self._needed_s or gyro_unit != "rad/s":
             return []
         sentence = (
-            f"{imu}: the accelerometers rest for {self.hidden_s:.0f} s while the gyro turns or scatters like "
-            "values in deg/s read as rad/s"
+            f"{imu}: the accelerometers show rest for {self.hidden_s:.0f} s, but the gyro shows rotation or noise, "
+            "as if values in deg/s were read as rad/s"
         )
         return [StreamProblem(sentence, ("gyro_unit", "deg/s"))]
 

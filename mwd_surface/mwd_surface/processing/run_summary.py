@@ -27,9 +27,9 @@ _MANY_REFUSED = 0.1
 _MANY_DISTURBED = 0.05
 _MANY_GAPS = 0.5
 TOOL_ASSUMED = (
-    "tool assumed: nobody has described its accelerometers, so the sigmas of inclination and toolface are those of a "
-    "unit as it leaves its factory; give a tool file (--tool), or set tool.accelerometer.misalignment_mrad, bias_ug "
-    "and scale_ppm from the calibration"
+    "tool assumed: the errors of its accelerometers are not stated, so the sigmas of inclination and toolface are "
+    "those of a new unit without calibration; give a tool file (--tool), or set tool.accelerometer.misalignment_mrad, "
+    "bias_ug and scale_ppm from the calibration"
 )
 
 
@@ -145,11 +145,11 @@ def hindrance(pipeline: Pipeline, summary: Summary) -> str:
     if summary.seconds < needed:
         return f"a survey needs {needed:g} s of data at rest, and there are {max(summary.seconds, 0.0):.1f} s"
     if summary.without_gravity == summary.rows:
-        return "the inclination was never known: see the faults of the sensors"
+        return "the inclination was never known: see the warnings about the sensors"
     if not found:
-        return f"no rest lasted {needed:g} s"
+        return f"the tool was never at rest for {needed:g} s"
     often, reason = max(found.values(), key=lambda one: one[0])
-    return f"no rest lasted {needed:g} s, most often because {text(reason)} ({often} half seconds)"
+    return f"no rest lasted {needed:g} s; the most frequent reason, in {often} half seconds: {text(reason)}"
 
 
 def pipeline_warnings(
@@ -165,8 +165,8 @@ def pipeline_warnings(
         warnings.append(TOOL_ASSUMED)
     if summary.rejected > _MANY_REFUSED * summary.rows:
         warnings.append(
-            f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
-            "are not finite or impossible"
+            f"{summary.rejected} of {summary.rows} IMU samples were refused, because their times do not advance, or "
+            "their values are impossible or not finite"
         )
     # If the time went back to its beginning or before, there is no rate.
     if summary.gaps > _MANY_GAPS * summary.rows and summary.seconds > 0.0:
@@ -178,10 +178,10 @@ def pipeline_warnings(
     if summary.disturbed > _MANY_DISTURBED * summary.rows:
         possible = derivation.interference_params(estimator).axial
         warnings.append(
-            f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field differs from "
-            f"the reference (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
-            f"dip off): external interference, or a string magnetised beyond {1e9 * possible:,.0f} nT (by "
-            "tool.axial_interference_nt), which the first accepted survey will show"
+            f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field differs from the "
+            f"reference (by up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
+            f"dip). There is external interference, or the string causes more than {1e9 * possible:,.0f} nT, the limit "
+            "from tool.axial_interference_nt; the first accepted survey will show a magnetised string"
         )
     if pipeline.went_back:
         often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]
@@ -194,16 +194,17 @@ def pipeline_warnings(
     if pipeline.temperature.outside is not None:
         low, high = pipeline.temperature.outside
         warnings.append(
-            f"the tool was at {low:.0f} to {high:.0f} degC, outside of its calibration: sigma of surveys there is "
-            "widened by tool.accelerometer.bias_ug_per_c and tool.magnetometer.bias_nt_per_c"
+            f"the tool was at {low:.0f} to {high:.0f} degC, outside its calibration: the sigma of surveys at these "
+            "temperatures is widened by tool.accelerometer.bias_ug_per_c and tool.magnetometer.bias_nt_per_c"
         )
     delay = magnetic_delay.in_words(pipeline.mag_late_ns)
     if delay:
-        warnings.append(f"{delay} from then on; stamp both sensors when they measure")
+        warnings.append(f"{delay} from then on; stamp the samples of both sensors when they are measured")
     if pipeline.counters.spikes:
-        warnings.append(f"{pipeline.counters.spikes} magnetic samples were spikes: not used")
+        warnings.append(f"{pipeline.counters.spikes} magnetic samples were not used, because they were spikes")
     if pipeline.counters.late_mag:
         warnings.append(
-            f"{pipeline.counters.late_mag} magnetic samples came later than tool.magnetometer.delay_s allows: raise it"
+            f"{pipeline.counters.late_mag} magnetic samples were not used, because they came later than "
+            "tool.magnetometer.delay_s allows; raise this parameter"
         )
     return warnings

@@ -112,8 +112,8 @@ class StreamTimes:
         if self.bursts and regular:
             each = round(self._burst_s / self._interval_s)
             found.append(
-                f"samples are stamped in bursts of {each} every {self._burst_s:.3g} s, as when they arrive; stamp them "
-                "when they are measured"
+                f"samples are stamped in bursts of {each} every {self._burst_s:.3g} s, as if stamped on arrival; stamp "
+                "each sample when it is measured"
             )
         if self.backwards:
             one = self.backwards == 1
@@ -125,14 +125,15 @@ class StreamTimes:
         if abs(self.drift) > PACE:
             # A simulation or a replay at another speed: the difference of the clocks grows, and has no meaning.
             found.append(
-                f"its clock runs {1.0 - self.drift:.2f} times as fast as the recorder's: a run at another speed"
+                f"its clock runs {1.0 - self.drift:.2f} times as fast as the clock of the recorder, because the run "
+                "was made at another speed than real time"
             )
             return found
         if abs(self.offset_s) > _OFFSET_S:
             side = "behind" if self.offset_s > 0 else "ahead of"
-            found.append(f"its clock is {abs(self.offset_s):.1f} s {side} the recorder's")
+            found.append(f"its clock is {abs(self.offset_s):.1f} s {side} the clock of the recorder")
         if abs(self.drift) > _DRIFT:
-            found.append(f"its clock drifts from the recorder's by {1e6 * self.drift:+.0f} us a second")
+            found.append(f"its clock drifts from the clock of the recorder by {1e6 * self.drift:+.0f} us per second")
         return found
 
 

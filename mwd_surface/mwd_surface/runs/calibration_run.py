@@ -107,7 +107,10 @@ def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[C
     refuse_damaged(bag, given)
     topics = _topics_of(bag, unit, given)
     if bag.topics[topics.imu].count > _MOST_SAMPLES:
-        raise BagError(f"{bag.path} is too long for a calibration run", "a tumble takes minutes; cut it out first")
+        raise BagError(
+            f"{bag.path} is too long for a calibration run",
+            "a tumble run takes minutes; cut this part out of the recording first",
+        )
     refuse(problems(bag, topics, given, Place()))
     stream = InputStream(bag, topics, given)
     parts: dict[str, list[Samples]] = {name: [] for name in topics.all}
@@ -118,7 +121,7 @@ def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[C
     refuse_damaged(bag, given)
     joined = {topic: np.concatenate(found) for topic, found in parts.items() if found}
     if topics.imu not in joined:
-        raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
+        raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "`mwd bag info` shows its topics")
     warnings = check_units(topics, {name: joined[name] for name in (topics.imu, topics.mag) if name in joined})
     run = _run(f"bag {bag.path.resolve().name}", unit, joined, (topics.imu, topics.mag, topics.temperature))
     return run, [*guesses(bag, topics, given), *stream.remarks, *warnings]

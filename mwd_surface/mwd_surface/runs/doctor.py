@@ -78,14 +78,14 @@ def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT)
 
 
 _PACKAGES = (
-    ("numpy", "every computation"),
-    ("numba", "every filter"),
+    ("numpy", "all computations"),
+    ("numba", "all filters"),
     ("yaml", "settings and scenarios"),
     ("rosbags", "reading recordings"),
     ("zstandard", "reading and writing recordings"),
     ("aiohttp", "the live page"),
-    ("pygeomag", "the magnetic field by place and date (WMM2025)"),
-    ("ppigrf", "the magnetic field of older days (IGRF)"),
+    ("pygeomag", "the model of the magnetic field (WMM2025)"),
+    ("ppigrf", "the model of the magnetic field of earlier years (IGRF)"),
 )
 # Purpose, Python module, and distribution to install.
 _INTERFACES = (
@@ -121,7 +121,9 @@ def package(name: str, why: str) -> CheckResult:
     """Check that a required package is installed."""
     if importlib.util.find_spec(name) is None:
         level = CheckLevel.NOTE if "without it" in why else CheckLevel.MISSING
-        return CheckResult(name, level, f"not installed: {why}", "run `make setup`, or pip install it into this Python")
+        return CheckResult(
+            name, level, f"not installed; needed for {why}", "run `make setup`, or pip install it into this Python"
+        )
     distribution = {"yaml": "PyYAML"}.get(name, name)
     return CheckResult(name, CheckLevel.OK, _version(distribution))
 
@@ -130,7 +132,7 @@ def interface(what: str, module: str, distribution: str) -> CheckResult:
     """Check that the package of an optional interface is installed."""
     if importlib.util.find_spec(module) is None:
         remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
-        return CheckResult(what, CheckLevel.NOTE, f"off: {distribution} is not installed", remedy)
+        return CheckResult(what, CheckLevel.NOTE, f"not available, because {distribution} is not installed", remedy)
     return CheckResult(what, CheckLevel.OK, f"{distribution} {_version(distribution)}")
 
 
@@ -138,7 +140,7 @@ def rig_port(what: str, port: int) -> CheckResult:
     """Check whether a rig interface can listen on its usual port."""
     taken = _taken(port)
     if taken:
-        remedy = "`mwd run` takes another; a surface node: set its rig.*.port"
+        remedy = "`mwd run` uses another port; for a surface node, set the port of this interface (rig.*.port)"
         return CheckResult(f"{what} port", CheckLevel.NOTE, f"port {port}: {taken}", remedy)
     return CheckResult(f"{what} port", CheckLevel.OK, f"port {port} is free")
 
@@ -151,8 +153,10 @@ def middleware() -> CheckResult:
     if done.returncode == 0:
         return CheckResult("ROS 2", CheckLevel.OK, f"rclpy with {done.stdout.strip()}")
     last = (done.stderr.strip().splitlines() or ["no answer"])[-1]
-    remedy = "run `make setup` for the wheels, or source /opt/ros/jazzy/setup.bash; recordings can be processed without"
-    return CheckResult("ROS 2", CheckLevel.MISSING, f"rclpy does not import: {last}", remedy)
+    remedy = (
+        "run `make setup` for the wheels, or source /opt/ros/jazzy/setup.bash; recordings can be processed without ROS"
+    )
+    return CheckResult("ROS 2", CheckLevel.MISSING, f"rclpy cannot be imported: {last}", remedy)
 
 
 def messages() -> CheckResult:
@@ -167,7 +171,7 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     """Check for another ROS installation in the environment, which would be mixed with that of this Python."""
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
-        remedy = "open a new shell without sourcing it"
+        remedy = "open a new shell in which no other ROS distribution is sourced"
         return CheckResult(
             "environment", CheckLevel.MISSING, f"ROS {distro} is sourced; the program needs jazzy", remedy
         )
@@ -177,7 +181,7 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     if others and importlib.util.find_spec("ros_wheels_bootstrapper") is not None:
         state = f"AMENT_PREFIX_PATH also names {', '.join(others)}"
         return CheckResult(
-            "environment", CheckLevel.NOTE, state, "unset AMENT_PREFIX_PATH unless that workspace is meant"
+            "environment", CheckLevel.NOTE, state, "unset AMENT_PREFIX_PATH, unless you want to use this workspace"
         )
     return CheckResult("environment", CheckLevel.OK, distro or "wheels, nothing sourced")
 
@@ -193,7 +197,7 @@ def discovery(environment: Mapping[str, str]) -> CheckResult:
     if reach.upper() == "SUBNET":
         state = f"domain {domain}, the whole network discovers the nodes and may publish to them"
         return CheckResult(
-            "discovery", CheckLevel.NOTE, state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless that is meant"
+            "discovery", CheckLevel.NOTE, state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE, unless you want this"
         )
     return CheckResult("discovery", CheckLevel.OK, f"domain {domain}, {reach}")
 
@@ -204,10 +208,14 @@ def receive_buffer() -> CheckResult:
     try:
         most = int(limit.read_text(encoding="ascii"))
     except (OSError, ValueError):
-        return CheckResult("receive buffer", CheckLevel.NOTE, f"{limit} cannot be read, so its limit is unknown")
-    state = f"{most / 2**20:.1f} MiB of a socket"
+        return CheckResult(
+            "receive buffer", CheckLevel.NOTE, f"{limit} cannot be read, so the largest receive buffer is unknown"
+        )
+    state = f"at most {most / 2**20:.1f} MiB for a socket"
     if most < _RECEIVE_BUFFER:
-        remedy = f"streams at 1 kHz lose samples on a busy machine: sudo sysctl -w net.core.rmem_max={_RECEIVE_BUFFER}"
+        remedy = (
+            f"streams at 1 kHz lose samples on a busy machine; run sudo sysctl -w net.core.rmem_max={_RECEIVE_BUFFER}"
+        )
         return CheckResult("receive buffer", CheckLevel.NOTE, state, remedy)
     return CheckResult("receive buffer", CheckLevel.OK, state)
 
@@ -234,7 +242,9 @@ def page_port(port: int) -> CheckResult:
     """Check whether the live page can listen on its port."""
     taken = _taken(port)
     if taken:
-        return CheckResult("page", CheckLevel.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
+        return CheckResult(
+            "page", CheckLevel.NOTE, f"port {port}: {taken}", "`mwd run` uses another port, or the port of --port"
+        )
     return CheckResult("page", CheckLevel.OK, f"port {port} is free")
 
 
@@ -255,14 +265,14 @@ def tool(name: str, why: str) -> CheckResult:
     if found:
         return CheckResult(name, CheckLevel.OK, found)
     remedy = f"on Debian or Ubuntu: sudo apt install {'g++' if name == 'c++' else name}"
-    return CheckResult(name, CheckLevel.NOTE, f"not found: {why}", remedy)
+    return CheckResult(name, CheckLevel.NOTE, f"not found; needed for {why}", remedy)
 
 
 def _version(distribution: str) -> str:
     try:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
-        return "there"
+        return "installed"
 
 
 def _taken(port: int) -> str:

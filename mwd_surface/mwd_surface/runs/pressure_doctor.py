@@ -43,8 +43,8 @@ def _rate(time: Array, tool: ToolConfiguration | None) -> CheckResult:
     spread = float(np.percentile(steps, 95) - np.percentile(steps, 5)) / usual
     narrowest = 2.0 * LEAST_PER_TU / rate
     state = (
-        f"{len(time)} samples in {time[-1] - time[0]:.0f} s, {rate:.4g} a second, intervals within {100 * spread:.0f}"
-        f" %: enough for pulses of {narrowest:.2g} s and longer"
+        f"{len(time)} samples in {time[-1] - time[0]:.0f} s, {rate:.4g} a second, intervals equal within "
+        f"{100 * spread:.0f} %: enough for pulses of {narrowest:.2g} s and longer"
     )
     if tool is not None and tool.code in PULSE_CODES and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
         needed = 2.0 * LEAST_PER_TU / tool.pulse_width_s
@@ -54,9 +54,9 @@ def _rate(time: Array, tool: ToolConfiguration | None) -> CheckResult:
 
 def _size(pressure: Array) -> CheckResult:
     low, middle, high = (float(value) / _BAR for value in np.percentile(pressure, (1, 50, 99)))
-    state = f"{middle:.4g} bar in the middle, {low:.4g} to {high:.4g}"
+    state = f"median {middle:.4g} bar, most values from {low:.4g} to {high:.4g} bar"
     if high * _BAR < _LEAST_PA:
-        remedy = "name the column for its unit: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa"
+        remedy = "check the unit, and name the column by it: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa"
         return CheckResult("size", CheckLevel.NOTE, f"{state}: this is too low for a standpipe", remedy)
     return CheckResult("size", CheckLevel.OK, state)
 
@@ -64,7 +64,7 @@ def _size(pressure: Array) -> CheckResult:
 def _resolution(pressure: Array) -> CheckResult:
     steps = np.diff(np.unique(pressure))
     if len(steps) == 0:
-        return CheckResult("resolution", CheckLevel.MISSING, "all samples are equal", "look at the gauge and its cable")
+        return CheckResult("resolution", CheckLevel.MISSING, "all samples are equal", "check the gauge and its cable")
     # The steps of an analog-to-digital converter are multiples of one step. The smallest step of computed values has no
     # meaning, so use a percentile.
     step = float(np.percentile(steps, 5))
@@ -72,7 +72,7 @@ def _resolution(pressure: Array) -> CheckResult:
     noise = 1.4826 * float(np.median(np.abs(differences - np.median(differences)))) / math.sqrt(2.0)
     state = f"steps of {step / _BAR:.3g} bar, noise from sample to sample {noise / _BAR:.3g} bar"
     if step**2 / 12.0 > _ROUNDING * noise**2 and len(steps) < len(pressure) // 2:
-        remedy = "take a gauge or converter with a smaller range or more bits; rounding hides weak pulses"
+        remedy = "use a gauge or converter with a smaller range or more bits; rounding hides weak pulses"
         return CheckResult("resolution", CheckLevel.NOTE, state, remedy)
     return CheckResult("resolution", CheckLevel.OK, state)
 
@@ -83,7 +83,7 @@ def _flow(read: PressureFile, tool: ToolConfiguration | None) -> CheckResult:
     starts = [span.end_s for span in flow.spans if math.isfinite(span.end_s)]
     delay = "" if tool is None else f"; a survey begins {tool.transmit_delay_s + tool.head_s:.0f} s later"
     if not starts:
-        remedy = "without one the file holds no sync of a pulse tool: begin to record before the pumps start"
+        remedy = "a pulse tool sends its sync after the pumps start; start the recording before the pumps"
         return CheckResult("flow", CheckLevel.NOTE, "the pumps never start in this file", remedy)
     at = ", ".join(f"{start:.0f}" for start in starts[:8])
     return CheckResult("flow", CheckLevel.OK, f"the pumps start at {at} s{delay}")
