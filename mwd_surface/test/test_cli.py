@@ -96,8 +96,8 @@ def test_help_needs_no_heavy_package():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--declination", "-2.2"], "grid north: -1.25 deg is added to the magnetic ones (declination -2.20 deg, conv"),
-        (["--declination", "2.2"], "grid north: +3.15 deg is added to the magnetic ones (declination +2.20 deg, conv"),
+        (["--declination", "-2.2"], "grid north: -1.25 deg is added to magnetic azimuths (declination -2.20 deg, conv"),
+        (["--declination", "2.2"], "grid north: +3.15 deg is added to magnetic azimuths (declination +2.20 deg, conv"),
         (["--convergence", "0"], "true north: "),
     ],
 )
@@ -418,7 +418,7 @@ def test_a_damaged_recording_is_recovered(tmp_path):
 def test_a_full_disk_is_named_with_its_remedy():
     done = mwd("security", "w1", "-o", "/dev/full")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "mwd: No space left on device: free the disk, or write to another one\n"
+    assert done.stderr == "mwd: No space left on device: free some space on this disk, or write to another disk\n"
 
 
 def test_an_unknown_node_is_refused():

@@ -121,7 +121,7 @@ def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tup
         if pulled[worst] <= 1e-9 * np.abs(load).max():
             return found, side
         side[worst] = 0
-    raise LinAlgError("the contacts do not settle")
+    raise LinAlgError("no stable set of contacts between assembly and hole was found")
 
 
 def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:

@@ -54,7 +54,10 @@ LONGEST_S = 0.5
 def in_words(late_ns: int) -> str:
     """Return a sentence about the delay, ns, that was corrected; empty if the delay is 0."""
     way = "late" if late_ns > 0 else "early"
-    found = f"the magnetometer is stamped {abs(late_ns) * 1e-6:.0f} ms {way}, as the rotating string shows: corrected"
+    found = (
+        f"the magnetometer is stamped {abs(late_ns) * 1e-6:.0f} ms {way}, as the rotation of the string shows; "
+        "the delay is corrected"
+    )
     return found if late_ns else ""
 
 

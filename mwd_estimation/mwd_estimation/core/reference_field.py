@@ -104,7 +104,7 @@ class Reference:
             raise ValueError(f"reference {known} is given without {missing}: a field needs both")
         if self.total is not None and not 5e-6 <= self.total <= 2e-4:
             raise ValueError(
-                f"reference total: {self.total:g} T is no Earth field (2e-5 to 7e-5 T){_scaled(self.total)}"
+                f"reference total: {self.total:g} T is not a field of the Earth (2e-5 to 7e-5 T){_scaled(self.total)}"
             )
         for name in ("dip", "declination", "convergence"):
             value, bound = getattr(self, name), 0.5 * math.pi if name == "dip" else math.pi

@@ -44,7 +44,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, StatedNoise]) -
     )
     gyro_noise, mag_bias = tool.gyro.noise_deg_sqrt_h, tool.magnetometer.bias_nt
     accel_bias = tool.accelerometer.bias_ug
-    taken = "more than the tool's: sigma is widened by it"
+    taken = "more than the settings of the tool; the sigmas are widened accordingly"
     # Averaging time of the continuous attitude, s, which is shorter than the averaging time of a station.
     seconds = max(2.0 * time_alignment_state.TimeAlignmentParams().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
@@ -53,10 +53,10 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, StatedNoise]) -
         notes.append(f"the covariance of angular_velocity states {density:.2g} deg/sqrt(h), {taken}")
     if accel.density > _ACCEL_NOISE:
         accel_bias = math.hypot(accel_bias, accel.density / STANDARD_GRAVITY / math.sqrt(seconds) * 1e6)
-        notes.append(f"the covariance of linear_acceleration states {accel.sigma:.2g} m/s^2 a sample, {taken}")
+        notes.append(f"the covariance of linear_acceleration states {accel.sigma:.2g} m/s^2 per sample, {taken}")
     if mag.sigma * 1e9 > mag_bias:
         mag_bias = math.hypot(mag_bias, mag.density * 1e9 / math.sqrt(seconds))
-        notes.append(f"the covariance of magnetic_field states {mag.sigma * 1e9:.0f} nT a sample, {taken}")
+        notes.append(f"the covariance of magnetic_field states {mag.sigma * 1e9:.0f} nT per sample, {taken}")
     if not notes:
         return settings, notes
     tool = dataclasses.replace(

@@ -68,8 +68,8 @@ class QualitySettings:
         gravity_mg, field_nt, dip_deg = self.custom_limits
         if gravity_mg > 100.0 or dip_deg > 10.0:
             raise ValueError(
-                f"custom_limits: {gravity_mg:g} mG and {dip_deg:g} deg limit nothing; the order is gravity (mG), field "
-                "(nT), dip (deg)"
+                f"custom_limits: {gravity_mg:g} mG and {dip_deg:g} deg are too large for limits; the order is gravity "
+                "(mG), field (nT), dip (deg)"
             )
         if field_nt < 1.0:
             raise ValueError(f"custom_limits: {field_nt:g} nT is below the lowest limit on the field, 1 nT")

@@ -248,8 +248,8 @@ def noisy(imu, mag, vector=None, sigma=0.0):
     ("vector", "sigma", "words"),
     [
         ("angular_velocity", 0.05, "states 17 deg/sqrt(h)"),
-        ("linear_acceleration", 3.0, "states 3 m/s^2 a sample"),
-        ("magnetic_field", 2e-5, "states 20000 nT a sample"),
+        ("linear_acceleration", 3.0, "states 3 m/s^2 per sample"),
+        ("magnetic_field", 2e-5, "states 20000 nT per sample"),
     ],
 )
 def test_a_covariance_larger_than_the_tools_widens_the_sigmas_and_is_named(vector, sigma, words):

@@ -32,7 +32,7 @@ def unprintable(text: str) -> str:
     if any(c in "\n\t" for c in text):
         return "has more than one line, or a tab; write one line"
     code = next(hidden(text), "")
-    return f"has a character that nobody sees ({code}); write it again without that character" if code else ""
+    return f"has an invisible character ({code}); write the text again without this character" if code else ""
 
 
 def first_of(names: Sequence[str], most: int = 20) -> str:

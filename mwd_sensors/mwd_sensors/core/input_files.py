@@ -123,7 +123,7 @@ def read_text(path: Path | str, budget: Budget) -> str:
     try:
         return read_file(path, budget).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise SettingsError(f"{path} is no UTF-8 text (byte {error.start}): save it as UTF-8") from error
+        raise SettingsError(f"{path} is not UTF-8 text (byte {error.start}): save it as UTF-8") from error
 
 
 def check_lines(text: str, budget: Budget) -> None:
@@ -246,7 +246,7 @@ class _Keys:
             self._open[-1] = keys, not is_key
             if keys is not None and is_key and isinstance(event, yaml.ScalarEvent) and event.value != "<<":
                 if event.value in keys:
-                    raise yaml.YAMLError(f"line {event.start_mark.line + 1}: a key stands twice in one table")
+                    raise yaml.YAMLError(f"line {event.start_mark.line + 1}: a key occurs twice in one table")
                 keys.add(event.value)
         if isinstance(event, yaml.CollectionStartEvent):
             self._open.append((set() if isinstance(event, yaml.MappingStartEvent) else None, True))

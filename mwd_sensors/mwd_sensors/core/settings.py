@@ -292,7 +292,7 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
         why = f"has {len(value)} characters, more than {_LONGEST_TEXT}"
         raise SettingsError(f"{where}: {_short(value)} {why}; {rule.text()}")
     if isinstance(value, str) and (code := next(hidden(value), "")):
-        raise SettingsError(f"{where}: {_short(value)} has a character that nobody sees ({code}); {rule.text()}")
+        raise SettingsError(f"{where}: {_short(value)} has an invisible character ({code}); {rule.text()}")
     if isinstance(value, float) and not math.isfinite(value):
         raise SettingsError(f"{where}: must be finite, got {value!r}; {rule.text()}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):

@@ -55,7 +55,7 @@ class SondeBattery(Pack):
         super().__post_init__()
         for _, name in self.failures:
             if name not in _BITS:
-                raise ValueError(f"failures: unknown self-test {name!r}; choose of {', '.join(_BITS)}")
+                raise ValueError(f"failures: unknown self-test {name!r}; choose one of {', '.join(_BITS)}")
 
 
 class BatteryModel:

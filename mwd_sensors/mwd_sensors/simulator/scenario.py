@@ -185,8 +185,8 @@ class Scenario:
                 adc = grade(unit.grade, unit.changes).adc_hz
                 if adc % self.rate_hz or self.kinematics_hz % (2 * adc):
                     raise ValueError(
-                        f"rates must nest: kinematics_hz {self.kinematics_hz} a multiple of twice the converter's "
-                        f"{adc}, that a multiple of rate_hz {self.rate_hz}"
+                        f"kinematics_hz {self.kinematics_hz} must be a multiple of twice the converter rate {adc} of "
+                        f"the grade, and this rate a multiple of rate_hz {self.rate_hz}"
                     )
 
 

@@ -93,7 +93,7 @@ def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguratio
         count = max(len(surveys), len(toolfaces))
         raise ValueError(f"sequence: the tool has the numbers 0 to {count - 1}, got {settings.sequence}")
     if settings.toolface_rate < 1:
-        raise ValueError(f"toolface_rate: 1 to {ARGUMENTS - 1} times, got {settings.toolface_rate}")
+        raise ValueError(f"toolface_rate: must be from 1 to {ARGUMENTS - 1} times, got {settings.toolface_rate}")
     if not tool.names_sequences:
         surveys, toolfaces = _first(surveys, settings.sequence), _first(toolfaces, settings.sequence)
     toolfaces = tuple(_repeated(items, settings.toolface_rate) for items in toolfaces)
@@ -121,7 +121,7 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
     """
     downlink = downlink_of(tool)
     if name not in COMMANDS:
-        raise ValueError(f"command: the tool knows {', '.join(COMMANDS)}, not {name!r}")
+        raise ValueError(f"command: {name!r} is unknown; choose one of {', '.join(COMMANDS)}")
     number, argument = COMMANDS.index(name), 0
     if number == _PULSE_WIDTH:
         if tool.code not in PULSE_CODES:

@@ -155,4 +155,4 @@ class ToolLimits:
         """Raise ValueError for an unknown quantity."""
         for name in self.exposures:
             if name not in SOURCES:
-                raise ValueError(f"exposures.{name}: unknown quantity; choose of {', '.join(SOURCES)}")
+                raise ValueError(f"exposures.{name}: unknown quantity; choose one of {', '.join(SOURCES)}")

@@ -51,7 +51,7 @@ def test_a_byte_order_mark_is_no_text(tmp_path):
         ("[" * 20_000, "levels deep"),
         ("{a: " * 20_000, "levels deep"),
         ("!!python/object/apply:os.system [id]", "constructor"),
-        ("a: 1\nb: {c: 1, d: [2], 'c': 3}", "line 2: a key stands twice"),
+        ("a: 1\nb: {c: 1, d: [2], 'c': 3}", "line 2: a key occurs twice"),
     ],
 )
 def test_yaml_that_attacks_its_reader_is_refused_in_a_sentence(text, why):
@@ -64,7 +64,7 @@ def test_yaml_that_attacks_its_reader_is_refused_in_a_sentence(text, why):
 def test_a_text_in_another_encoding_is_named_by_its_file(tmp_path):
     file = tmp_path / "plan.yaml"
     file.write_bytes("name: t".encode("utf-16"))
-    with pytest.raises(SettingsError, match=r"plan\.yaml is no UTF-8 text"):
+    with pytest.raises(SettingsError, match=r"plan\.yaml is not UTF-8 text"):
         read_yaml(file)
 
 

@@ -20,7 +20,7 @@ from mwd_sensors.ros.request_rules import refusal
         (srv.InjectFault.Request(component="gyro", fault="stuck", duration=math.nan), "finite"),
         (srv.TakeSurvey.Request(duration=math.inf), "finite"),
         (srv.SetDepth.Request(bit_depth=1.0, operator_name="A" * 1_000_000), "at most 500"),
-        (srv.SetDepth.Request(bit_depth=1.0, operator_name="A\ud800"), "nobody sees"),
+        (srv.SetDepth.Request(bit_depth=1.0, operator_name="A\ud800"), "invisible character"),
         (srv.JudgeSurvey.Request(sequence=1, operator_name="A", reason="0110\r\n!!"), "one line"),
     ],
 )

@@ -61,7 +61,7 @@ def test_a_wrong_value_names_unit_and_bound():
         ("{a: [", "YAML"),
         ("{date: yesterday}", "must look like"),
         ("{schedule: []}", "at least one phase"),
-        ("{rate_hz: 300}", "rates must nest"),
+        ("{rate_hz: 300}", "must be a multiple of twice the converter rate"),
         ("{rate_hz: 50, rig_hz: 20}", "multiple of rig_hz"),
         ("{ahrs: {grade: mti4}}", "did you mean mti3"),
         ("{ahrs: {changes: {gyro: {rnage_deg_s: 1.0}}}}", "range_deg_s"),

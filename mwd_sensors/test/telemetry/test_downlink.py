@@ -96,7 +96,7 @@ def test_a_tool_that_names_its_sequences_keeps_their_order():
         ("sequence", 0.5, "whole number"),
         ("toolface_rate", 0, "1 to 15"),
         ("carrier", 12.0, "no carrier"),
-        ("restart", 0, "the tool knows"),
+        ("restart", 0, "is unknown; choose one of"),
     ],
 )
 def test_a_command_the_tool_cannot_obey_is_refused_with_what_it_can(name, value, words):

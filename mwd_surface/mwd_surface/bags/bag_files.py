@@ -161,7 +161,7 @@ class BagFiles:
             about = bag_metadata.read(self.path)
         except MetadataError as error:
             if there:
-                self.notes.append(f"{error}; used the files that are there")
+                self.notes.append(f"{error}; the files in the folder are read")
             return there, None
         self.custom = dict(about.custom)
         self.message_compression = about.compression_mode == "message"
@@ -169,7 +169,7 @@ class BagFiles:
         listed = [file for file in named if file.is_file()]
         missing = [file.name for file in named if not file.is_file()]
         if missing:
-            self.notes.append(f"missing: {', '.join(missing)}, named in metadata.yaml")
+            self.notes.append(f"files named in metadata.yaml are missing: {', '.join(missing)}")
         # A player that decompressed a file leaves both the compressed and the plain file in the folder.
         plain = {_plain_name(file) for file in listed}
         extra: list[Path] = []
@@ -178,9 +178,13 @@ class BagFiles:
             if file not in listed and _plain_name(file) not in plain:
                 (copies if any(_same(file, other) for other in listed) else extra).append(file)
         if copies:
-            self.notes.append(f"{', '.join(file.name for file in copies)} left out: a copy of a file of the recording")
+            self.notes.append(
+                f"{', '.join(file.name for file in copies)} left out, because it is a copy of a file of the recording"
+            )
         if extra:
-            self.notes.append(f"{', '.join(file.name for file in extra)} read too, although not in metadata.yaml")
+            self.notes.append(
+                f"{', '.join(file.name for file in extra)} also read, although metadata.yaml does not name it"
+            )
         return listed + extra, about
 
     def _of_one_storage(self, files: list[Path], stated: str) -> list[Path]:
@@ -205,9 +209,9 @@ class BagFiles:
             found = self.topics.get(topic.name) or self.unreadable.get(topic.name)
             count, type_name = (found.count, found.type_name) if found is not None else (0, topic.type_name)
             if found is not None and type_name != topic.type_name:
-                said.append(f"{topic.name} is {topic.type_name}, in the files {type_name}")
+                said.append(f"{topic.name} is {topic.type_name} there, but {type_name} in the files")
             elif count != topic.count and self.complete:
-                said.append(f"{topic.name} has {topic.count} messages, in the files {count}")
+                said.append(f"{topic.name} has {topic.count} messages there, but {count} in the files")
         if said:
             more = " ..." if len(said) > _SAID else ""
             self.notes.append(f"metadata.yaml is wrong and not used: {'; '.join(said[:_SAID])}{more}")
@@ -241,7 +245,9 @@ class BagFiles:
             for number in [number for number in numbers if names.get(number) in self.topics]:
                 del names[number]
         if any(self.ros1):
-            self.notes.append("messages in the encoding of ROS 1: converted as they are read, which is slower")
+            self.notes.append(
+                "messages are in the encoding of ROS 1 and are converted while they are read, which is slower"
+            )
         spans = [span for _, contents in self.mcap for span in contents.spans]
         if spans:
             self.start_ns = min(span.start_ns for span in spans)
@@ -297,7 +303,7 @@ class BagFiles:
         self.ros1.append(ros1)
         orphans = sum(count for number, count in contents.counts.items() if number not in contents.channels)
         if orphans:
-            self.notes.append(f"{orphans} messages belong to no topic, for its declaration is lost; left out")
+            self.notes.append(f"{orphans} messages were left out, because the declaration of their topic is lost")
             self.complete = False
         return bad
 
@@ -477,7 +483,7 @@ class DatabaseFiles:
     def __init__(self, files: list[Path], scratch: Callable[[], Path]) -> None:
         self.topics: dict[str, TopicInfo] = {}
         self.unreadable: dict[str, TopicInfo] = {}
-        self.notes = [".db3 storage: read through rosbags, which is slower"]
+        self.notes = ["the recording has .db3 storage and is read by the library rosbags, which is slower"]
         self.complete = True
         self._readers: list[Sqlite3Reader] = []
         problems: list[str] = []
@@ -540,9 +546,7 @@ class DatabaseFiles:
         finally:
             connection.close()
         names = ", ".join(log.name for log in logs)
-        self.notes.append(
-            f"{path.name} was not closed by its recorder: read together with {names}, in a temporary copy"
-        )
+        self.notes.append(f"{path.name} was not closed by its recorder; it was read with {names} from a temporary copy")
         return copy
 
     def _join_topics(self, reader: Sqlite3Reader) -> None:

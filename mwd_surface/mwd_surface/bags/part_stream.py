@@ -134,7 +134,7 @@ class PartStream:
         if walk.end != len(data):
             raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
         if walk.impossible:
-            self._on_damage(f"{walk.impossible} messages were left out: their time cannot be")
+            self._on_damage(f"{walk.impossible} messages were left out, because their time is impossible")
         part = MessagePart((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel, True)
         chosen = wanted[walk.channel]
         if start > 0 or end < NEVER:

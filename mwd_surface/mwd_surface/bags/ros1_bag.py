@@ -64,7 +64,7 @@ class Ros1Bag:
         self._reader = _AnyReader(path)
         self._reader.open()
         self.complete, self.lost_bytes = not self._reader.cut, self._reader.lost_bytes
-        self.notes = ["a recording of ROS 1: read through rosbags, which is slower"]
+        self.notes = ["the recording is of ROS 1 and is read by the library rosbags, which is slower"]
         if not self.complete:
             self.notes.append(f"{path.name} has no index because it was not closed: {self._reader.cut}")
         self.topics: dict[str, TopicInfo] = {}

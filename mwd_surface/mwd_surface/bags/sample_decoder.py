@@ -141,7 +141,9 @@ class SampleDecoder:
             if 1 < len(kinds) <= 16:
                 # Messages of one size may still have frame names of different lengths, hidden by the padding.
                 return merged([self._from_rows(name, layout, part.at(frames == kind), some) for kind in kinds])
-            self._report(f"{name}: some messages are not in the fixed layout ({error}); read through rosbags")
+            self._report(
+                f"{name}: some messages are not in the fixed layout ({error}); they are read by the library rosbags"
+            )
         listed = [part.data[a : a + size].tobytes() for a in part.offset]
         log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
         return log_ns, samples

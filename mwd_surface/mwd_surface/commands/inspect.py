@@ -98,7 +98,7 @@ def inspect(
             "turning",
             f"{found.turns_about} in axes of the IMU"
             if found.turns_about
-            else "the tool never turns in this recording: axes not checked",
+            else "the tool never turns in this recording, so its axes were not checked",
         ),
         ("at rest", _rests(found.rests, found.rest_s)),
         ("surveys", _verdicts(found.surveys)),

@@ -305,8 +305,8 @@ class _ListReader:
         for row in self.rows:
             if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
                 raise ListFileError(
-                    f"{row.at}: {len(row.cells)} cells under {width} names: decimal or thousands marks part columns, or"
-                    " a name is missing; write the list with semicolons or tabs between columns, or name each column"
+                    f"{row.at}: {len(row.cells)} cells under {width} names: decimal or thousands marks split columns, "
+                    "or a name is missing; write the list with semicolons or tabs between columns, or name each column"
                 )
 
     @staticmethod

@@ -158,7 +158,7 @@ def value(number: str, mark: str) -> float:
     if other in whole:
         groups = re.split(r"[.,]", whole.lstrip("+-"))
         if not 1 <= len(groups[0]) <= 3 or any(len(group) != 3 for group in groups[1:]):
-            raise ValueError(f"{number!r} has a thousands mark that does not part groups of three")
+            raise ValueError(f"{number!r} has a thousands mark that does not separate groups of three digits")
         whole = whole.replace(other, "")
     return float(f"{whole}{'.' if decimal else ''}{rest}".replace("d", "e").replace("D", "e"))
 

@@ -145,7 +145,9 @@ def _decoded(data: bytes, name: str) -> str:
             try:
                 return data.decode(encoding).replace("\x00", "")
             except UnicodeDecodeError as error:
-                raise ListFileError(f"{name} begins as {encoding} and is not: byte {error.start}") from error
+                raise ListFileError(
+                    f"{name} begins like {encoding} text, but byte {error.start} is not {encoding}"
+                ) from error
     # UTF-16 text without a byte order mark has a zero in every second byte.
     for encoding, zeros in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[0:200:2])):
         if len(zeros) > 4 and zeros.count(0) > 0.8 * len(zeros):
@@ -186,7 +188,7 @@ def read_table(path: Path) -> Table:
     named = [name for name in table.names if name]
     twice = sorted({name for name in named if named.count(name) > 1})
     if twice:
-        raise ListFileError(f"{path}: column {', '.join(twice)} is there twice")
+        raise ListFileError(f"{path}: column {', '.join(twice)} occurs twice")
     if not table.rows:
         raise ListFileError(f"{path} has column names but no row below them")
     for row in table.rows:

@@ -99,7 +99,7 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
     """
     for what, one in (("run", run), ("memory", memory)):
         if len(one.speed) < 2 or not np.ptp(one.speed) > 0.5:
-            raise ClockError(f"the {what} shows no change of the rotation: the clocks cannot be compared by it")
+            raise ClockError(f"the rotation does not change in the {what}, so the two clocks cannot be compared")
     origin = int(run.stamp_ns[0])
     run_s = (run.stamp_ns - origin) / NANOSECONDS
     memory_origin = int(memory.stamp_ns[0])
@@ -108,7 +108,7 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
     # lag: memory time minus run time, each counted from its own first stamp.
     changes = _refined(run_s, np.abs(run.speed), memory_s, np.abs(memory.speed), lag)
     if not changes:
-        raise ClockError("no start or stop of the rotation is in both recordings: the clocks cannot be compared by it")
+        raise ClockError("no start or stop of the rotation is in both recordings, so the two clocks cannot be compared")
     at, offset = np.array(changes).T
     middle, mean = float(at.mean()), float(offset.mean())
     drift = sigma_drift = math.nan
@@ -122,7 +122,8 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
         sigma, sigma_drift = scatter / math.sqrt(len(at)), scatter / math.sqrt(spread)
         if abs(drift) - 3.0 * sigma_drift > _MOST_DRIFT:
             raise ClockError(
-                f"the clocks would drift by {drift * 1e6:.0f} ppm, which no tool does: are both of the same run?"
+                f"the clocks would drift by {drift * 1e6:.0f} ppm, more than any tool: check that both are of the same "
+                "run"
             )
     return MemoryClock(
         reference_ns=origin + round(middle * NANOSECONDS),
@@ -157,7 +158,8 @@ def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[f
     second = float(score[others].max()) if others.any() else -1.0
     if score[best] < _LEAST_CORRELATION:
         raise ClockError(
-            f"the rotations of run and memory do not agree (correlation {score[best]:.2f}): are both of the same run?"
+            f"the rotations of run and memory do not agree (correlation {score[best]:.2f}): check that both are of the "
+            "same run"
         )
     if score[best] - second < _LEAST_LEAD:
         raise ClockError(

@@ -147,7 +147,7 @@ def hindrance(pipeline: Pipeline, summary: Summary) -> str:
     if summary.without_gravity == summary.rows:
         return "the inclination was never known: see the warnings about the sensors"
     if not found:
-        return f"the tool was never at rest for {needed:g} s"
+        return f"no rest lasted {needed:g} s"
     often, reason = max(found.values(), key=lambda one: one[0])
     return f"no rest lasted {needed:g} s; the most frequent reason, in {often} half seconds: {text(reason)}"
 

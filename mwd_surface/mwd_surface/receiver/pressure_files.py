@@ -260,6 +260,6 @@ def _frozen(time: Array, values: Array) -> list[str]:
         return []
     note = (
         f"the gauge is frozen for {float(held[stuck].sum()):.0f} s in {int(stuck.sum())} spans, first at"
-        f" {float(time[begins[stuck][0]]):.0f} s: look at the gauge, its converter and the network"
+        f" {float(time[begins[stuck][0]]):.0f} s: check the gauge, its converter and the network"
     )
     return [note]

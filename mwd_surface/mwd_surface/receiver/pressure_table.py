@@ -156,7 +156,7 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     pressure, notes = file.numbers(cells[len(times)], column)
     if file.is_cut(column):
         pressure[-1] = math.nan
-        notes.append("the last line lacks its end and is left out")
+        notes.append("the last line is not complete and is left out")
     if quality:
         pressure, said = _of_good_quality(pressure, cells[-1])
         notes = [*notes, *said]
@@ -174,7 +174,7 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     if file.skipped:
         notes.append(f"{file.skipped} lines are not rows of this table, such as comments, and are left out")
     if file.tag:
-        notes.append(f"the file has rows of several tags; those of {file.tag!r} are read")
+        notes.append(f"the file has rows of several tags; only the rows of {file.tag!r} are read")
     pressure, said = in_pascal(pressure, column.unit)
     notes += said
     if time.size and time[0] > 365.0 * 86_400.0:

@@ -67,7 +67,8 @@ class SurveyStore:
             self._lock = FolderLock(self.folder, "surveys.lock")
         except OSError as error:
             raise StoreError(
-                f"cannot keep the survey list in {self.folder}: {error.strerror}; make it writable or choose another"
+                f"cannot write the survey list to {self.folder}: {error.strerror}; make the folder writable or choose "
+                "another"
             ) from error
         except FolderTakenError as error:
             raise StoreError(f"another process ({error.owner}) keeps its survey list in {self.folder}") from None

@@ -77,7 +77,7 @@ def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
         if (word.kind, word.status, word.revision) != (_OF_SURVEY, _ERASED, _FINAL):
             continue
         if meanings.meaning_of(word.name) == meanings.INCLINATION:
-            out.append((_ns(word.start), f"its inclination was erased, confidence {word.confidence:.2f}"))
+            out.append((_ns(word.start), f"the inclination was not received clearly, confidence {word.confidence:.2f}"))
     return out
 
 

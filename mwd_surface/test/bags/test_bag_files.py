@@ -97,7 +97,7 @@ def test_sqlite_storage_is_opened_through_rosbags_and_says_so(tmp_path, opened):
     assert bag.other is not None
     assert bag.topics["/a"].count == 3
     assert (bag.start_ns, bag.end_ns) == (START, START + 2)
-    assert any("read through rosbags, which is slower" in note for note in bag.notes)
+    assert any("is read by the library rosbags, which is slower" in note for note in bag.notes)
 
 
 def test_without_metadata_yaml_the_files_that_are_there_are_used(tmp_path, opened):
@@ -113,8 +113,8 @@ def test_a_file_that_is_missing_or_not_listed_is_named(tmp_path, opened):
     (path / "bag_1.mcap").rename(path / "bag_7.mcap")
     bag = opened(path)
     assert bag.topics["/a"].count == 9
-    assert "missing: bag_1.mcap, named in metadata.yaml" in bag.notes
-    assert "bag_7.mcap read too, although not in metadata.yaml" in bag.notes
+    assert "files named in metadata.yaml are missing: bag_1.mcap" in bag.notes
+    assert "bag_7.mcap also read, although metadata.yaml does not name it" in bag.notes
 
 
 def test_one_bad_file_of_several_is_skipped_and_named(tmp_path, opened):
@@ -170,25 +170,28 @@ def beside(path, name, data):
 # Name: what is wrong in the folder or in metadata.yaml, and a part of the note.
 WRONG = {
     "missing file": (lambda _p, t: t["relative_file_paths"].append("gone.mcap"), "missing: gone.mcap"),
-    "renamed file": (lambda _p, t: t.update(relative_file_paths=["old.mcap"]), "bag_0.mcap read too"),
+    "renamed file": (lambda _p, t: t.update(relative_file_paths=["old.mcap"]), "bag_0.mcap also read"),
     "path out of the folder": (lambda _p, t: t["relative_file_paths"].append("../../etc/passwd"), "missing: passwd"),
     "text file": (
         lambda p, t: (beside(p, "a.txt", b"notes"), t["relative_file_paths"].append("a.txt")),
         "a.txt is not a recording",
     ),
-    "extra copy": (lambda p, _t: beside(p, "copy.mcap", (p / "bag_0.mcap").read_bytes()), "copy.mcap left out: a copy"),
+    "extra copy": (
+        lambda p, _t: beside(p, "copy.mcap", (p / "bag_0.mcap").read_bytes()),
+        "copy.mcap left out, because it is a copy",
+    ),
     "other storage": (
         lambda p, _t: beside(p, "old.db3", b"SQLite format 3\0" + bytes(100)),
         "old.db3 is a recording of another storage (sqlite3)",
     ),
     "fewer messages": (
         lambda _p, t: t["topics_with_message_count"][0].update(message_count=1),
-        "/a has 1 messages, in",
+        "/a has 1 messages there, but",
     ),
-    "more messages": (lambda _p, t: t["topics_with_message_count"][0].update(message_count=10**18), "in the files 3"),
+    "more messages": (lambda _p, t: t["topics_with_message_count"][0].update(message_count=10**18), "3 in the files"),
     "other type": (
         lambda _p, t: t["topics_with_message_count"][0]["topic_metadata"].update(type="std_msgs/msg/Empty"),
-        "/a is std_msgs/msg/Empty, in the files",
+        "/a is std_msgs/msg/Empty there, but",
     ),
     "packed messages": (
         lambda _p, t: t.update(compression_mode="MESSAGE", compression_format="zstd"),
@@ -196,7 +199,7 @@ WRONG = {
     ),
     "packed file": (
         lambda _p, t: t.update(compression_mode="FILE", relative_file_paths=["bag_0.mcap.zstd"]),
-        "bag_0.mcap read too",
+        "bag_0.mcap also read",
     ),
     "storage": (lambda _p, t: t.update(storage_identifier="sqlite3"), "says that the storage is sqlite3; it is mcap"),
 }

@@ -86,7 +86,7 @@ def test_only_the_fields_asked_for_are_read_whatever_the_way(bench):
         assert (samples["angular_velocity"] == imu(5)["angular_velocity"]).all()
     # Reported each time; the bag keeps one note of a kind.
     assert bench.given
-    assert all("read through rosbags" in text for text in bench.given)
+    assert all("read by the library rosbags" in text for text in bench.given)
 
 
 def test_topics_that_are_not_wanted_are_passed_over(bench):

@@ -53,7 +53,7 @@ def test_the_interference_of_an_assembly_is_shown_with_its_error_and_the_collars
     # 1000 uWb at 6 m less its far pole at 15 m, and 900 uWb of the string at 14 m.
     assert "up to 2222 nT along the tool" in text
     assert "beyond the limit of 0.5 deg" in text
-    assert "m non-magnetic above the sensors" in text
+    assert "m of non-magnetic collars above the sensors" in text
 
 
 def test_where_no_interference_turns_the_azimuth_no_collars_are_asked_for():
@@ -67,7 +67,7 @@ def test_where_no_interference_turns_the_azimuth_no_collars_are_asked_for():
         (("spacing", "--inclination", 200, "--azimuth", 85, *FIELD), "within 0 and 180"),
         (("spacing", "--inclination", 60, "--azimuth", 85, *FIELD, "--below", "magnet"), "one of collars, motor"),
         (("sag", "BHA", "--inclination", "10-20"), "expected LOW:HIGH"),
-        (("sag", "BHA", "--inclination", "20:10:1"), "LOW not above HIGH"),
+        (("sag", "BHA", "--inclination", "20:10:1"), "LOW must not be above HIGH"),
         (("sag", "BHA", "--inclination", "0:190:10"), "within 0 and 180"),
     ],
 )

@@ -61,4 +61,4 @@ def test_state_is_the_newest_and_silence_has_two_causes(monkeypatch):
     assert run(monkeypatch, "state", [message(1, "denied"), message(2, "sent")]).output == "2 sent: said\n"
     silent = run(monkeypatch, "state", [])
     assert isinstance(silent.exception, ValueError)
-    assert "the machine is busy, or the surface sends no commands" in str(silent.exception)
+    assert "the machine is busy, or the surface node has no downlink" in str(silent.exception)

@@ -156,7 +156,7 @@ def test_a_table_of_surveys_is_in_the_language(chinese, capsys):
 
 
 def test_a_line_keeps_its_spaces_and_the_names_in_it(chinese):
-    assert say("  waits: no command was sent yet") == "  等待：尚未发送指令"
+    assert say("  waits because no command was sent yet") == "  等待，因为：尚未发送指令"
     assert say("written: out/north/surveys.csv") == "已写出：out/north/surveys.csv"
     assert say("run_7.mcap: the file is empty") == "run_7.mcap：文件为空"
     assert say("") == ""
@@ -181,7 +181,7 @@ def test_machine_readable_output_is_the_same_in_every_language(monkeypatch, caps
 
 
 def test_the_page_does_not_load_the_texts_of_the_commands():
-    assert "Print the versions and end." not in language("zh_CN").table()["entries"]
+    assert "Print the versions and exit." not in language("zh_CN").table()["entries"]
 
 
 @pytest.mark.slow

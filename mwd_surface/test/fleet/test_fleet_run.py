@@ -174,7 +174,7 @@ def test_an_interrupted_batch_ends_with_one_sentence(tmp_path):
     _, said = process.communicate(timeout=60)
     assert process.returncode == 130, said
     assert "Traceback" not in said
-    assert "the same command continues" in said
+    assert "run the same command again" in said
 
 
 def test_a_cluster_that_anybody_may_use_needs_no_files_and_an_encrypted_one_does():

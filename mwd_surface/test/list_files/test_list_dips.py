@@ -102,7 +102,7 @@ def test_a_contradiction_of_the_vertical_depths_is_said():
     stations = read("Dip positive down", columns=f"{COLUMNS},tvd_m", rows=rows)
     assert first(stations) == pytest.approx(85.0)
     assert any(
-        "positive up as its vertical depths say, although the list says down" in r.text for r in stations.remarks
+        "positive up as its vertical depths show, although the list states down" in r.text for r in stations.remarks
     )
     with pytest.raises(ListFileError, match="vertical depths of the list fit positive angles up"):
         read(columns=f"{COLUMNS},tvd_m", rows=rows, dip="down")

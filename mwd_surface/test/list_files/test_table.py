@@ -38,7 +38,7 @@ def test_missing_cells_are_empty(tmp_path):
     [
         ("", "empty"),
         ("md,gx\n", "no row below"),
-        ("md,gx,md\n1,2,3\n", "column md is there twice"),
+        ("md,gx,md\n1,2,3\n", "column md occurs twice"),
         ("md,gx\n1,2\n1,2,3\n", "line 3: 3 cells, but 2 columns"),
         ('md,gx\n"1,2\n', "line 2: unexpected end of data"),
         (b"%PDF-1.7", "is a PDF"),

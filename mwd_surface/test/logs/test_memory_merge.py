@@ -98,7 +98,7 @@ def test_a_drift_is_known_from_three_changes_on(changes):
     ("other", "words"),
     [
         (recordings(8, 0.0, 0.0)[1], "same run"),
-        (Rotation(np.array([T0, T0 + S]), np.array([0.0, 0.1])), "memory shows no change"),
+        (Rotation(np.array([T0, T0 + S]), np.array([0.0, 0.1])), "does not change in the memory"),
     ],
 )
 def test_a_memory_of_another_run_is_refused(other, words):

@@ -164,7 +164,7 @@ def test_a_magnetometer_that_is_off_by_seconds_for_a_while_is_not_paired_there_a
             taken.append(MAG in samples)
     assert taken == [k % 2 == 0 for k in range(len(taken))]
     (said,) = [text for text in run._summary.warnings if "seconds" in text]
-    assert said.startswith(f"{MAG}: stamps are seconds {'ahead of' if by_s > 0 else 'behind'} those of {IMU}")
+    assert said.startswith(f"{MAG}: the stamps are seconds {'ahead of' if by_s > 0 else 'behind'} the stamps of {IMU}")
 
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -127,7 +127,7 @@ def test_a_unit_mounted_askew_is_named_with_its_angle_and_read_by_the_printed_mo
         samples[field] = samples[field] @ turn
     found = inspected(written(tmp_path / "bag", imu, mag))
     assert found.turns_about == "35 deg off x"
-    assert any("mounted askew" in remark for remark in found.remarks)
+    assert any("mounted obliquely" in remark for remark in found.remarks)
     (survey,) = processed(found.command)
     assert survey["verdict"] == "accept"
     assert float(survey["inclination_deg"]) == pytest.approx(30.0, abs=0.2)
@@ -180,7 +180,7 @@ def test_gaps_repeated_stamps_and_another_clock_are_named(sent, tmp_path):
     text = found.remarks
     assert "/sensors/imu: a gap of 1.51 s, 10.0 s after the start" in text
     assert "/sensors/imu: a stamp does not advance: it repeats or goes back" in text
-    assert "/sensors/mag: its clock is 90.0 s behind the recorder's" in text
+    assert "/sensors/mag: its clock is 90.0 s behind the clock of the recorder" in text
 
 
 def test_a_recording_of_ros_1_gives_the_bits_of_one_of_ros_2(sent, tmp_path):
@@ -205,7 +205,7 @@ def test_a_recording_of_ros_1_gives_the_bits_of_one_of_ros_2(sent, tmp_path):
             for message, name in ((one, wire.IMU.type_name), (two, wire.MAG.type_name)):
                 bag.write(channels[name], int(a["stamp_ns"]), store.serialize_ros1(message, name))
     with Bag(tmp_path / "one.bag") as bag:
-        assert any("a recording of ROS 1" in note for note in bag.notes)
+        assert any("the recording is of ROS 1" in note for note in bag.notes)
         parts = [block["/imu/data_raw"][1] for block in bag.blocks(["/imu/data_raw"])]
     read_back = np.concatenate(parts)
     for field in ("stamp_ns", "angular_velocity", "linear_acceleration"):

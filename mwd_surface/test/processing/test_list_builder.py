@@ -128,7 +128,7 @@ def test_depth_and_decision_of_the_live_list_are_kept(live, tmp_path):
     again = processed(raw(tmp_path / "bag", surveys=judged), tmp_path / "out")
     assert again.listed == judged
     assert again.live == "1 of 1 surveys equal those of the live list"
-    assert again.depths == "of the live list"
+    assert again.depths == "from the live list"
     # The plan of the live list, and with it the vertical section, is found again.
     along = judged.along(plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 0.7], [0.8, 0.8, 0.9], name="plan B"))
     assert along.records != judged.records
@@ -201,7 +201,7 @@ def test_depths_come_from_a_table_by_time_or_number(tmp_path, live):
         table.write_text(text)
         summary = processed(bag, tmp_path / "out", depths=str(table), sensor_to_bit_m=10.0)
         assert summary.surveys[0][1] == pytest.approx(depth, nan_ok=True)
-        assert summary.depths == f"of the table {table}"
+        assert summary.depths == f"from the table {table}"
         assert bool(summary.listed.records[0].comment) == math.isnan(depth)
 
 

@@ -191,7 +191,7 @@ def test_a_recording_that_lacks_samples_that_were_used_is_not_the_same_input(top
     (text,) = summary.other_input
     assert f"/w1/{topic}" in text
     assert "37 fewer" in text
-    assert "not the same input as live" in text
+    assert "the input differs from the live input" in text
 
 
 def test_requests_stand_at_their_sample_also_in_a_part_of_the_recording(tmp_path):

@@ -481,7 +481,7 @@ def test_a_string_magnetised_beyond_the_prior_is_reported_and_no_azimuth_given_b
     summary = run(tmp_path / "strong", tmp_path / "out", settings.changed(S3, known))
     (warning,) = summary.warnings
     assert warning.startswith(f"{summary.disturbed} of 3000 rows have no azimuth because the magnetic field differs")
-    assert "beyond 2,000 nT (by tool.axial_interference_nt)" in warning
+    assert "more than 2,000 nT, the limit from tool.axial_interference_nt" in warning
     assert abs(summary.total_off) > 1e-6
     # What is left of field and dip behind an axial correction is within the tool code: little else does that.
     station = summary.surveys[0][0].station
@@ -575,7 +575,10 @@ def test_a_recording_is_read_with_its_covariances_as_the_live_estimator_does(tmp
     noisy = run(tmp_path / "bag", tmp_path / "out_2")
     assert [text for text in noisy.warnings if text not in plain.warnings] == [
         "/imu/data_raw: angular_velocity is declared not provided: it is not used",
-        "the covariance of magnetic_field states 4000 nT a sample, more than the tool's: sigma is widened by it",
+        (
+            "the covariance of magnetic_field states 4000 nT per sample, more than the settings of the tool; "
+            "the sigmas are widened accordingly"
+        ),
     ]
     assert noisy.surveys[0][0].station.sigma_azimuth > plain.surveys[0][0].station.sigma_azimuth
 

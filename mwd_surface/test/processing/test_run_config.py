@@ -91,7 +91,7 @@ def test_an_empty_file_changes_nothing(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"[1, 2]", "expected a table"), (b"a: [", "is not YAML"), (b"\xff\xfe", "is no UTF-8 text")],
+    [(b"[1, 2]", "expected a table"), (b"a: [", "is not YAML"), (b"\xff\xfe", "is not UTF-8 text")],
 )
 def test_what_is_no_table_of_settings_is_refused_with_the_name_of_the_file(tmp_path, content, message):
     path = tmp_path / "config.yaml"

@@ -137,7 +137,7 @@ def test_two_processes_cannot_keep_lists_in_one_folder(tmp_path):
 
 def test_a_place_that_is_no_folder_is_refused_in_words(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StoreError, match="cannot keep the survey list"):
+    with pytest.raises(StoreError, match="cannot write the survey list"):
         SurveyStore(tmp_path / "file" / "below")
 
 

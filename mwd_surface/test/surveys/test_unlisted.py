@@ -73,7 +73,7 @@ def found(path):
 
 def test_a_survey_whose_inclination_was_erased_is_named_with_its_confidence(tmp_path):
     path = recording(tmp_path / "bag", surveys=(30, 750), words=((150, 0, 0.999), (510, 1, 0.93), (870, 0, 0.999)))
-    assert found(path) == [(420, "its inclination was erased, confidence 0.93")]
+    assert found(path) == [(420, "the inclination was not received clearly, confidence 0.93")]
 
 
 def test_a_survey_of_which_nothing_was_heard_has_the_last_reason_of_the_link(tmp_path):

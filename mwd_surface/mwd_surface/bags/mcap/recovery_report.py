@@ -94,13 +94,13 @@ def check(path: Path) -> RecoveryReport:
                 places.add(piece.offset)
         notes = all_notes(contents, tally.notes)
         if not (whole or notes):
-            notes.append("the checksum of the whole does not match: an index between the chunks is damaged")
+            notes.append("the checksum of the whole file does not match: an index between the chunks is damaged")
         if file.sound():
             indexed = {span.offset for span in contents.spans if span.in_chunk}
             if indexed != places:
-                notes.append(f"the index names {len(indexed)} chunks, {len(places)} sound ones are there")
+                notes.append(f"the index names {len(indexed)} chunks, but the file has {len(places)} intact ones")
             if {k: v for k, v in contents.counts.items() if v} != tally.counts:
-                notes.append("the summary counts other messages than are there")
+                notes.append("the message counts in the summary differ from the messages in the file")
         report = tally.report(path)
         return dataclasses.replace(report, sound=not notes and file.sound(), notes=tuple(notes))
 

@@ -108,8 +108,8 @@ class CarrierReceiver(SampledReceiver):
             )
         else:
             reason = (
-                f"{self._markers} times something like a marker, but no block whose check holds: noise, or the tool"
-                " sends other sequences, words or block_bits than this configuration has"
+                f"{self._markers} times something like a marker was found, but no block with a correct check: there is "
+                "only noise, or the tool sends other sequences, words or block_bits than this configuration has"
             )
         return f"no words: {self._beside_line(reason)}"
 
