@@ -59,8 +59,8 @@ def recover(
         typer.Option(
             "--output",
             "-o",
-            help="Recording to write: a new .mcap file for an .mcap file, a new folder for a .db3 or .bag file. By "
-            "default its name ends in .recovered; not for a folder of .mcap files.",
+            help="Recording to write: a new .mcap file for an .mcap file, a new folder for a .db3 or .bag file; not "
+            "for a folder of .mcap files. By default .recovered is added to the name of the original.",
         ),
     ] = None,
 ) -> None:

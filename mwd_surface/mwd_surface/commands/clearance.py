@@ -48,7 +48,7 @@ def clearance(
     bit_depth: Annotated[
         float | None,
         typer.Option(
-            "--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to it."
+            "--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to this depth."
         ),
     ] = None,
 ) -> None:

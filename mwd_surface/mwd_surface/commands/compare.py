@@ -17,7 +17,7 @@ def compare(
         Path,
         typer.Argument(
             metavar="RUN",
-            help="Results of `mwd process`, a recording, or the folder of a golden recording (see below).",
+            help="Results of `mwd process`, a recording, or the folder of a golden recording (see above).",
         ),
     ],
     run_b: Annotated[

@@ -48,9 +48,9 @@ def decode(
     Decode the signal of an MWD tool: pulses or a carrier in standpipe pressure, a carrier in the earth, serial frames.
 
     A word is one transmitted value, such as the inclination. words.csv gives its confidence (the probability that the
-    word was received without error) and its sigma (the error of the value if the word is right). A word with a
-    confidence below 0.99 (survey) or 0.95 (toolface) is erased, which means not used; words.csv lists its alternatives.
-    The same samples give the same words from every file format.
+    word was received without error) and its sigma (the error of the value if the word is right). A word is believed,
+    which means used, if its confidence is 0.99 or more (survey) or 0.95 or more (toolface). Any other word is erased,
+    and words.csv lists its alternatives. The same samples give the same words from every file format.
 
     \b
     Examples:

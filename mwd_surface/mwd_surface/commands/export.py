@@ -24,7 +24,9 @@ PlanFile = Annotated[
 LegName = Annotated[str | None, typer.Option("--leg", help="Leg of the well to use; by default the current leg.")]
 Bit = Annotated[
     float | None,
-    typer.Option("--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to it."),
+    typer.Option(
+        "--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to this depth."
+    ),
 ]
 WellChanges = Annotated[
     list[str] | None,

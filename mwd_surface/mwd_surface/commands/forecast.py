@@ -35,7 +35,10 @@ def forecast(
     axial: Annotated[float, typer.Option(help="Expected axial interference of the drill string, nT.")] = 0.0,
     limit: Annotated[
         float,
-        typer.Option(help="Largest useful 1 sigma of an azimuth after the axial correction, deg; beyond it: no-go."),
+        typer.Option(
+            help="Largest useful 1 sigma of an azimuth after the axial correction, deg; a station above it is marked "
+            "no-go."
+        ),
     ] = 2.0,
     columns: Columns = None,
     length_unit: LengthUnit = "",

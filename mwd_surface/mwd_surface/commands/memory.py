@@ -27,7 +27,7 @@ def dump(
         float, typer.Option("--clock-offset", help="Error of the tool's clock at the start, s; positive: fast.")
     ] = 0.0,
     clock_drift: Annotated[
-        float, typer.Option("--clock-drift", help="Drift of the tool's clock, ppm; positive: it gains time.")
+        float, typer.Option("--clock-drift", help="Drift of the tool's clock, ppm; positive: the clock gains time.")
     ] = 0.0,
 ) -> None:
     """

@@ -37,7 +37,7 @@ def trajectory(
         Path | None, typer.Option(help="Recording from which `mwd process` made LIST, with the depths of the rig.")
     ] = None,
     slides: Annotated[
-        Path | None, typer.Option(help="Slide sheet, slides.jsonl; by default the one in the folder of the list.")
+        Path | None, typer.Option(help="File of the slide sheet; by default slides.jsonl in the folder of the list.")
     ] = None,
     step: Annotated[float, typer.Option(help="Distance between the points of the path, m.")] = 1.0,
     continuous_set: Annotated[
