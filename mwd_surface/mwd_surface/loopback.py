@@ -41,7 +41,7 @@ def refused_host(host: str, *, allow_network: bool) -> str:
             f"host: the name {host!r} may lead to an address that other machines reach; write 127.0.0.1 or another"
             " address, or set allow_network if the name is right"
         )
-    return f"host: {host} can be reached from other machines; set allow_network if that is meant"
+    return f"host: {host} can be reached from other machines; set allow_network if this is intended"
 
 
 def port_problem(error: OSError, host: str, port: int) -> str:

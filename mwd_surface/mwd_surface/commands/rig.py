@@ -100,7 +100,9 @@ def conformance(
     ] = "",
     opcua: Annotated[str, typer.Option(help="Address of the OPC UA server to test.")] = "",
     modbus: Annotated[str, typer.Option(help="HOST:PORT of the Modbus server to test.")] = "",
-    heartbeat: Annotated[float, typer.Option(help="Value of control.heartbeat_s of the surface node, s.")] = 2.0,
+    heartbeat: Annotated[
+        float, typer.Option(help="Heartbeat limit of the tested system, s: the value of its control.heartbeat_s.")
+    ] = 2.0,
     well: Annotated[str, typer.Option(help="Name of the OPC UA object that has the control methods.")] = "well",
     certificate: Annotated[Path | None, typer.Option(help="Certificate file of this OPC UA client.")] = None,
     key: Annotated[Path | None, typer.Option(help="File with the private key of --certificate.")] = None,
@@ -108,16 +110,17 @@ def conformance(
     application: Annotated[str, typer.Option(help="OPC UA application URI in --certificate.")] = "urn:mwd:conformance",
     unit: Annotated[int, typer.Option(help="Unit identifier of the Modbus server.")] = 1,
     domain: Annotated[
-        int | None, typer.Option(help="ROS domain of the surface node; by default ROS_DOMAIN_ID, else 0.")
+        int | None, typer.Option(help="ROS domain of the tested system; by default ROS_DOMAIN_ID, else 0.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, for programs.")] = False,
 ) -> None:
     """
-    Test whether the surface node refuses wrong control commands, and print the result of each case.
+    Test whether the surface node, or a rig with the same interfaces, refuses wrong control commands.
 
-    A controller may command top drive and pumps only with a lease of control, and within limits. The test breaks these
-    rules on purpose. Run it only on a rig that is switched off or simulated, because it also commands rotation, turns
-    and flow within the limits. The command ends with status 1 if a case fails, 2 if an interface does not answer.
+    The command prints the result of each case. A controller may command top drive and pumps only with a lease of
+    control, and within limits. The test breaks these rules on purpose. Run it only on a rig that is switched off or
+    simulated, because it also commands rotation, turns and flow within the limits. The command ends with status 1 if a
+    case fails, 2 if an interface does not answer.
 
     \b
     Examples:

@@ -65,16 +65,19 @@ def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[
     view = bench.view()
     if not taken and view.lease != lease:
         # The misuse was refused, but the lease ended: a heartbeat of this program was late, or the MWD fell silent.
-        return False, f"refused, but the owner lost its lease {lease} meanwhile (now {view.lease}); look at its reason"
+        return (
+            False,
+            f"refused, but the owner lost its lease {lease} meanwhile (now {view.lease}); see the reason of its end",
+        )
     if taken or view.sequence != sequence:
-        return False, f"taken: lease {view.lease}, set-point {view.sequence} in force"
+        return False, f"accepted: lease {view.lease}, set-point {view.sequence} in force"
     return True, f"refused; set-point {sequence} stays in force"
 
 
 # Correct use.
 
 
-@case("an honest controller", "granted, obeyed, given back")
+@case("a controller that keeps the rules", "control is granted, obeyed and given back")
 def _honest(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
@@ -104,7 +107,7 @@ def _renewal_longer(bench: Bench) -> tuple[bool, str]:
     return _renewal(bench, {"duration": 20.0}, {"duration": 30.0})
 
 
-@case("renewal for the longest time, by 0", "denied, or a person decides")
+@case("renewal for the longest time, requested as 0", "denied, or a person decides")
 def _renewal_longest(bench: Bench) -> tuple[bool, str]:
     return _renewal(bench, {"duration": 20.0}, {"duration": 0.0})
 
@@ -116,12 +119,12 @@ def _renewal_wider(bench: Bench) -> tuple[bool, str]:
     return (passed and not bench.one().send(lease, 2, Point(speed=1.5))), observed
 
 
-@case("renewal with the limits of the rig, by 0", "denied, or a person decides")
+@case("renewal with the limits of the rig, requested as 0", "denied, or a person decides")
 def _renewal_site(bench: Bench) -> tuple[bool, str]:
     return _renewal(bench, {"speed": 1.0}, {"speed": 0.0})
 
 
-@case("renewal as it was granted", "the same lease, prolonged")
+@case("renewal with the conditions granted before", "the same lease is prolonged")
 def _renewal_same(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=3.0)
     bench.lives(bench.one(), lease, 1.5)
@@ -150,7 +153,7 @@ def _late(bench: Bench) -> tuple[bool, str]:
     return not taken and view.lease == 0 and view.mode not in _OBEYS, f"lease {view.lease}, mode {view.mode}"
 
 
-@case("the owner asks under a second name", "denied")
+@case("the client that has control requests it under a second name", "denied")
 def _second_name(bench: Bench) -> tuple[bool, str]:
     bench.take(bench.one())
     answer = bench.ask(bench.one(), name="conformance two", priority=200)
@@ -160,35 +163,35 @@ def _second_name(bench: Bench) -> tuple[bool, str]:
 # Sequence numbers of set-points.
 
 
-@case("a repeated number, turn", "refused; the turn is made once")
+@case("a turn with a repeated set-point number", "refused; the turn is made once")
 def _repeated_turn(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease, mode=Mode.ORIENT, turn=0.2, speed=0.0)
     return _refused(bench, lease, bench.one().send(lease, 1, Point(Mode.ORIENT, 0.0, 0.2)))
 
 
-@case("a repeated number, rotation", "refused")
+@case("a rotation with a repeated set-point number", "refused")
 def _repeated(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
     return _refused(bench, lease, bench.one().send(lease, 1, Point()))
 
 
-@case("a repeated number with another content", "refused")
+@case("another set-point with a repeated number", "refused")
 def _repeated_other(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
     return _refused(bench, lease, bench.one().send(lease, 1, Point(Mode.ORIENT, 0.0, 0.2)))
 
 
-@case("an older number", "refused")
+@case("a set-point with a lower number than the last", "refused")
 def _older(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease, 5)
     return _refused(bench, lease, bench.one().send(lease, 3, Point(speed=0.2)), 5)
 
 
-@case("the largest number, and what comes after it", "taken, then only refusals; given back")
+@case("a set-point with the largest number, then others", "accepted, then refused; control is given back")
 def _overflow(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease, bench.interface.largest)
@@ -196,7 +199,7 @@ def _overflow(bench: Bench) -> tuple[bool, str]:
     return passed and bench.one().release(lease), observed
 
 
-@case("numbers of a new lease", "count from 1 again")
+@case("set-point numbers under a new lease", "accepted from 1 again")
 def _new_numbers(bench: Bench) -> tuple[bool, str]:
     first = bench.take(bench.one())
     bench.turning(bench.one(), first, 7)
@@ -209,7 +212,7 @@ def _new_numbers(bench: Bench) -> tuple[bool, str]:
 # Heartbeats.
 
 
-@case("silence", "the lease ends in the declared reaction")
+@case("no command from the controller", "the lease ends with the configured reaction")
 def _silence(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease, mode=Mode.ORIENT, turn=0.2, speed=0.0)
@@ -228,22 +231,22 @@ def _no_heartbeat(bench: Bench, send: Callable[[int], object]) -> tuple[bool, st
     return ended, f"the lease {'ended' if ended else 'was kept alive'}"
 
 
-@case("refused set-points alone: not a number", "no heartbeat: the lease ends")
+@case("only refused set-points: not a number", "no heartbeat: the lease ends")
 def _refused_nan(bench: Bench) -> tuple[bool, str]:
     return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 2, Point(speed=math.nan)))
 
 
-@case("refused set-points alone: beyond a limit", "no heartbeat: the lease ends")
+@case("only refused set-points: beyond a limit", "no heartbeat: the lease ends")
 def _refused_limit(bench: Bench) -> tuple[bool, str]:
     return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 2, Point(speed=_FAR)))
 
 
-@case("refused set-points alone: a repeated number", "no heartbeat: the lease ends")
+@case("only refused set-points: a repeated number", "no heartbeat: the lease ends")
 def _refused_repeated(bench: Bench) -> tuple[bool, str]:
     return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 1, Point()))
 
 
-@case("refused renewals alone", "no heartbeat: the lease ends")
+@case("only refused renewals", "no heartbeat: the lease ends")
 def _refused_renewals(bench: Bench) -> tuple[bool, str]:
     return _no_heartbeat(bench, lambda _lease: bench.ask(bench.one(), priority=250))
 
@@ -261,7 +264,7 @@ def _validity(bench: Bench) -> tuple[bool, str]:
     return held, f"mode {bench.view().mode}"
 
 
-@case("a set-point that is valid for 1e30 s, then silence", "the lease ends all the same")
+@case("a set-point that is valid for 1e30 s, then silence", "the lease ends nevertheless")
 def _valid_for_ever(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease, valid_for=1e30)
@@ -287,7 +290,7 @@ def _lower(bench: Bench) -> tuple[bool, str]:
     return answer.permission == Permission.DENIED, f"permission {answer.permission}"
 
 
-@case("a second controller of a higher priority", "takes over, or a person decides; the first is refused then")
+@case("a second controller of a higher priority", "it takes over, or a person decides; then the first is refused")
 def _higher(bench: Bench) -> tuple[bool, str]:
     first = bench.take(bench.one())
     second = bench.take(bench.other(), name="conformance two", priority=9)
@@ -296,7 +299,7 @@ def _higher(bench: Bench) -> tuple[bool, str]:
     return second > first and not taken and view.lease == second, f"lease {view.lease}, set-point {view.sequence}"
 
 
-@case("another client commands under the lease it has read", "refused")
+@case("another client commands with the lease number that it has read", "refused")
 def _thief(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
@@ -304,14 +307,14 @@ def _thief(bench: Bench) -> tuple[bool, str]:
     return _refused(bench, lease, taken)
 
 
-@case("another client releases the lease it has read", "refused")
+@case("another client releases the lease whose number it has read", "refused")
 def _thief_releases(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
     return _refused(bench, lease, bench.other().release(bench.view().lease))
 
 
-@case("another client asks under the owner's name", "denied")
+@case("another client requests control under the name of the controller in control", "denied")
 def _impostor(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
@@ -320,7 +323,7 @@ def _impostor(bench: Bench) -> tuple[bool, str]:
     return passed and set(answers) == {Permission.DENIED}, f"permissions {answers}; {observed}"
 
 
-@case("another client asks under the name of a request that waits", "denied")
+@case("another client requests control under the name of a waiting request", "denied")
 def _impostor_waits(bench: Bench) -> tuple[bool, str]:
     bench.take(bench.one())
     waits = bench.ask(bench.other(), name="conformance two", wait=True)
@@ -330,7 +333,7 @@ def _impostor_waits(bench: Bench) -> tuple[bool, str]:
     return answer.permission == Permission.DENIED, f"permission {answer.permission}"
 
 
-@case("eight clients ask at once", "at most one has control")
+@case("eight clients request control at once", "at most one has control")
 def _at_once(bench: Bench) -> tuple[bool, str]:
     peers = [bench.interface.peer(number) for number in range(8)]
     with concurrent.futures.ThreadPoolExecutor(len(peers)) as pool:
@@ -341,7 +344,7 @@ def _at_once(bench: Bench) -> tuple[bool, str]:
     return granted + len(waiting) == 1, f"{granted} granted, {len(waiting)} wait"
 
 
-@case("owner and another client send at once", "only the owner is obeyed")
+@case("the controller in control and another client send at once", "only the first is obeyed")
 def _both(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
@@ -350,7 +353,10 @@ def _both(bench: Bench) -> tuple[bool, str]:
             bench.turning(bench.one(), lease, sequence)
         stolen = sum(theft.result())
     view = bench.view()
-    return stolen == 0 and view.sequence == 5, f"{stolen} of 4 taken of another, set-point {view.sequence}"
+    return (
+        stolen == 0 and view.sequence == 5,
+        f"{stolen} of 4 set-points of the other client accepted, set-point {view.sequence} in force",
+    )
 
 
 # Limits.
@@ -379,12 +385,12 @@ for _title, _point in (
     ("a flow that is not a number", Point(Mode.PUMP, 0.0, 0.0, math.nan)),
     ("an unknown mode", Point(9)),
     ("the largest mode", Point(255)),
-    ("valid for 0 s", Point(valid_for=0.0)),
-    ("valid for a negative time", Point(valid_for=-5.0)),
+    ("a set-point that is valid for 0 s", Point(valid_for=0.0)),
+    ("a set-point that is valid for a negative time", Point(valid_for=-5.0)),
     ("a validity that is not a number", Point(valid_for=math.nan)),
-    ("valid for ever", Point(valid_for=math.inf)),
+    ("a set-point that is valid for ever", Point(valid_for=math.inf)),
 ):
-    _beyond(_title, "refused; what was in force stays", _point)
+    _beyond(_title, "refused; the set-point before stays in force", _point)
 
 
 # Leases that are not in force.
@@ -401,12 +407,12 @@ def _no_lease(bench: Bench) -> tuple[bool, str]:
     return _not_in_force(bench, lambda: 1)
 
 
-@case("a set-point under lease 0", "refused")
+@case("a set-point with lease number 0", "refused")
 def _lease_zero(bench: Bench) -> tuple[bool, str]:
     return _not_in_force(bench, lambda: 0)
 
 
-@case("a set-point under the next lease", "refused")
+@case("a set-point with the number of the next lease", "refused")
 def _lease_next(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.turning(bench.one(), lease)
@@ -420,7 +426,7 @@ def _lease_old(bench: Bench) -> tuple[bool, str]:
     return _not_in_force(bench, lambda: lease)
 
 
-@case("a set-point under the lease before", "refused")
+@case("a set-point under the lease before the present one", "refused")
 def _lease_before(bench: Bench) -> tuple[bool, str]:
     before = bench.take(bench.one())
     bench.one().release(before)
@@ -461,7 +467,7 @@ _denied("a request with a priority above 255", priority=256)
 def _asks_left(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), left_speed=_FAR)
     taken = bench.one().send(lease, 1, Point(speed=-100.0))
-    return not taken, "refused" if not taken else "taken"
+    return not taken, "refused" if not taken else "accepted"
 
 
 # A person takes control back.
@@ -501,7 +507,7 @@ _abort("a controller rotates", _commanded)
 _abort("a controller turns", lambda bench: _commanded(bench, mode=Mode.ORIENT, turn=0.2, speed=0.0))
 _abort("a controller pumps", lambda bench: _commanded(bench, mode=Mode.PUMP, flow=0.01, speed=0.0))
 _abort("a dead controller left the string held", _fault)
-_abort("another one waits", _one_waits)
+_abort("another controller waits", _one_waits)
 
 
 @case("abort without a name", "control is taken back")

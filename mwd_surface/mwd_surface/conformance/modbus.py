@@ -70,8 +70,8 @@ class ModbusConformance:
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return the additional cases of this interface."""
         return [
-            ("a part of a block", "exception; what was in force stays", _part),
-            ("a single register", "exception; what was in force stays", _single),
+            ("a part of a block", "exception; the set-point before stays in force", _part),
+            ("a single register", "exception; the set-point before stays in force", _single),
             ("a new connection of the same client", "refused: another client", _again),
         ]
 

@@ -99,7 +99,7 @@ class OpcuaConformance:
         self.peer(0).close()
         self.peer(0).open()
         taken = self.peer(0).send(lease, 2, Point(speed=0.9))
-        return not taken, "taken" if taken else "refused"
+        return not taken, "accepted" if taken else "refused"
 
     def close(self) -> None:
         """Close all clients."""
