@@ -50,7 +50,8 @@ def decode(
     A word is one transmitted value, such as the inclination. words.csv gives its confidence (the probability that the
     word was received without error) and its sigma (the error of the value if the word is right). A word is believed,
     which means used, if its confidence is 0.99 or more (survey) or 0.95 or more (toolface). Any other word is erased,
-    and words.csv lists its alternatives. The same samples give the same words from every file format.
+    which means not used, unless earlier surveys show which of its alternatives is right. The same samples give the same
+    words from every file format.
 
     \b
     Examples:
@@ -139,5 +140,5 @@ def _print_words(got: Reception, wired: bool) -> None:
         )
     for word in got.words:
         if word.kind == "survey" and word.usable:
-            chosen = "" if word.status == BELIEVED else "  (by consistency)"
+            chosen = "" if word.status == BELIEVED else "  (chosen because it fits earlier surveys)"
             console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}{chosen}", markup=False)
