@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands.list_options import PlanSet
+from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,11 +61,10 @@ def clearance(
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder
     from mwd_surface.plots.drawing import png
-    from mwd_surface.surveys.survey_source import surveys_of
 
     if is_list(source):
         raise ValueError(f"{source} is a list of stations: first run mwd path {source} -o DIR, then give DIR")
-    surveys, remarks = surveys_of(source)
+    surveys, remarks = survey_list_at(source)
     surveys = _with_model(surveys, programme, code)
     planned = read_plan_option(plan, plan_set, surveys.well)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
