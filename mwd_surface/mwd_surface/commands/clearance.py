@@ -72,12 +72,15 @@ def clearance(
         terminal.warn(remark)
     if not near.found:
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")
-    files: dict[str, str | bytes] = {
-        "clearance.csv": clearance_csv(near.found),
-        "ladder.png": png(spoken_figure(ladder(near.found))),
-        "travelling_cylinder.png": png(spoken_figure(travelling_cylinder(near.found))),
-        "plan_view.png": png(spoken_figure(plan_view(near))),
+    files: dict[str, str | bytes] = {"clearance.csv": clearance_csv(near.found)}
+    figures = {
+        "ladder": ladder(near.found),
+        "travelling_cylinder": travelling_cylinder(near.found),
+        "plan_view": plan_view(near),
     }
+    for name, figure in figures.items():
+        figure.suptitle(surveys.well.name, fontsize=11)
+        files[f"{name}.png"] = png(spoken_figure(figure))
     _show(near.found)
     for one in near.ahead()[:1]:
         terminal.output().print(f"ahead of the last survey at {near.surveyed:.1f} m: {one.sentence()}", markup=False)
