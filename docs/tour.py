@@ -23,9 +23,9 @@ ENDED_BY_HAND = ("mwd view",)
 OWN = {"YOUR_BAG": "out/first"}
 HEAD = """# The tour, timed
 
-Each command of the README as it stands there (`YOUR_BAG` is the recording of the first), run in
-this order by `make tour`. Most of the time of the short ones is the start of Python; `mwd compare`
-has status 1 where the runs differ, as `diff` has; runs play at the pace of their clock.
+`make tour` runs the commands of the README in this order; `YOUR_BAG` is the recording of the first command. The
+short commands mainly take the time to start Python. `mwd compare` ends with status 1 if the runs differ, like
+`diff`. `mwd run` and `mwd replay` take the time of their recording at the given rate.
 
 """
 

@@ -18,6 +18,7 @@ from mwd_estimation.downhole.log_sampler import rate
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import initial
+from mwd_estimation.gravity.fuzzy_mahony import MahonyParams, fuzzy_step
 from mwd_estimation.magnetic.axial_correction import axial_correction
 from mwd_estimation.pipeline.external_field import with_external
 from mwd_estimation.survey.posterior import hypotheses
@@ -165,6 +166,25 @@ def bounded_gravity_filter() -> Iterator[str]:
     yield f"{math.degrees(found.sigma_inclination[3000:].mean()):.2g} deg"
 
 
+def fuzzy_mahony() -> Iterator[str]:
+    shaken, step = 40.0 / 9.81, fuzzy_step(40.0, 120.0)
+    yield f"{math.degrees(math.atan(shaken)):.0f} deg"
+    yield f"{step:.3f} 1/s"
+    for gain in (MahonyParams().k_p, MahonyParams().k_p + step):
+        yield f"{math.degrees(gain * shaken / (math.tau * 17.0)):.2f} deg"
+    surge = bias = integral = carried = most = 0.0
+    for _ in range(4000):
+        carried += -MahonyParams().k_i * bias * 0.01
+        bias += (0.1 - MahonyParams().k_p * bias + carried) * 0.01
+        most = max(most, bias)
+    for _ in range(1000):
+        off = math.degrees(1.0 / 9.81) - surge
+        integral += MahonyParams().k_i * off * 0.01
+        surge += (MahonyParams().k_p * off + integral) * 0.01
+    yield f"{surge:.1f} deg"
+    yield f"{most:.2f} deg"
+
+
 def gyrocompass() -> Iterator[str]:
     horizontal = EARTH_RATE * math.cos(math.radians(60.0))
     noise = math.radians(0.05) / 60.0
@@ -285,6 +305,7 @@ EXAMPLES = {
     "continuous_attitude": continuous_attitude,
     "dense_trajectory": dense_trajectory,
     "downlink": downlink,
+    "fuzzy_mahony": fuzzy_mahony,
     "gyrocompass": gyrocompass,
     "logs": logs,
     "magnetic_interference": magnetic_interference,

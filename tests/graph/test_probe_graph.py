@@ -126,9 +126,11 @@ def test_an_mti_on_a_serial_line_gives_a_survey_at_the_surface(tmp_path):
     sent, got = recorded(tmp_path, MTI, "xsens", f"xsens_field_ut:={1e6 * XSENS_FIELD_T}", **place)
     for topic, field in (("/imu/data_raw", "linear_acceleration"), ("/imu/mag", "magnetic_field")):
         expected, mine = samples_of(sent, topic), samples_of(got, topic)
-        # The interval of the first packet is not known.
-        assert mine[field] == pytest.approx(expected[field][-len(mine) :], rel=1e-9)
-        assert len(expected) - len(mine) <= 1
+        # The unit counts 100 us from zero. On a busy machine the middleware drops samples of a best-effort topic.
+        since = [(one["stamp_ns"][-1] - one["stamp_ns"]) // 100_000 for one in (expected, mine)]
+        places = np.flatnonzero(np.isin(since[0], since[1]))
+        assert len(places) == len(mine) > 0.9 * len(expected)
+        assert mine[field] == pytest.approx(expected[field][places], rel=1e-9)
     live, alone = samples_of(got, "/attitude"), Pipeline(changed(EstimatorSettings(), place))
     alone.push_mag(samples_of(got, "/imu/mag"))
     alone.push_temperature(samples_of(got, "/imu/temperature"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chi-square distribution, without scipy, whose import would take a fifth of the start time of an estimator."""
+"""Chi-square distribution. The import of that of scipy would take a fifth of the start time of a node."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ import math
 
 def exceeded(value: float, freedom: int) -> float:
     """Return the probability that chi-square exceeds a value (Abramowitz and Stegun 1964, 26.4.4 and 26.4.5)."""
-    half = 0.5 * value
-    odd = freedom % 2
-    probability = math.erfc(math.sqrt(half)) if odd else 0.0
-    term = math.exp(-half) * (2.0 * math.sqrt(half / math.pi) if odd else 1.0)
-    for k in range(1, freedom // 2 + 1):
-        probability += term
-        term *= half / (k + 0.5 * odd)
-    return probability
+    half, odd = 0.5 * value, 0.5 * (freedom % 2)
+    if half <= 0.0:
+        return 1.0
+    # Each part as an exponential of logarithms: a product would underflow with more than 1400 degrees of freedom.
+    logarithms = ((k + odd) * math.log(half) - half - math.lgamma(k + odd + 1.0) for k in range(freedom // 2))
+    return (math.erfc(math.sqrt(half)) if odd else 0.0) + math.fsum(map(math.exp, logarithms))
 
 
 def limit(probability: float, freedom: int) -> float:

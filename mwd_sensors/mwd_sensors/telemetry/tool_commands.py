@@ -182,7 +182,9 @@ def _place(table: tuple[float, ...], value: float, name: str, unit: str) -> int:
     for place, one in enumerate(table):
         if abs(one - value) <= 1e-6 * abs(one):
             return place
-    choices = ", ".join(f"{one:g}" for one in table) or "none"
+    if not table:
+        raise ValueError(f"value: the {name} of this tool cannot be changed by a command")
+    choices = ", ".join(f"{one:g}" for one in table)
     raise ValueError(f"value: the {name} of this tool can be {choices} {unit}, got {value:g}")
 
 

@@ -382,7 +382,7 @@ def _same(file: Path, other: Path) -> bool:
 
 def recording_of(path: Path) -> Path:
     """
-    Return the recording at a path: the path itself, or the only recording in the folder of a run or of a well.
+    Return the recording at a path: the path itself, or the only recording in the folder of a run, well or results.
 
     Raises
     ------
@@ -391,7 +391,9 @@ def recording_of(path: Path) -> Path:
     """
     if not path.is_dir() or files_of(path) or (path / bag_metadata.FILE_NAME).is_file():
         return path
-    found = sorted({place for layout in ("bags/*", "*/bags/*") for place in path.glob(layout) if place.is_dir()})
+    found = sorted(
+        {place for layout in ("bags/*", "*/bags/*", "merged") for place in path.glob(layout) if place.is_dir()}
+    )
     if len(found) > 1:
         raise BagError(f"{path} holds {len(found)} recordings", f"give one of {', '.join(map(str, found))}")
     return found[0] if found else path

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands.list_options import PlanSet
+from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,11 +80,10 @@ def clearance(
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder
     from mwd_surface.plots.drawing import png
-    from mwd_surface.surveys.survey_source import surveys_of
 
     if is_list(source):
         raise ValueError(f"{source} is a list of stations: first run mwd path {source} -o DIR, then give DIR")
-    surveys, remarks = surveys_of(source)
+    surveys, remarks = survey_list_at(source)
     surveys = _with_model(surveys, programme, code)
     planned = read_plan_option(plan, plan_set, surveys.well)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
@@ -91,12 +91,15 @@ def clearance(
         terminal.warn(remark)
     if not near.found:
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")
-    files: dict[str, str | bytes] = {
-        "clearance.csv": clearance_csv(near.found),
-        "ladder.png": png(spoken_figure(ladder(near.found))),
-        "travelling_cylinder.png": png(spoken_figure(travelling_cylinder(near.found))),
-        "plan_view.png": png(spoken_figure(plan_view(near))),
+    files: dict[str, str | bytes] = {"clearance.csv": clearance_csv(near.found)}
+    figures = {
+        "ladder": ladder(near.found),
+        "travelling_cylinder": travelling_cylinder(near.found),
+        "plan_view": plan_view(near),
     }
+    for name, figure in figures.items():
+        figure.suptitle(surveys.well.name, fontsize=11)
+        files[f"{name}.png"] = png(spoken_figure(figure))
     _show(near.found)
     for one in near.ahead()[:1]:
         terminal.output().print(f"ahead of the last survey at {near.surveyed:.1f} m: {one.sentence()}", markup=False)

@@ -10,6 +10,7 @@ import typer
 
 from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+from mwd_surface.commands.sources import estimated, recording_at, survey_list_at
 from mwd_surface.exports.export import FORMATS
 
 if TYPE_CHECKING:
@@ -132,19 +133,19 @@ def _time_series(source: Path, output: Path, well: str, reading: Reading) -> Non
 
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.estimated import estimated
     from mwd_surface.exports import time_series
     from mwd_surface.exports.export_name import safe_name
     from mwd_surface.processing.bag_input import InputSettings, refuse_damaged, worth_saying
+    from mwd_surface.processing.run_config import processed_input
 
     path = output if output.suffix and not output.is_dir() else output / f"{safe_name(source.stem, 'timeseries')}.csv"
-    given = input_settings(reading)
+    given, read = input_settings(reading), processed_input(source)
     with contextlib.ExitStack() as held:
-        opened = held.enter_context(Bag(source))
+        opened = held.enter_context(Bag(recording_at(source)))
         notes = worth_saying(opened)
         refuse_damaged(opened, given)
         if not time_series.has_attitude(opened, well) and time_series.has_imu(opened, given):
-            opened = held.enter_context(estimated(opened, given))
+            opened = held.enter_context(estimated(opened, given, read))
             given = InputSettings(rig_topic=given.rig_topic)
         progress = held.enter_context(terminal.progress(f"reading {source.name}"))
         written = time_series.write(opened, path, well, given, progress)
@@ -183,9 +184,9 @@ def _table(
     from mwd_surface.exports.report_logs import health_section, log_section
     from mwd_surface.exports.survey_table import survey_table
     from mwd_surface.runs.run_logs import run_logs
-    from mwd_surface.surveys.survey_source import stretches_of, surveys_of
+    from mwd_surface.surveys.survey_source import stretches_of
 
-    surveys, notes = surveys_of(source)
+    surveys, notes = survey_list_at(source)
     given = assignments(changes)
     if given:
         strange = [name for name in given if not name.startswith("well.")]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mwd_surface.commands.export import WellChanges
+from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -124,14 +125,13 @@ _EXPORTS = {
 def _source(text: str) -> tuple[Path, ListSource, tuple[str, ...]]:
     """Return the path of a source, its survey list, and notes on its origin."""
     from mwd_surface.surveys.final_list import ListSource
-    from mwd_surface.surveys.survey_source import surveys_of
     from mwd_surface.uncertainty.error_terms import check_tool_code
 
     name, _, code = text.partition("=")
     if code:
         check_tool_code(code)
     path = Path(name)
-    surveys, notes = surveys_of(path)
+    surveys, notes = survey_list_at(path)
     if not surveys.records:
         raise ValueError(f"{path}: the list has no survey")
     return path, ListSource(path.name, surveys, code), notes

@@ -21,6 +21,7 @@ from mwd_surface.commands.list_options import (
     Wellhead,
 )
 from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
+from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
@@ -163,7 +164,6 @@ def _surveys(
 
     from mwd_surface.commands import terminal
     from mwd_surface.list_files.list_file import is_list
-    from mwd_surface.surveys.survey_source import surveys_of
     from mwd_surface.uncertainty.error_terms import check_tool_code
 
     if is_list(source):
@@ -176,7 +176,7 @@ def _surveys(
                 f"--{wrong[0].replace('_', '-')}: is not used for {source}, because the list of a run states this; "
                 "omit it"
             )
-        surveys, remarks = surveys_of(source)
+        surveys, remarks = survey_list_at(source)
         if options["values"] == Values.FIRST and beside is None:
             surveys = surveys.as_first_decided()
     for remark in remarks:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mwd_surface.commands.reference_options import given_settings
+from mwd_surface.commands.sources import recording_at
 
 if TYPE_CHECKING:
     from mwd_surface.processing.bag_input import InputSettings
@@ -19,7 +20,11 @@ if TYPE_CHECKING:
 INPUT_PANEL = "Input"
 
 Recording = Annotated[
-    Path, typer.Argument(help="Folder of a rosbag2 recording or of a run, or an .mcap, .db3 or .bag file.")
+    Path,
+    typer.Argument(
+        help="Folder of a rosbag2 recording, of a run or of results, or an .mcap, .db3 or .bag file.",
+        callback=recording_at,
+    ),
 ]
 #: Values of the options for reading a recording, by name of the setting, as passed by `reads_recording`.
 Reading = Mapping[str, Any]

@@ -18,6 +18,7 @@ from mwd_surface.commands.list_options import (
     NorthOption,
     Wellhead,
 )
+from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
     from mwd_surface.list_files.list_settings import ListSettings
@@ -78,7 +79,7 @@ def trajectory(
     from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.plots.drawing import png
     from mwd_surface.plots.trajectory_plot import trajectory_plot
-    from mwd_surface.surveys.survey_source import stretches_of, surveys_of
+    from mwd_surface.surveys.survey_source import stretches_of
     from mwd_surface.trajectory.dense_trajectory import dense_trajectory
     from mwd_surface.trajectory.slide_file import read_stretches
 
@@ -87,7 +88,7 @@ def trajectory(
     said = list_settings(options)
     if said != ListSettings() and not is_list(source):
         raise ValueError(f"{source} is the list of a run, which needs no options of panel List; omit them")
-    surveys, remarks = surveys_of(source, said.given())
+    surveys, remarks = survey_list_at(source, said.given())
     if slides is not None and not slides.is_file():
         raise ValueError(f"--slides {slides}: file not found")
     stretches = read_stretches(slides)[0] if slides is not None else stretches_of(source)[0]

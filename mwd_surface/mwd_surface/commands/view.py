@@ -11,6 +11,7 @@ import typer
 
 from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+from mwd_surface.commands.sources import estimated
 
 if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
@@ -52,7 +53,6 @@ def view(
     """
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.estimated import estimated
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.page.settings import PageSettings
     from mwd_surface.processing.bag_input import worth_saying

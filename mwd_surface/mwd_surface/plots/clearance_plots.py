@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST = 12  # largest number of wells drawn; more would hide each other
-# Largest separation factor on the axis.
-_FAR = 10.0
+_LOWEST, _FAR = -0.5, 10.0  # ends of the axis of the separation factor; where wells overlap, it is negative
 _ELLIPSE_SIGMAS = 2.0  # semi-axes of the error ellipses, in sigmas
 
 
@@ -39,10 +38,10 @@ def ladder(found: Sequence[Clearance]) -> Figure:
     _bands(factor, found[0].rule)
     for k, other in enumerate(found[:_MOST]):
         colour, line = _style(k)
-        factor.plot(np.clip(other.factor, -0.5, _FAR), other.md, line, color=colour, label=other.name)
+        factor.plot(np.clip(other.factor, _LOWEST, _FAR), other.md, line, color=colour, label=other.name)
         distance.plot(other.distance, other.md, line, color=colour)
         distance.plot(other.allowed, other.md, "--", color=colour, linewidth=0.9)
-    factor.set(xlabel=f"separation factor (drawn to {_FAR:g})", ylabel="measured depth, m", xlim=(-0.5, _FAR))
+    factor.set(xlabel=f"separation factor (drawn to {_FAR:g})", ylabel="measured depth, m", xlim=(_LOWEST, _FAR))
     distance.set(xlabel="centre to centre, m; dashed: least allowed distance")
     distance.set_xlim(0.0, 1.05 * _near(found))
     factor.invert_yaxis()
@@ -79,7 +78,8 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
             ax.plot(other.bearing[worst], other.distance[worst], "o", color=mark, markeredgecolor="k", markersize=7)
     ax.set_rmax(most)
     ax.set_rlabel_position(135.0)
-    ax.set_title("toolface to the other well + azimuth; distance in m; dot: least separation factor", fontsize=9)
+    ax.set_title("angle: toolface to the other well + azimuth; radius: distance, m", fontsize=9)
+    ax.set_xlabel("numbers: measured depth, m; dot: smallest separation factor", fontsize=8)
     grid(ax)
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.12, -0.05), frameon=False)
     return figure
@@ -89,8 +89,8 @@ def plan_view(near: WellClearance) -> Figure:
     """
     Draw the well and its offset wells from above, around the points with the smallest separation factors.
 
-    The hole below the last survey is dashed. Where the separation factor of an offset well is smallest, a line joins
-    both wells, and each well has its error ellipse at 2 sigma.
+    A dot marks the last survey; the hole below it is dashed. Where the separation factor of an offset well is smallest,
+    a line joins both wells, and each well has its error ellipse at 2 sigma.
     """
     from matplotlib.figure import Figure
 
@@ -98,9 +98,12 @@ def plan_view(near: WellClearance) -> Figure:
     ax: Any = figure.subplots()
     well = near.well
     depths, whole = _dense(well)
-    for ahead, line in ((False, "-"), (True, "--")):
+    name, last = well.name or "well", _at(well, near.surveyed)[0]
+    for ahead, line, label in ((False, "-", name), (True, "--", "ahead of the last survey")):
         part = whole[depths >= near.surveyed] if ahead else whole[depths <= near.surveyed]
-        ax.plot(part[:, 1], part[:, 0], line, color="k", linewidth=1.8, label="" if ahead else well.name or "well")
+        if len(part) > 1:
+            ax.plot(part[:, 1], part[:, 0], line, color="k", linewidth=1.8, label=label)
+    ax.plot(last[1], last[0], "o", color="k", markersize=5, label="last survey")
     close = []
     for k, one in enumerate(near.found[:_MOST]):
         if one.other is None:
@@ -117,7 +120,7 @@ def plan_view(near: WellClearance) -> Figure:
             close.append(outline)
     ax.set(xlabel="east, m", ylabel=f"north ({well.north.name.lower()}), m")
     if close:
-        points = np.concatenate([*close, whole[-1:, [1, 0]]])
+        points = np.concatenate([*close, whole[-1:, [1, 0]], last[None, [1, 0]]])
         middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.7 * float(np.ptp(points, axis=0).max())
         ax.set_xlim(middle[0] - half, middle[0] + half)
         ax.set_ylim(middle[1] - half, middle[1] + half)
@@ -145,7 +148,7 @@ def _style(k: int) -> tuple[str, str]:
 
 
 def _bands(ax: Any, rule: ClearanceRule) -> None:
-    ax.axvspan(-0.5, rule.stop_factor, color=BAD, alpha=0.25, label=f"stop, below {rule.stop_factor:g}")
+    ax.axvspan(_LOWEST, rule.stop_factor, color=BAD, alpha=0.25, label=f"stop, below {rule.stop_factor:g}")
     if rule.warning_factor > rule.stop_factor:
         words = f"warning, below {rule.warning_factor:g}"
         ax.axvspan(rule.stop_factor, rule.warning_factor, color=DOUBTFUL, alpha=0.35, label=words)

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.chi_square import exceeded
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
@@ -154,7 +154,7 @@ def _compared(
     joint = np.block([[basis.T @ covariance[j, k] @ basis for k in kinds] for j in kinds])
     chi_square = float(deviation @ np.linalg.solve(joint, deviation))
     degrees = len(deviation)
-    probability = float(chi2.sf(chi_square, degrees))
+    probability = exceeded(chi_square, degrees)
     biases = _biases(force, field, errors) if len(set(tools)) == 1 else ()
     verdict = FAIL if probability < _FAIL else DOUBTFUL if probability < _DOUBTFUL else PASS
     if verdict == PASS and any(bias.excessive for bias in biases):

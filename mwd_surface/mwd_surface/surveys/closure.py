@@ -14,8 +14,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
+from mwd_estimation.core.chi_square import exceeded
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt
@@ -97,7 +97,7 @@ def closure(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecor
         own = axes @ found.covariance[k] @ axes.T
         sigmas = np.sqrt(np.maximum(np.diagonal(own), 0.0))
         both = own + mine.closure_sigma**2 * np.eye(3)
-        probability = float(chi2.sf(float(axes @ error @ np.linalg.solve(both, axes @ error)), 3))
+        probability = exceeded(float(axes @ error @ np.linalg.solve(both, axes @ error)), 3)
     return Closure(
         leg,
         depth,

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.chi_square import exceeded
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
@@ -152,7 +152,7 @@ def _fitted(problem: StationsProblem) -> _ErrorFit:
         for _ in range(2):
             problem.quieten(solution, used)
             solution = problem.solve(used)
-    return _ErrorFit(solution, used, misfit, chi_square, degrees, float(chi2.sf(chi_square, degrees)))
+    return _ErrorFit(solution, used, misfit, chi_square, degrees, exceeded(chi_square, degrees))
 
 
 def _result(problem: StationsProblem, fit: _ErrorFit) -> Multistation:

@@ -37,6 +37,10 @@ _NO_WELL = (
 FILES = ("surveys.json", "surveys.previous.json")
 
 
+class NoSurveyListError(BagError):
+    """Raised if a recording has no survey list, because no surface node recorded it."""
+
+
 def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tuple[str, ...]]:
     """
     Return the list, and notes for people on its origin.
@@ -54,8 +58,10 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
     ------
     ValueError
         The file is not a complete survey list, or the folder has lists of several wells.
+    NoSurveyListError
+        The recording has no survey list.
     BagError
-        The path does not exist, or the recording has no survey list.
+        The path does not exist, or the list of the recording cannot be read.
     """
     if path.is_file() and path.suffix == ".json":
         return _remarked(decoded(read_file(path, budgets.JSON)))
@@ -104,14 +110,16 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
 
     Raises
     ------
+    NoSurveyListError
+        The recording has no survey list.
     BagError
-        The recording has no survey list, or lists of several wells.
+        The recording has lists of several wells, or no list that can be read.
     """
     if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
         if unread := bag.unread(LIST_TYPE):
             raise BagError(f"{bag.path} has no survey list that can be read: {unread}")
         hint = f"`mwd process {bag.path} -o out` makes one in the folder out"
-        raise BagError(f"{bag.path} has no survey list: no surface unit recorded it", hint)
+        raise NoSurveyListError(f"{bag.path} has no survey list: no surface unit recorded it", hint)
     topic = bag.find_topic(LIST_TYPE, "surveys")
     last = None
     for _, _, _, data in bag.messages([topic]):

@@ -55,9 +55,12 @@ def test_each_well_has_a_line_for_the_whole_path_and_one_ahead(folder):
 def test_the_plan_view_shows_each_compared_well_and_joins_the_nearest_points(folder):
     near = well_clearance(surveys(folder), read_offset_wells(folder / "wells.yaml"), None)
     (axes,) = plan_view(near).axes
-    _, names = axes.get_legend_handles_labels()
-    assert names[1:] == [one.name for one in near.found]
-    joins = [line.get_xydata() for line in axes.get_lines() if len(line.get_xydata()) == 2]
+    lines = {line.get_label(): line.get_xydata() for line in axes.get_lines()}
+    assert {one.name for one in near.found} <= set(lines)
+    (last,) = lines["last survey"]
+    assert axes.get_xlim()[0] <= last[0] <= axes.get_xlim()[1]
+    assert axes.get_ylim()[0] <= last[1] <= axes.get_ylim()[1]
+    joins = [xy for label, xy in lines.items() if len(xy) == 2 and label.startswith("_")]
     assert len(joins) == len(near.found)
     for one, (here, there) in zip(near.found, joins, strict=True):
         assert np.hypot(*(here - there)) <= one.distance[one.least] + 1e-6
