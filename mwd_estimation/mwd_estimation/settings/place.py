@@ -41,8 +41,8 @@ class Place:
     )
     lat_deg: float | None = setting(
         None,
-        "Latitude, WGS 84, north positive. The gyro azimuth needs it too, and with a fixed field gravity follows "
-        "from it. nan: not given.",
+        "Latitude, WGS 84, north positive. The field models and the gyro azimuth need it; with a fixed field, the "
+        "reference gravity is computed from it. nan: not given.",
         unit="deg",
         low=-90.0,
         high=90.0,

@@ -107,13 +107,13 @@ class Accelerometer:
     )
     misalignment_mrad: float | None = setting(
         None,
-        "Direction error of each axis that calibration leaves, 1 sigma, from the residual of a tumble calibration. "
-        "Together with bias and scale error it sets the sigma of inclination and toolface of every sample; raising "
-        "one widens the sigma. Not stated: nobody has described the accelerometers, every sample gets the sigma of a "
-        "unit as it leaves its factory until the data show a better one, and all outputs say that the tool is "
-        "assumed. In surveys it is the angle by which the accelerometers may be rotated in their mount: it widens "
-        "the sigmas of inclination and azimuth, and above some 5 mrad the first stations are doubtful until a turning "
-        "string, or other toolfaces, show the mount.",
+        "Direction error of each accelerometer axis after calibration, 1 sigma, from the residual of a tumble "
+        "calibration. With bias and scale error it sets the sigma of inclination and toolface of every sample; "
+        "raising any of the three widens the sigma. In surveys it is also the angle by which the accelerometers may "
+        "be rotated in their mount: it widens the sigmas of inclination and azimuth, and above about 5 mrad the first "
+        "stations are doubtful until rotation, or stations at other toolfaces, show the mount. nan: the "
+        "accelerometers are not described; every sample gets the sigma of a unit with factory calibration until the "
+        "data show a better one, and all outputs say that the tool is assumed.",
         unit="mrad",
         low=0.0,
         high=500.0,

@@ -60,7 +60,9 @@ class RigInputSettings:
         low=1,
         fixed=True,
     )
-    deepest: float = setting(20000.0, "Depth above which a reading is rejected.", unit="m", low=1.0, fixed=True)
+    deepest: float = setting(
+        20000.0, "Largest depth accepted; a reading with a larger depth is rejected.", unit="m", low=1.0, fixed=True
+    )
     slips_hookload: float = setting(
         0.0,
         "Hookload below which the string is in slips. 0: not known, so slips are not reported.",

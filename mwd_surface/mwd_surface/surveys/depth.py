@@ -59,7 +59,9 @@ class DepthRules:
         unit="s",
         low=0.1,
     )
-    deepest: float = setting(DEEPEST, "Depth above which a reading is rejected.", unit="m", low=1.0)
+    deepest: float = setting(
+        DEEPEST, "Largest depth accepted; a reading with a larger depth is rejected.", unit="m", low=1.0
+    )
     clock_limit: float = setting(
         20.0,
         "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
