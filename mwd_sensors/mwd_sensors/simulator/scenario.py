@@ -185,8 +185,9 @@ class Scenario:
                 adc = grade(unit.grade, unit.changes).adc_hz
                 if adc % self.rate_hz or self.kinematics_hz % (2 * adc):
                     raise ValueError(
-                        f"rates must nest: kinematics_hz {self.kinematics_hz} a multiple of twice the converter's "
-                        f"{adc}, that a multiple of rate_hz {self.rate_hz}"
+                        f"rates must nest: the converter's rate of {adc} Hz must be a multiple of rate_hz "
+                        f"{self.rate_hz}, and kinematics_hz {self.kinematics_hz} a multiple of twice the converter's "
+                        "rate; change rate_hz or kinematics_hz"
                     )
 
 

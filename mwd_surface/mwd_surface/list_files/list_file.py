@@ -776,7 +776,7 @@ class _ListReader:
         first = rows[0]
         if first.texts.get("coordinates") != "assumed" or first.texts.get("station", "tie-on") not in _START_ROWS:
             return None
-        text = f"{self.name}: its coordinates rest on an assumption, as its column coordinates says"
+        text = f'{self.name}: the coordinates are assumed: the column "coordinates" of the list begins with "assumed"'
         remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
         md, inclination, azimuth = (first.numbers.get(what, 0.0) for what in NEEDED)
         north, east = (first.numbers.get(what, 0.0) for what in _LOCAL)
