@@ -64,7 +64,11 @@ class GravityWithFallback:
 
     @property
     def samples_are(self) -> str:
-        """See `BoundedState.samples_are`; empty for a method that does not check the meaning of samples."""
+        """
+        Kind of the samples according to the data ("points"), if it differs from the settings; otherwise empty.
+
+        Also empty for a method that does not check the samples; see `BoundedState.samples_are`.
+        """
         return self._state.samples_are if isinstance(self._state, BoundedState) else ""
 
     def run(

@@ -204,7 +204,7 @@ def interference_params(settings: EstimatorSettings) -> interference_state.Inter
 
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroAzimuthParams:
-    """Return the parameters of the azimuth propagated by the gyros of both units; others keep the filter's default."""
+    """Return the parameters of the gyro-propagated azimuth; those without a setting keep the filter's default."""
     tool, usual = settings.tool, gyro_azimuth_state.GyroAzimuthParams()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h

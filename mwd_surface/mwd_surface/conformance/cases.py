@@ -206,7 +206,7 @@ def _new_numbers(bench: Bench) -> tuple[bool, str]:
     return second > first, f"leases {first}, {second}"
 
 
-# Heartbeats.
+# Missing and repeated heartbeats.
 
 
 @case("silence", "the lease ends in the declared reaction")
@@ -353,7 +353,7 @@ def _both(bench: Bench) -> tuple[bool, str]:
     return stolen == 0 and view.sequence == 5, f"{stolen} of 4 taken of another, set-point {view.sequence}"
 
 
-# Limits.
+# Set-points beyond the limits.
 
 
 def _beyond(title: str, expected: str, point: Point) -> None:
@@ -436,7 +436,7 @@ def _released_twice(bench: Bench) -> tuple[bool, str]:
     return done == [True, False], f"{done}"
 
 
-# Requests.
+# Requests for control.
 
 
 def _denied(title: str, **wish: object) -> None:

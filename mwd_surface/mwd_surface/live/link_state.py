@@ -68,13 +68,13 @@ class LinkWordState(MessageRecord):
 
     @property
     def final(self) -> bool:
-        """Whether the word is final: all parities of its pass have been used."""
+        """Whether the word is final: all parities of its frame have been used."""
         return self.revision > 0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkFrameState(MessageRecord):
-    """A pass of a sequence, with the fields of mwd_msgs/LinkFrame; reason: cause if it was cut off, else empty."""
+    """One transmission of a sequence of words (mwd_msgs/LinkFrame); reason: cause if it was cut off, else empty."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
 
@@ -100,7 +100,7 @@ class LinkStatus(MessageRecord):
     survey : tuple of LinkWordState
         Words of the newest survey, in the order of the sequence.
     frames : tuple of LinkFrameState
-        Last passes of sequences, newest last.
+        Last transmissions of sequences of words, newest last.
     words : tuple of LinkWordState
         Last words, newest last.
     picture : PressurePicture or None
@@ -145,7 +145,7 @@ class LinkStatus(MessageRecord):
 
 
 class LinkCollector:
-    """Collects words and passes of a sequence that arrive over one link."""
+    """Collector of the words and frames (transmissions of a sequence of words) that arrive over one link."""
 
     def __init__(self) -> None:
         self._survey: dict[int, LinkWordState] = {}
@@ -165,11 +165,11 @@ class LinkCollector:
             del self._words[key]
 
     def on_frame(self, frame: LinkFrameState) -> None:
-        """Accept a pass of a sequence."""
+        """Add a received frame: one transmission of a sequence of words."""
         self._frames.append(frame)
 
     def status(self, quality: LinkStatus) -> LinkStatus:
-        """Return the state of the link with the words and passes so far."""
+        """Return the state of the link with the words and frames received so far."""
         return dataclasses.replace(
             quality,
             survey=tuple(self._survey[place] for place in sorted(self._survey)),

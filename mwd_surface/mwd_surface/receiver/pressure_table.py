@@ -374,7 +374,7 @@ class _TableFile:
         return dataclasses.replace(column, unit=(said[0].partition("_")[2] if said else "") or column.unit)
 
     def _units_of(self, columns: Sequence[_Column]) -> set[str]:
-        """Return the units in the cells of a column of units, as far as the head of the file shows them."""
+        """Return the units that columns of units contain in the first rows of the file."""
         return {_unit(str(cell)) for one in columns for cell in self._cells_of(one.number)} - {""}
 
     def _columns(self) -> list[tuple[_Column, str]]:
@@ -810,7 +810,7 @@ def _are_units(cells: Sequence[str]) -> int:
 
 
 def _without_nulls(values: Array) -> tuple[Array, list[str]]:
-    """Numbers with nan in place of null values, and how many there are."""
+    """Return numbers with NaN in place of null values, and a note on their count (a list; empty without nulls)."""
     null = np.isin(values, NULL_NUMBERS)
     if not null.any():
         return values, []

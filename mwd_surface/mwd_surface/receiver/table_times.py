@@ -74,12 +74,12 @@ class UnknownUnitError(ValueError):
 
 def of_numbers(numbers: Array, unit: str) -> Array:
     """
-    Return times as seconds; unit: of the column, "" if unknown.
+    Return times as seconds; unit: unit of the column, "" if unknown.
 
     Raises
     ------
     UnknownUnitError
-        Neither unit, size nor steps of the numbers tell what they count.
+        The unit is unknown, and neither the size nor the steps of the numbers show it.
     """
     if unit in UNITS:
         return numbers * UNITS[unit]

@@ -24,7 +24,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 
-# Largest distance between surveys at one depth, m.
+# Largest difference of measured depth, m, to the shallowest of the surveys that count as taken at one depth.
 SAME_DEPTH = 0.5
 # Curvature of the hole, rad/m, 1 sigma in each direction. It turns the hole by 0.1 deg between shots half a metre
 # apart. Motors build up to twice as much.

@@ -276,8 +276,8 @@ class RunFilter:
         """
         Return the filters; if the string may have changed since the last station, add a second filter for each.
 
-        In the second the string's field is drawn anew and all else is known as before; a string of one kind becomes one
-        of any kind, with the kind's own prior.
+        In the second filter the field of the string has its prior again, and the other errors keep their estimates. A
+        changed string can be of any kind, so the second filters share their weight by the priors of the kinds.
         """
         state = self._of_filters(state)
         if not state.changed > 0.0:
@@ -301,9 +301,10 @@ class RunFilter:
 
     def _join(self, weight: Array, mean: Array, covariance: Array) -> None:
         """
-        Replace the filters by the merged filters, each together with its second filter.
+        Merge the parts of each filter, and of its second filter from `_branched` if there is one, into one Gaussian.
 
-        weight (k, p), mean (k, p, 22), covariance (k, p, 22, 22): the p parts of each of the k filters.
+        weight (k, p), mean (k, p, 22), covariance (k, p, 22, 22): p parts of each of k filters: the first filters,
+        then, if `_branched` added them, the second filters in the same order.
         """
         state, count = self.state, len(self.filters.weight)
 
@@ -415,7 +416,11 @@ class RunFilter:
 
 
 def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return mean and covariance of mixtures of p parts with shapes (..., p), (..., p, n) and (..., p, n, n)."""
+    """
+    Return mean and covariance of mixtures of p parts.
+
+    weight (..., p), mean (..., p, n), covariance (..., p, n, n): the parts; the weights need not have the sum 1.
+    """
     whole = weight.sum(axis=-1, keepdims=True)
     share = np.where(whole > 0.0, weight / np.maximum(whole, 1e-300), 1.0 / weight.shape[-1])
     merged = (share[..., None] * mean).sum(axis=-2)
