@@ -64,7 +64,7 @@ class LinkMonitor:
         self._show()
 
     def on_frame(self, frame: Any) -> None:
-        """Accept a pass of a sequence, mwd_msgs/LinkFrame."""
+        """Add a received frame (mwd_msgs/LinkFrame): one pass of a sequence, in which all its words are sent once."""
         collector = self._collector(frame.link)
         if collector is None:
             return

@@ -74,7 +74,11 @@ class LinkWordState(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkFrameState(MessageRecord):
-    """One transmission of a sequence of words (mwd_msgs/LinkFrame); reason: cause if it was cut off, else empty."""
+    """
+    One pass of a sequence (all its words sent once), with the fields of mwd_msgs/LinkFrame.
+
+    reason: cause if the pass was cut off, else empty.
+    """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
 
@@ -100,7 +104,7 @@ class LinkStatus(MessageRecord):
     survey : tuple of LinkWordState
         Words of the newest survey, in the order of the sequence.
     frames : tuple of LinkFrameState
-        Last transmissions of sequences of words, newest last.
+        Last passes of sequences, newest last.
     words : tuple of LinkWordState
         Last words, newest last.
     picture : PressurePicture or None
@@ -145,7 +149,7 @@ class LinkStatus(MessageRecord):
 
 
 class LinkCollector:
-    """Collector of the words and frames (transmissions of a sequence of words) that arrive over one link."""
+    """Collector of the words and frames (passes of a sequence) that arrive over one link."""
 
     def __init__(self) -> None:
         self._survey: dict[int, LinkWordState] = {}
@@ -165,7 +169,7 @@ class LinkCollector:
             del self._words[key]
 
     def on_frame(self, frame: LinkFrameState) -> None:
-        """Add a received frame: one transmission of a sequence of words."""
+        """Add a received frame: one pass of a sequence, in which all its words are sent once."""
         self._frames.append(frame)
 
     def status(self, quality: LinkStatus) -> LinkStatus:

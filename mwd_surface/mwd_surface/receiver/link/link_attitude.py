@@ -226,7 +226,7 @@ class LinkAttitude:
         return max(found, key=lambda one: one.start_s) if found else None
 
     def _motion(self) -> Status:
-        """Return the motion of the string from rig data, because no word carries it; sliding needs progress."""
+        """Return the motion of the string from rig data; sliding requires motion along the hole."""
         if self.rotating:
             return Status.ROTATING
         if self.in_slips:

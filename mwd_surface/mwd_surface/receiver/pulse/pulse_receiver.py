@@ -163,7 +163,7 @@ class PulseReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Run the search and decoding steps for which the pressure is there, in the order of the pressure they need."""
+        """Run the search and decoding steps for which enough pressure has arrived, in the order in which it arrives."""
         while True:
             searched = STEPS_PER_TU * self._hop * _HOP_TU
             beyond = STEPS_PER_TU * (_HOP_TU + self._beyond) + REACH

@@ -297,7 +297,7 @@ class ReceivedTransmission:
 
     @property
     def sound(self) -> bool:
-        """Whether parities hold, so that only its own end should end the transmission."""
+        """Whether the parities hold, so that another hypothesis should not end the transmission."""
         return self._at_once.failing < _DOUBTFUL and self.confirmed and not self.presence.faint
 
     @property
