@@ -145,7 +145,7 @@ def _compared(
     covariance[0, 0] += turned
     covariance[1, 1] += turned / max(math.sin(float(np.mean(inclinations))), math.sin(_LEAST_INCLINATION)) ** 2
     count = len(rows)
-    # Use deviations from the mean: an error common to all shots cannot be told from the hole's direction.
+    # Use deviations from the mean: an error common to all shots cannot be separated from the direction of the hole.
     centred = np.eye(count) - 1.0 / count
     expected = [math.sqrt(np.trace(centred @ covariance[k, k] @ centred) / (count - 1)) for k in range(2)]
     kinds = (0, 1) if with_azimuth else (0,)
