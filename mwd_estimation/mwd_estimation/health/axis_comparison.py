@@ -30,8 +30,8 @@ _FEW = 20
 # accelerometers must agree: a shock has another shape in another bandwidth and at another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
-# Largest distance of the two units from each other across the tool, m. In a turning string their forces differ by this
-# distance times the squared rate, which is not a sign of wrong axes. The housing of a probe is some 5 cm wide.
+# Largest distance between the two units across the tool, m. In a turning string their forces differ by this distance
+# times the squared rate, which is not a sign of wrong axes. The housing of a probe is about 5 cm wide.
 _ARM = 0.03
 # Smallest rms at which an axis is compared, as a share of the unit's largest rms (gyro, accelerometer): a smaller
 # signal may be leakage from another axis.

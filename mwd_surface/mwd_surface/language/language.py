@@ -97,7 +97,7 @@ class _Template(NamedTuple):
         return values
 
     def readings(self, text: str) -> Iterator[dict[str, str]]:
-        """Return the values of a text, in one or two ways; none if it is another sentence."""
+        """Yield the values of a text, in one or two ways; nothing if the text does not fit the template."""
         first = self.values(text, last=False)
         if first is not None:
             yield first

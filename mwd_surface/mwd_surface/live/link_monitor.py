@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Telemetry links of the well: collect words, passes of a sequence and quality, and show the best link on the page."""
+"""Telemetry links of the well: collect words, frames and quality, and show the best link on the page."""
 
 from __future__ import annotations
 

@@ -283,7 +283,7 @@ def _samples(count: int) -> str:
 
 
 def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
-    """Return the topics of the wells; none if a recording has no IMU, or several and none is named."""
+    """Return the topics of the wells; empty if a recording has no IMU, or has several and the caller names none."""
     try:
         return wells(bag, given)
     except BagError:

@@ -110,7 +110,8 @@ def _check_times(path: Path, time: Array) -> None:
     Raises
     ------
     ValueError
-        A step is longer than any pause, or the total is longer than the budget or consists mostly of gaps.
+        A step is longer than any pause, the usual step is too long for telemetry, or the total is longer than the
+        budget or consists mostly of gaps.
     """
     steps = np.diff(time)
     longest = float(steps.max())

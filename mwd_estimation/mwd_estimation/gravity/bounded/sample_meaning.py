@@ -23,7 +23,7 @@ LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, by which t
 
 
 def in_words(found: str) -> str:
-    """Return a sentence about `State.samples_are`; empty if the data do not contradict the settings."""
+    """Return a sentence about the kind of the samples, `BoundedState.samples_are`; empty for an empty `found`."""
     if not found:
         return ""
     return (
