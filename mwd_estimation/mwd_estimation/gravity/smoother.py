@@ -69,7 +69,7 @@ class Smoother:
         return self._state.samples_are
 
     def continued(self) -> Smoother:
-        """Return a smoother for the samples after a silence, with the meaning of a sample that was found so far."""
+        """Return a smoother for the samples after a silence, with the kind of the samples that was found so far."""
         smoother = Smoother(self.params)
         smoother._state.keep_meaning(self._state)
         return smoother

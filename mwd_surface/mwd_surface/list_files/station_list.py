@@ -137,7 +137,7 @@ def start_of(stations: StationList) -> Start:
     place = f"{north:+.2f} m north, {east:+.2f} m east"
     if math.isnan(north) or math.isnan(east):
         kind = RemarkKind.TIE_ON_ASSUMED
-        place = "north and east not both given, what is missing taken as that of the wellhead"
+        place = "north or east is not given and is set to 0 m, the position of the wellhead"
     text = (
         f"{stations.name} begins at {md:.2f} m with a position of its own, {own[2]:.2f} m TVD, {place}: the path starts"
         " there, and the hole above is not known"

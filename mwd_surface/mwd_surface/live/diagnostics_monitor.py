@@ -24,7 +24,7 @@ _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
 
 class DiagnosticsMonitor:
     """
-    Monitors the graph of one well. Errors of the surface node itself raise their alarms where they happen.
+    Monitor of the ROS nodes of one well. Errors of the surface node itself raise their alarms where they happen.
 
     Parameters
     ----------

@@ -126,7 +126,7 @@ class SampleStream:
         return {name: part for name, part in out.items() if len(part[0])}
 
     def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples without a time if others have one, such as those before a driver's clock was set."""
+        """Leave out samples without a time if the topic has times: those before the clock of a driver was set."""
         if name in self.without_time:
             return log_ns, samples
         dated = (samples["stamp_ns"] != 0) | (log_ns < CLOCK_SET_NS)

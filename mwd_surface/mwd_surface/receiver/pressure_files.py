@@ -116,7 +116,9 @@ def _check_times(path: Path, time: Array) -> None:
     steps = np.diff(time)
     longest = float(steps.max())
     if longest > _LONGEST_GAP_S:
-        raise ValueError(f"{path}: the time jumps by {longest:.6g} s, as if the clock was set; cut the file there")
+        raise ValueError(
+            f"{path}: the time jumps by {longest:.6g} s, probably because the clock was set; cut the file there"
+        )
     try:
         budgets.PRESSURE.check("seconds", float(time[-1] - time[0]))
     except BudgetError as error:

@@ -847,5 +847,7 @@ def _of_current(current: Array) -> tuple[Array, list[str]]:
         f"a current of 4 to 20 mA: the range of the gauge is not known, 20 mA is taken as {_FULL_SCALE / 1e5:g} bar"
     ]
     if broken.any():
-        notes.append(f"{int(broken.sum())} samples are below 3.6 mA, as of a broken wire, and are missing samples")
+        notes.append(
+            f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and are missing samples"
+        )
     return np.where(broken, math.nan, (current - _LIVE_ZERO) / _SPAN * _FULL_SCALE), notes

@@ -59,7 +59,7 @@ def propagate(s: BoundedRecord, rate: float) -> None:
 
 @compiled
 def compare(s: BoundedRecord, axis: int, entry: Update) -> None:
-    """Update the odds with the last innovation, along a tool axis; apply its correction to the effect of points."""
+    """Update the odds of points with the last innovation, along a tool axis, and the errors that points would cause."""
     if not _integrated(s):
         return
     effect, expected = s.meaning.effect, 0.0

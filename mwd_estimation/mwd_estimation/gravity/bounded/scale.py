@@ -44,7 +44,7 @@ CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rat
 
 @compiled
 def tilts(s: BoundedRecord) -> tuple[float, float]:
-    """Return the variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
+    """Return the variances of the tilt that changes inclination and of the tilt that changes toolface, rad^2."""
     P = s.P
     dx, dy = hole_direction(s)
     # The tilt that changes inclination cannot be distinguished from an acceleration along the hole.
