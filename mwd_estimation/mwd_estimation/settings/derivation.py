@@ -53,7 +53,7 @@ _RAMP_PER_H = 0.6
 # age.
 _REST_RATE = 0.01
 # 1 sigma of the magnetic field of the string at the magnetometer, along the axis and in each direction across it, nT.
-# non_magnetic: AMIL of the tool code; short: poles of 1000 uWb some 7 m away; steel: steel pipe around the
+# non_magnetic: AMIL of the tool code; short: poles of 1000 uWb about 7 m away; steel: steel pipe around the
 # magnetometer.
 _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3000.0, 1000.0)}
 # Probability that steel pipe has another field at a station than at the other stations of the run, so that the measured

@@ -121,7 +121,7 @@ class NoiseWatch:
                 self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Compute the scatter of samples at rest (`still`) and keep the smallest of each vector; motion starts anew."""
+        """Keep the smallest scatter of each vector in samples at rest (`still`); motion discards the samples so far."""
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)

@@ -48,7 +48,7 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-# Score of how well some texts serve as column names; 0 if they are not column names.
+# Function that returns a score for some texts as column names; 0 if they are not column names.
 Header = Callable[[Sequence[str]], int]
 
 
@@ -206,7 +206,7 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
     data, name : bytes, str
         The file and its name, for messages.
     is_header : callable, optional
-        Score of how well some texts serve as column names, 0 if they do not. By default the first line that is not a
+        Returns a score for some texts as column names, 0 if they are not. By default the first line that is not a
         comment has the names.
     is_unit : callable, optional
         Nonzero if the cells of the line below the names are units; by default such a line is a row.

@@ -334,7 +334,7 @@ class _Format:
 
 class WitsSource(_OfStream):
     """
-    Pressure in frames of WITS level 0; the time of arrival counts, because the times of WITS have whole seconds.
+    Pressure in frames of WITS level 0; with times of arrival, because WITS times have whole seconds.
 
     Parameters
     ----------

@@ -122,7 +122,7 @@ class SondeFix:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Sentences on what makes the solution or its sigmas doubtful; empty if nothing does."""
+        """Reasons to doubt the solution or its sigmas, as sentences; empty without a reason."""
         found = []
         if self.freedom > 0 and scipy.stats.chi2.sf(self.chi2, self.freedom) < _UNLIKELY:
             found.append(

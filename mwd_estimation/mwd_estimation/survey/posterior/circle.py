@@ -41,7 +41,7 @@ class Circle:
     sigma: float
     spread: float  #: the larger of sigma and the standard deviation of the whole chief mode, rad
     share: float  #: probability of the chief mode
-    alternatives: tuple[tuple[float, float], ...]  #: mean, rad, and probability of the other modes, likeliest first
+    alternatives: tuple[tuple[float, float], ...]  #: mean, rad, and probability of the other modes, most probable first
 
 
 def beyond(angles: Array, density: Array, centre: float, width: float, smear: float = 0.0) -> float:

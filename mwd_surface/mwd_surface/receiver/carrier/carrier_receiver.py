@@ -337,7 +337,8 @@ class CarrierReceiver(SampledReceiver):
 # Search for markers in noise: the score is the share of energy that the marker's symbols explain at any size and phase.
 
 
-# Noise exceeds this about once in some thousand positions. A false marker costs one trial; the block's check decides.
+# Noise exceeds this score at one of about 3000 positions. A false marker costs one trial; the check of the block
+# decides.
 THRESHOLD = 8.0
 _ORDER = 6
 

@@ -36,7 +36,7 @@ def log_samples(
     words : iterable of ReceivedWord
     tool : ToolConfiguration
     stamp_of : callable
-        Returns the stamp, ns, at which the tool sent what the surface received at a time, s.
+        Returns the stamp, ns, at which the tool sent the signal that the surface received at a time, s.
     """
     by_word = carried(tool.logged)
     for word in words:
