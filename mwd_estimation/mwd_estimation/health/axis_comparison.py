@@ -191,7 +191,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 @compiled
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
-    """Return the results for the axes of sensor s, and whether one axis matches none while the others are right."""
+    """Return the results for the axes of sensor s, and `strange` as in `axes_of`."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
     # In a steady rotation the leakage hides the small rates of the cross-axis gyros: a second pass removes the means.
     for centred in range(2 - s):
@@ -256,7 +256,8 @@ def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
     scaled : bool
         Whether the sensor sends another unit of measurement.
     strange : bool
-        Whether one axis matches none while the others are right.
+        Whether an axis matches no axis of the conventional unit, although no axis matches a wrong one. False for
+        accelerometers in strong shocks.
     """
     whole = np.zeros(6, dtype=SUMS)
     for row in range(6):
