@@ -161,8 +161,7 @@ def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
 @compiled
 def _doubt(s: BoundedRecord) -> tuple[float, float]:
     """
-    Return the variances of inclination and of tilt across the hole from the unknown kind of the samples (points or
-    integrated), rad^2.
+    Return the variances of inclination and of tilt across the hole from the unknown kind of the samples, rad^2.
 
     If the samples are points with the probability w, and points change the tilt by e, the variance is w (1 - w) e^2.
     """
