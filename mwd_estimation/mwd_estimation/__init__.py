@@ -15,7 +15,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import what a user of the library starts with on first use: the pipeline brings every filter with it."""
+    """Import the entry points of the library on first use only, because the pipeline imports every filter."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -153,7 +153,7 @@ app.command(rich_help_panel=_MACHINE)(security)
 app.command(rich_help_panel=_MACHINE)(version)
 app.command(rich_help_panel=_MACHINE)(bundle)
 
-# Class of all errors of the library that reads the arguments; newer versions of typer carry a click of their own.
+# Base class of the errors of click, which reads the arguments; newer versions of typer include their own click.
 _ClickError: Any = typer.BadParameter.__mro__[2]
 _FULL = ": free some space on this disk, or write to another disk"
 _REMEDIES = {
@@ -168,10 +168,9 @@ def main() -> None:
     """
     Run one command and end the process.
 
-    Status 0 when all is well, 2 with one sentence when the input, the settings or the disk do not allow it, 130 when
-    somebody interrupts.
+    Status 0 means success, 2 (with one sentence) a fault of input, settings or disk, and 130 an interrupt by a person.
     """
-    # What sourcing an environment would set; the packages of this Python are found without.
+    # Sourcing a ROS environment would set this variable; the packages of this Python are found without an environment.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     # Nodes find each other on this machine alone, and files are not for other users, unless set otherwise.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

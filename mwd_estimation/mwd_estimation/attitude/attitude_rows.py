@@ -55,7 +55,7 @@ def write(
     gravity: Samples,
 ) -> int:
     """
-    Fill the messages of a stretch of n samples; return how many samples were rejected.
+    Fill the messages of a stretch of n samples; return the number of rejected samples.
 
     An unknown value is NaN, and so is its sigma; values that depend on a suspect sensor have a sigma of pi.
 

@@ -172,7 +172,7 @@ def _correct(p: GyroAzimuthParams, s: GyroAzimuthState, step: BinEvent, propagat
 
 @compiled
 def _write(p: GyroAzimuthParams, s: GyroAzimuthState, sigma: float, across2: float, row: AzimuthRow) -> None:
-    """Write the azimuth of a sample; sigma: of the filter's azimuth, rad; across2: squared sine of the inclination."""
+    """Write the azimuth of a sample; sigma: 1 sigma of this azimuth, rad; across2: squared sine of the inclination."""
     row.status = np.uint32(0)
     if not s.have_azimuth or not across2 >= p.vertical_sin2:
         row.azimuth, row.sigma = math.nan, math.inf

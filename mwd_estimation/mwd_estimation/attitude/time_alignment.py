@@ -197,7 +197,7 @@ def _turned(s: TimeAlignmentState, tilt: float) -> float:
 
 @compiled
 def _sigma_magnetic_toolface(model: FieldModel, s: TimeAlignmentState, tilt: float) -> float:
-    """Return 1 sigma of the magnetic toolface, rad: as of the azimuth, but without its tilt term near the vertical."""
+    """Return 1 sigma of the magnetic toolface, rad: that of the azimuth without its tilt term near the vertical."""
     turned = _turned(s, tilt) if s.horizontal > 0.0 else 1.0
     if turned >= 1.0:
         return math.pi

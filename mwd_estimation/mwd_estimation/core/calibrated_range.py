@@ -9,7 +9,8 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-# Largest distance from the range that is used, degC; a thermometer that reads a larger distance must be faulty.
+# Upper limit of the difference between a temperature and the calibrated range, degC; a thermometer that shows a larger
+# difference must be faulty.
 _MOST = 100.0
 
 
@@ -32,7 +33,7 @@ class CalibratedRange:
     magnetometer_t_per_c: float = 0.0
 
     def beyond(self, celsius: float | None) -> float:
-        """Return how far a temperature is outside the range, degC, at most 100; 0 if inside or unknown."""
+        """Return the distance of a temperature from the range, degC, at most 100; 0 if inside or unknown."""
         if celsius is None or not np.isfinite(celsius):
             return 0.0
         return min(max(self.low_c - celsius, celsius - self.high_c, 0.0), _MOST)

@@ -16,7 +16,7 @@ from mwd_sensors.core.mount import PRESETS
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
 _VECTORS = ("angular_velocity", "linear_acceleration", "magnetic_field")
-_CABLE = "check its plug and cable; if it stays, change the probe"
+_CABLE = "check plug and cable of the sensor; if the fault remains, change the probe"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _not_provided(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 def _saturated(fault: SensorFault, sensor: str) -> tuple[str, str]:
     if fault.code == FaultCode.SATURATED:
-        remedy = "check the sensor's range setting; if it stays at rest, change the probe"
+        remedy = "check the range setting of the sensor; if the fault remains at rest, change the probe"
         return f"{_of(fault)}{sensor} {_axis(fault)} axis is always at the end of its range", remedy
     remedy = "more than the sensor can read: reduce rotary speed or shocks, or fit a wider range"
     return f"{_of(fault)}{sensor} {_axis(fault)} axis is often at the end of its range", remedy
@@ -134,7 +134,7 @@ def _dead(fault: SensorFault, sensor: str) -> tuple[str, str]:
 def _noise(fault: SensorFault, sensor: str) -> tuple[str, str]:
     factor, unit = ((1.0, "rad/s"), (1.0, "m/s^2"), (1e6, "uT"))[fault.place // 3]
     size = f"{factor * fault.value:.0f} {unit}"
-    return f"{sensor} reads noise of {size} from sample to sample", f"{_CABLE}; check its range setting"
+    return f"{sensor} reads noise of {size} from sample to sample", f"check the range setting of the sensor; {_CABLE}"
 
 
 def unit_words(fault: SensorFault) -> str:
@@ -160,7 +160,7 @@ def _rate(fault: SensorFault, _: str) -> tuple[str, str]:
 def _gravity(fault: SensorFault, sensor: str) -> tuple[str, str]:
     says = "reads no gravity" if fault.value < fault.limit else "reads more than gravity"
     mean = f"the mean force is {fault.value:.1f} m/s^2, expected {fault.limit:.1f}"
-    return f"{sensor} {says}: {mean}", f"{_CABLE}; check its range setting"
+    return f"{sensor} {says}: {mean}", f"check the range setting of the sensor; {_CABLE}"
 
 
 def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
@@ -253,7 +253,8 @@ _DESCRIPTIONS = {
     FaultCode.INVALID: _Description(
         _plain(
             "{sensor} sends values that are not finite or far outside its range",
-            f"{_CABLE}; is its range in the settings of the tool (tool.gyro.range_deg_s and the like) the unit's?",
+            "check its range in the settings of the tool (tool.gyro.range_deg_s and the like) against its data sheet; "
+            f"{_CABLE}",
         )
     ),
     FaultCode.DEAD: _Description(_dead),
@@ -299,7 +300,8 @@ _DESCRIPTIONS = {
     ),
     FaultCode.ADRIFT: _Description(
         _plain(
-            "{sensor} does not turn as gravity and the magnetic field do", f"{_CABLE}; check its unit and its range"
+            "{sensor} does not turn as gravity and the magnetic field do",
+            f"check unit and range of the sensor; {_CABLE}",
         ),
         "mismatch",
         0.9,

@@ -150,7 +150,8 @@ WORDS: dict[Code, str] = {
     "since the last accepted station: external magnetic field, or that station was wrong; survey again",
     Code.HYPOTHESES: "what disturbs the field: {odds}",
     Code.GYRO_ONLY_UNCERTAIN: _UNCERTAIN + "it is by the gyro alone; " + _REST,
-    Code.GYRO_NORTH_UNKNOWN: "the gyro finds true north and what {names[0]} north is from there is not known",
+    Code.GYRO_NORTH_UNKNOWN: "no gyro azimuth from {names[0]} north because the angle from true north to it is not "
+    "known: complete the settings of place",
     Code.SENSOR_FAULT: "{fault}; {remedy}",
     Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take it again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",

@@ -59,7 +59,7 @@ class Commands:
         return self.echo != before
 
     def speak(self) -> None:
-        """End the muting, as after the flow has been switched on again."""
+        """End the muting; the tool does this when the flow is switched on again."""
         self.settings = self.settings._replace(mute=False)
 
     def tool(self) -> ToolConfiguration:

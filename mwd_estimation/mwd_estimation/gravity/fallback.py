@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gravity while a sensor is faulty: the faulty sensor is not used, and unknown gravity is better than a wrong one.
+Gravity while a sensor is faulty: the faulty sensor is not used, and gravity is unknown rather than wrong.
 
 Without usable gyros, gravity is the direction of the accelerometer alone, with a sigma from the scatter of the force.
-Without a usable accelerometer gravity is NaN. After the fault the method starts anew, because its state during the
+Without a usable accelerometer gravity is NaN. After the fault the method restarts, because its state during the
 fault may be wrong.
 """
 
@@ -64,7 +64,11 @@ class GravityWithFallback:
 
     @property
     def samples_are(self) -> str:
-        """See `BoundedState.samples_are`; empty for a method that does not check the meaning of samples."""
+        """
+        Kind of the samples according to the data ("points"), if it differs from the settings; otherwise empty.
+
+        Also empty for a method that does not check the samples; see `BoundedState.samples_are`.
+        """
         return self._state.samples_are if isinstance(self._state, BoundedState) else ""
 
     def run(

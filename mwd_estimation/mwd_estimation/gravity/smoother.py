@@ -65,11 +65,11 @@ class Smoother:
 
     @property
     def samples_are(self) -> str:
-        """See `State.samples_are`."""
+        """Kind of the samples according to the data; see `BoundedState.samples_are`."""
         return self._state.samples_are
 
     def continued(self) -> Smoother:
-        """Return a smoother for the samples after a silence, with the meaning of a sample that was found so far."""
+        """Return a smoother for the samples after a silence, with the kind of the samples that was found so far."""
         smoother = Smoother(self.params)
         smoother._state.keep_meaning(self._state)
         return smoother

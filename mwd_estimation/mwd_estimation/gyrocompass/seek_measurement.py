@@ -171,7 +171,7 @@ def _hold_axis(s: SeekState, work: SeekWork, share: float) -> None:
 
 @compiled
 def _hold_roll(s: SeekState, work: SeekWork, share: float) -> None:
-    """Update with the roll of a resting tool, which does not change; the first roll of each rest is the reference."""
+    """Update with the constant roll of a tool at rest; the first roll of each interval at rest is the reference."""
     mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
     zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
     if s.still_run == _REST_BLOCKS:

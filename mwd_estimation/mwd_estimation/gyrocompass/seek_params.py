@@ -45,12 +45,12 @@ G_SCALES, _LEAST_G = (1.0, 2.0, 4.0), 1e-6
 class SeekParams:
     """Settings of a north seek. Noise and calibration figures are 1 sigma; y and z belong to the precision unit."""
 
-    #: Method at a station. seek estimates the biases from rests and half turns. s1 is the filter of S1, for a tool that
-    #: never moves and a gyro with a small bias.
+    #: Method at a station. seek estimates the biases from intervals at rest and half turns. s1 is the filter of S1, for
+    #: a tool that never moves and a gyro with a small bias.
     method: str = SEEK
     latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2; S1's filter uses it
-    #: Motion of the tool during the seek. auto accepts any; the others refuse a different motion.
+    #: Motion of the tool during the seek. auto accepts any motion; every other mode refuses a different motion.
     mode: str = "auto"
     shortest: float = 30.0  #: shortest seek that gives an azimuth, s
     gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
@@ -72,7 +72,7 @@ class SeekParams:
     lag_sigma_ms: float = 0.05  #: sigma of `lag_ms`, ms
     lead_ms: float = 0.0  #: time by which the accelerometer precedes the x gyro, ms
     lead_sigma_ms: float = 3.0  #: sigma of `lead_ms`, ms; this error becomes observable when the rotation starts
-    longest_turn_s: float = 30.0  #: longest rotation between two rests; a longer one ends the seek of a station, s
+    longest_turn_s: float = 30.0  #: longest rotation between two intervals at rest, s; a longer one ends the seek
     gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
 
     @property

@@ -26,8 +26,9 @@ _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Smallest share of the horizontal Earth rate that must be measured; it is small if the tool rotates about an axis near
 # horizontal east-west.
 _LEAST_SENSITIVITY = 0.17
-# Share of latitudes that are given with the wrong sign (a guess), and probability of that above which north is refused:
-# twice as much. With a fifth, two of a hundred seeks with the wrong sign gave an azimuth, both wrong.
+# Share of latitudes that are given with the wrong sign (a guess), and probability of a wrong sign above which north is
+# refused: twice this share. With a limit of 0.2, two of a hundred seeks with the wrong sign gave an azimuth, both
+# wrong.
 _WRONG_SIGN, _SIGN_DOUBTED = 0.01, 0.02
 # Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
 # figures.

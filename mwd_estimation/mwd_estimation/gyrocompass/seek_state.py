@@ -22,9 +22,8 @@ class SeekErrors(NamedTuple):
     Index of the first entry of each quantity in the error state (true minus estimate), and SIZE, the number of entries.
 
     ATTITUDE is about the axes of the level frame, rad. Each other quantity has as many entries as in `SeekState`, in
-    the
-    same units: VELOCITY along the two horizontal axes of the level frame, EARTH_RATE along all three, LEAK for the y
-    and z gyros.
+    the same units: VELOCITY along the two horizontal axes of the level frame, EARTH_RATE along all three axes, LEAK for
+    the y and z gyros.
     """
 
     ATTITUDE: int = 0

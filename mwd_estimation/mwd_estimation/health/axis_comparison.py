@@ -30,8 +30,8 @@ _FEW = 20
 # accelerometers must agree: a shock has another shape in another bandwidth and at another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
-# Largest distance of the two units from each other across the tool, m. In a turning string their forces differ by this
-# distance times the squared rate, which is not a sign of wrong axes. The housing of a probe is some 5 cm wide.
+# Largest distance between the two units across the tool, m. In a turning string their forces differ by this distance
+# times the squared rate, which is not a sign of wrong axes. The housing of a probe is about 5 cm wide.
 _ARM = 0.03
 # Smallest rms at which an axis is compared, as a share of the unit's largest rms (gyro, accelerometer): a smaller
 # signal may be leakage from another axis.
@@ -191,7 +191,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 @compiled
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
-    """Return the results for the axes of sensor s, and whether one axis matches none while the others are right."""
+    """Return the results for the axes of sensor s, and `strange` as in `axes_of`."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
     # In a steady rotation the leakage hides the small rates of the cross-axis gyros: a second pass removes the means.
     for centred in range(2 - s):
@@ -256,7 +256,8 @@ def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
     scaled : bool
         Whether the sensor sends another unit of measurement.
     strange : bool
-        Whether one axis matches none while the others are right.
+        Whether an axis matches no axis of the conventional unit, although no axis matches a wrong one. False for
+        accelerometers in strong shocks.
     """
     whole = np.zeros(6, dtype=SUMS)
     for row in range(6):

@@ -3,7 +3,7 @@
 Turn observations into faults: a check is unknown, ok or a fault, and changes after several observations in a row.
 
 Each check records an observation FOR or AGAINST a fault; `weigh` counts the observations. An observation FOR a fault
-that is not a fault yet makes the accused sensor doubtful for some seconds (`doubt`).
+that is not confirmed yet makes the accused sensor doubtful for some seconds (`doubt`).
 """
 
 from __future__ import annotations

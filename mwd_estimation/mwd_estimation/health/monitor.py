@@ -290,7 +290,7 @@ def _due(k: MonitorParams, s: Any, tables: Tables, expected: ExpectedField, full
 
 @compiled
 def _close(k: MonitorParams, tables: Tables, expected: ExpectedField, samples: Samples, broken: bool) -> bool:
-    """Evaluate the waiting half second; return True if its window must be evaluated or a fault has changed."""
+    """Evaluate the half second that ended; return True if its window must be evaluated too or a fault has changed."""
     s, channels, checks = tables.stream[0], tables.channels, tables.checks
     began = s.bin * BIN_NS
     s.end_ns, s.broken = began + BIN_NS, int(broken)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Detect samples that were sent before and come again with new stamps, as from a link that sends its buffer twice.
+Detect samples that were sent before and come again with new stamps, for example if a link sends its buffer twice.
 
 The noise of real sensors never repeats: a row of four samples, 24 numbers, occurs only once. A 64-bit hash is kept of
 every eighth row on average. The hash itself selects these rows, so that a repetition is found wherever it begins. If

@@ -91,10 +91,10 @@ def reference_diagnostic(reference: Reference | None) -> Diagnostic:
 
 def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnostic]:
     """
-    One entry for each sensor fault; without a fault one entry with the checks that are still undecided.
+    Return one entry for each sensor fault, or one entry with the undecided checks if there is no fault.
 
-    The level follows from what the driller loses (ISA-18.2: priority by consequence): a faulty magnetometer or
-    precision unit is a warning as long as the tool still gives an azimuth, here `has_azimuth`, by its other sensors.
+    The level depends on the consequence for the driller (ISA-18.2): a faulty magnetometer or precision unit is only a
+    warning as long as the other sensors still give an azimuth (`has_azimuth`).
     """
     faults = pipeline.sensor_faults
     if not faults:
@@ -121,7 +121,7 @@ def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnos
 
 
 def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:
-    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, s, None if none is."""
+    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, s, or None."""
     survey, still = settings.survey, pipeline.still
     share = still.progress
     if not (survey.automatic or requested_s is not None) or share == 0.0:

@@ -248,7 +248,7 @@ class InputTopics:
     def mount_diagnostics(self, mount: Mount) -> tuple[Diagnostic, ...]:
         """Return diagnostics of units with unknown mount, which are not used, or used with the mount of the IMU."""
         found = []
-        for words, units in (("not used", mount.unusable), ("taken in the axes of the IMU", mount.assumed)):
+        for words, units in (("not used", mount.unusable), ("assumed to be mounted like the IMU", mount.assumed)):
             for unit, sentence in units.items():
                 # Do not report the mount of a unit that sends nothing, except for the IMU.
                 if unit == "imu" or self.received(_UNITS[unit]):

@@ -160,7 +160,7 @@ class Estimate:
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample according to the data, if it differs from `tool.samples`; empty if it does not differ."""
+        """Kind of the samples according to the data ("points"), if it differs from `tool.samples`; otherwise empty."""
         return self._gravity.samples_are
 
     def set_reference(self, reference: Reference) -> None:

@@ -3,10 +3,10 @@
 External magnetic field (ionosphere, magnetosphere, storms) from the record of an observatory.
 
 A magnetic reference describes the fields of core and crust. The external field, which the Sun causes, is measured at
-observatories; its difference from the quiet level is nearly the same at a well some hundred kilometres away. Format:
-IAGA-2002 data exchange format (IAGA
-Division V, documented by NOAA/NCEI). Method: S. J. Reay et al., "Space weather effects on drilling accuracy in the
-North Sea", Annales Geophysicae 23 (2005), 3081-3088, which measured the error that remains after such a correction.
+observatories; its difference from the quiet level is nearly the same at a well a few hundred kilometres away. Format:
+IAGA-2002 data exchange format (IAGA Division V, documented by NOAA/NCEI). Method: S. J. Reay et al., "Space weather
+effects on drilling accuracy in the North Sea", Annales Geophysicae 23 (2005), 3081-3088, which measured the error that
+remains after such a correction.
 """
 
 from __future__ import annotations

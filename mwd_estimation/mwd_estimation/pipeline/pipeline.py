@@ -312,7 +312,7 @@ class Pipeline:
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample according to the data, if it differs from `tool.samples`; empty if it does not differ."""
+        """Kind of the samples according to the data ("points"), if it differs from `tool.samples`; otherwise empty."""
         return self._estimate.samples_are
 
     @property

@@ -53,7 +53,7 @@ _RAMP_PER_H = 0.6
 # age.
 _REST_RATE = 0.01
 # 1 sigma of the magnetic field of the string at the magnetometer, along the axis and in each direction across it, nT.
-# non_magnetic: AMIL of the tool code; short: poles of 1000 uWb some 7 m away; steel: steel pipe around the
+# non_magnetic: AMIL of the tool code; short: poles of 1000 uWb about 7 m away; steel: steel pipe around the
 # magnetometer.
 _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3000.0, 1000.0)}
 # Probability that steel pipe has another field at a station than at the other stations of the run, so that the measured
@@ -204,7 +204,7 @@ def interference_params(settings: EstimatorSettings) -> interference_state.Inter
 
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroAzimuthParams:
-    """Return the parameters of the azimuth propagated by the gyros of both units; others keep the filter's default."""
+    """Return the parameters of the gyro-propagated azimuth; those without a setting keep the filter's default."""
     tool, usual = settings.tool, gyro_azimuth_state.GyroAzimuthParams()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h

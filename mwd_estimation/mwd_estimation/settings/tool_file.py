@@ -29,6 +29,8 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
     """
     Return the part of a tool or grade file that the estimator uses, as a table for `Tool` or `PrecisionUnit`.
 
+    If the file of a `Tool` describes the accelerometers without `misalignment_mrad`, the table gets `TUMBLE_MRAD`.
+
     Raises
     ------
     SettingsError

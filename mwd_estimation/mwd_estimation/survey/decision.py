@@ -66,8 +66,8 @@ class Provisional:
     survey: DecidedSurvey
     measured: Measured
     finding: Finding | None = None  #: finding of the run about its azimuth; None if there is no finding
-    #: Mean, shape (22,), and covariance, shape (22, 22), of the errors that the stations of the run share, as from
-    #: `RunModel.shared`; None if unknown.
+    #: Mean, shape (22,), and covariance, shape (22, 22), of the errors that the stations of the run share (see
+    #: `RunModel.shared`); None if unknown.
     shared: tuple[Array, Array] | None = None
     #: Evidence against its sensors when the survey was completed. Later samples are ignored: how many of them are known
     #: by then depends on how the samples are cut into blocks.
@@ -232,7 +232,7 @@ class SurveyDecision:
         return survey
 
     def _keep(self, published: _Published) -> None:
-        """Keep the published survey, for as many surveys as may be revised."""
+        """Store the published survey; drop the oldest ones if there are more than can be revised (`_REVISABLE`)."""
         self._published[published.survey.sequence] = published
         while len(self._published) > _REVISABLE:
             del self._published[next(iter(self._published))]
@@ -251,7 +251,7 @@ def _judged_again(
     newest: int,
     faults: Sequence[SensorFault],
 ) -> dict[int, DecidedSurvey]:
-    """Return the newest surveys by number, as published or as revised by the run, and all that are withdrawn."""
+    """Return the newest surveys by number, as published or as revised by the run, and all withdrawn surveys."""
     judged_now = _by_the_run(taken, published, settings, newest)
     every = {number: judged_now.get(number, first.survey) for number, first in published.items()}
     now = {number: withdrawn(survey, faults) for number, survey in every.items()}

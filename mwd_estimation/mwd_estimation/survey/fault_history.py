@@ -25,7 +25,7 @@ from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.verdict import with_faults
 from mwd_sensors.core.arrays import Stamps
 
-# Codes of faults without wrong values in the estimate before the fault was found.
+# Codes of faults that put no wrong values into the estimate before they are found.
 _HARMLESS = (FaultCode.NEVER_CAME, FaultCode.SILENT, FaultCode.INVALID)
 # Codes of faults whose beginning is known exactly.
 _REPEATS = (FaultCode.STUCK, FaultCode.DEAD)
@@ -44,7 +44,7 @@ class Accusation(NamedTuple):
 
     verdict: str  #: DOUBTFUL or REJECT
     reasons: tuple[Reason, ...]
-    inclination: bool  #: whether it concerns inclination and toolface in addition to the azimuth
+    inclination: bool  #: whether the evidence concerns inclination and toolface in addition to the azimuth
 
     def judge(self, survey: DecidedSurvey) -> DecidedSurvey:
         """Return the survey with the worse of its verdict and the verdict of the accusation, and with the reasons."""
@@ -168,7 +168,7 @@ def withdrawn(survey: DecidedSurvey, standing: Iterable[SensorFault]) -> Decided
 
 
 def _accusation(verdict: str, found: Sequence[tuple[int, Reason]]) -> Accusation | None:
-    """Return the accusation from pairs of sensor bits and reason; None if there are none."""
+    """Return the accusation from pairs of sensor bits and reason; None without pairs."""
     level = any(bits & ~MAG for bits, _ in found)
     return Accusation(verdict, tuple(reason for _, reason in found), level) if found else None
 

@@ -61,7 +61,7 @@ class MagneticFeedback:
         """
         Update the field model with a survey.
 
-        shared : mean and covariance of the errors that the stations share, as from `RunModel.shared`; None if unknown.
+        shared : mean and covariance of the errors that the stations share (`RunModel.shared`); None if unknown.
         """
         station = taken.station
         accepted, outside = station.verdicts.azimuth == ACCEPT, _outside(station)

@@ -41,8 +41,8 @@ _NO_GRAVITY = 1e-3
 _ANY_FIELD = (1e-5, 2e-5, 3e-5)
 # Axial interference that the single-station correction assumes, 1 sigma, T.
 _PLAUSIBLE = 3e-6
-# A corrected azimuth is refused if its 1 sigma is larger than this, rad, if the hole is nearer to the vertical than
-# this, rad, or if the chi-square of the cross-axial field (one degree of freedom, by chance once in 1000) is larger.
+# Limits for a corrected azimuth: largest 1 sigma, rad; smallest inclination, rad; and largest chi-square of the
+# cross-axial field (one degree of freedom, exceeded by chance once in 1000).
 _LEAST_CERTAIN = math.radians(3.0)
 NEAR_VERTICAL = math.radians(1.0)
 _MISFIT = chi_square.limit(0.001, 1)
@@ -53,9 +53,9 @@ class StationReadings:
     """
     Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and quantities computed from them.
 
-    `noise` and `covariance`, shape (6, 6), belong to (f_h, b_h): noise of the means, and the same with the errors that
-    remain after calibration. `jacobian`, shape (3, 6): derivative of (inclination, azimuth, toolface). Units: m/s^2, T,
-    rad.
+    `noise`, shape (6, 6): covariance of the means (f_h, b_h) by noise. `covariance`, shape (6, 6): `noise` plus the
+    errors that remain after calibration. `jacobian`, shape (3, 6): derivative of (inclination, azimuth, toolface) with
+    respect to (f_h, b_h). Units: m/s^2, T, rad.
     """
 
     f_t: Array
@@ -101,7 +101,9 @@ def measured(
     covariance_b: ArrayLike | None = None,
 ) -> Measured:
     """
-    Compute angles, totals and azimuths of single methods of a station; arguments and errors as `station.station`.
+    Compute angles, totals and azimuths of single methods of a station.
+
+    For the arguments and the errors raised see `station.station`.
 
     Returns
     -------

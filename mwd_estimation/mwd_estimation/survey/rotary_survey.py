@@ -84,7 +84,7 @@ class RotarySurvey:
         Returns
         -------
         StillAverage or Refusal or None
-            The average, or the refusal with the reason for none, when the duration is over; otherwise None.
+            When the duration is over, the average, or a refusal with the reason; before that None.
         """
         stamps, gyro, accel, down = (samples[name] for name in ("stamp_ns", "gyro", "accel", "down"))
         if self._begin is None:

@@ -58,13 +58,13 @@ class _Last(NamedTuple):
 
 
 class _Read(NamedTuple):
-    """Reading of a station by the filters of its run."""
+    """Evaluation of a station by the filters of its run."""
 
     model: RunFilter
     one: Row
     evidence: Predicted
     doubts: tuple[float, float]  #: `RunFilter.gyro_doubts` before the station
-    turn: float  #: from the north of the filters to that of the station, rad
+    turn: float  #: added to azimuths of the filters to get azimuths from the north of the station, rad
     repeats: int | None
     agreed: bool  #: whether gyro and field had agreed before the station
 
@@ -135,11 +135,11 @@ class RunModel:
         return None if read is None else self._finding(read)
 
     def learn(self, taken: Taken) -> None:
-        """Take a station in only for those after it."""
+        """Use a station for the later stations, without a finding about its own azimuth."""
         self._read(taken, learn=True)
 
     def _read(self, taken: Taken, learn: bool) -> _Read | None:
-        """Return the evidence of a station, after learning from it; None where nothing says anything of the azimuth."""
+        """Return the evidence of a station, after learning from it; None if no sensor measures the azimuth."""
         measured, hours, gyro, turning, hazard, age = taken
         readings, station = measured.readings, measured.station
         if readings is None:
@@ -195,7 +195,7 @@ class RunModel:
         return 0.0 if self._aged is None else self._aged[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
-        """If the last station belongs to the seek that began then, restore the state before it and return it."""
+        """If the last station belongs to the seek begun at `began_ns`, restore the state before it and return it."""
         if began_ns is None or self._last is None or self._last.began_ns != began_ns:
             return None
         model.state = self._last.before.copy()
@@ -212,7 +212,7 @@ class RunModel:
         return None if self._filter is None else self._filter.shared()
 
     def _north(self, measured: Measured) -> float:
-        """Return the declination relative to the north of the model: true north, or magnetic for a magnetic station."""
+        """Return the angle from the north of the model to magnetic north, rad; 0 if the model counts from it."""
         reference = measured.station.reference
         if measured.station.north == "magnetic" or reference is None or reference.declination is None:
             return 0.0
@@ -276,7 +276,7 @@ class RunModel:
                 self._told[name] = now
 
     def _lay_before(self, one: Row) -> int | None:
-        """Return the last station with the same attitude of the tool: the same errors give no information."""
+        """Return the index in `_lay` of the last station with the same attitude of the tool; None if there is none."""
         if not self._lay:
             return None
         apart = np.linalg.norm(np.array(self._lay) - np.array(_directions(one)), axis=2)
@@ -334,7 +334,7 @@ def _directions(one: Row) -> tuple[Array, Array]:
 
 
 def _with_gyro(one: Row, other: Row | None) -> Row:
-    """Return the record of a station with the gyro azimuth of another record; None: without a gyro azimuth."""
+    """Return the record of a station with the gyro azimuth of `other`, or without a gyro azimuth if `other` is None."""
     row = one.copy()
     for name in ("gyro", "gyro_other", "gyro_lasting", "gyro_variance"):
         row[name] = other[name] if other is not None else math.nan if name == "gyro" else 0.0

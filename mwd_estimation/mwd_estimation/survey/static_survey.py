@@ -40,7 +40,7 @@ class StillAverage:
     end_ns: int
     imu: Average  #: conventional unit; channels: rate x y z, rad/s, specific force x y z, m/s^2
     mag: Average | None  #: field, T; None without usable magnetometer
-    precision: Average | None  #: precision unit; channels as of `imu`
+    precision: Average | None  #: precision unit; channels as in `imu`
     temperature: float | None  #: mean temperature, degC
     requested: bool  #: whether the survey was requested; False for an automatic one
     moved: bool = False  #: whether a motion of the tool ended the interval
@@ -127,7 +127,7 @@ class StillSurvey:
         """
         Add the next closed bin, in order; return the average that it completes, or the refusal that it causes.
 
-        wait: reason why an automatic survey should wait longer (then it continues to average); None: it should not.
+        wait: reason for which an automatic survey waits longer and continues to average; None: it does not wait.
         """
         motion = self._motion(bins, self._run[-1] if self._run else None)
         if motion is not None:

@@ -145,7 +145,7 @@ def deviations(
 
 def _by_standard(local: float, standard: float) -> float:
     """
-    Return the deviation from standard gravity if it is smaller than that from local gravity; 0 between the two.
+    Return the smaller of the deviations from local and from standard gravity; 0 if the reading is between the two.
 
     The tool may have been calibrated with local or with standard gravity; all its stations then have the same error.
     """
@@ -260,7 +260,7 @@ def judge(deviations: Deviations, quality: QualitySettings) -> TotalsJudgement:
 
 
 def against_limits(deviations: Deviations, quality: QualitySettings) -> list[Reason]:
-    """Compare every known deviation with its limit; one reason for each above its limit, and one for all others."""
+    """Return a reason for each deviation above its limit, and one reason for all deviations within their limits."""
     values = deviations.values
     limit = bounds(deviations, quality)
     gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)

@@ -206,8 +206,8 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
-        # No magnetic tool determines the azimuth here. Without another reason, do not reject the station for it; with
-        # one, use the verdict on the totals.
+        # No magnetic tool determines the azimuth here. This alone does not reject the station; if there are other
+        # reasons, the verdict on the totals is used.
         if azimuth.verdict == ACCEPT:
             if min(station.sigma_azimuth, 1.0) * math.sin(station.inclination) < _DIRECTION:
                 azimuth.verdict = NOT_DETERMINED
@@ -317,7 +317,7 @@ def _of_external_field(reference: Reference | None) -> list[Reason]:
 
 
 def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, inclination: bool) -> Station:
-    """Return the station with the verdict and reasons of sensor faults; inclination: whether they affect it too."""
+    """Return the station with verdict and reasons of sensor faults; inclination: whether they affect inclination."""
     of = station.verdicts
     quantities = Verdicts(
         worse(of.inclination, verdict) if inclination else of.inclination,

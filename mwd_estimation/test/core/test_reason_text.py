@@ -46,6 +46,6 @@ def test_the_reasons_behind_a_reason_stand_in_its_sentence():
 def test_the_fault_of_a_sensor_is_put_in_words_only_here():
     dead = SensorFault(FaultCode.DEAD, FaultUnit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, 1)
     words = "accelerometer is dead: it sends only zeros"
-    remedy = "check its plug and cable; if it stays, change the probe"
+    remedy = "check plug and cable of the sensor; if the fault remains, change the probe"
     assert text(Reason(ReasonCode.SENSOR_FAULT, fault=dead)) == f"{words}; {remedy}"
     assert text(Reason(ReasonCode.PRECISION_UNIT_FAULT, fault=dead)) == f"{words}: {remedy}"

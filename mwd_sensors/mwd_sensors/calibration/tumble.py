@@ -97,17 +97,17 @@ def fit_magnetometer(
 
 def fit_gyro(gyro: ArrayLike, at_rest: TumbleRests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
-    Calibrate gyros: bias and its temperature slope from the rests, scale and misalignment from the rotations.
+    Calibrate gyros: bias and its temperature slope from intervals at rest, scale and misalignment from rotations.
 
     Parameters
     ----------
     gyro : array_like, shape (n, 3)
         Readings of the whole run, rad/s.
     at_rest : TumbleRests
-        Rests of the same run.
+        Intervals at rest of the same run.
     accelerometer : TriadCalibration
-        Calibration that gives the direction of gravity in each rest; a rotation between two rests must turn the
-        direction of the first rest to the direction of the second.
+        Calibration that gives the direction of gravity in each interval at rest; the rotation between two intervals
+        must turn the direction in the first to the direction in the second.
     rate : float
         Sample rate, Hz.
 
@@ -182,7 +182,7 @@ def calibrate(
     Raises
     ------
     ValueError
-        There are too few rests, or the attitudes do not determine the parameters.
+        There are too few intervals at rest, or the attitudes do not determine the parameters.
     """
     found = rests(gyro, accel, mag, celsius, rate)
     accelerometer = fit_strength(found.accel, gravity, found.celsius)
@@ -195,7 +195,7 @@ def calibrate(
 
 def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: float) -> Array:
     """
-    Return the rotation vectors between rests in order of time, rad, shape (longest, rotations, 3).
+    Return the rotation vectors between intervals at rest in order of time, rad, shape (longest, rotations, 3).
 
     w, shape (n, 3), are the rates of the whole run; bias, shape (3,), is the gyro bias of the run and drift, shape
     (rotations, 3), its change in each rotation. All in rad/s.
@@ -229,7 +229,7 @@ def _symmetric(p: Array) -> Array:
 # Find the intervals at rest in a tumble run and average the readings in them.
 
 
-MIN_POSES = 12  # least number of rests for a calibration
+MIN_POSES = 12  # least number of intervals at rest for a calibration
 
 
 @dataclasses.dataclass(frozen=True)
@@ -240,7 +240,7 @@ class TumbleRests:
     Attributes
     ----------
     first, last : ndarray, shape (m,)
-        Index of the first sample of each rest, and index after its last sample.
+        Index of the first sample of each interval, and index after its last sample.
     gyro, accel, mag : ndarray, shape (m, 3)
         Mean readings, rad/s, m/s^2, T; mag is NaN without a magnetometer.
     celsius : ndarray, shape (m,)
@@ -277,14 +277,14 @@ def rests(
     rate : float
         Sample rate, Hz.
     seconds : float
-        Duration of the shortest rest, s.
+        Duration of the shortest interval at rest, s.
     quiet_rate, quiet_force : float
         A window of half a second is at rest if the range of the readings is below these, rad/s and m/s^2.
 
     Raises
     ------
     ValueError
-        There are fewer than `MIN_POSES` rests, too few for a calibration.
+        There are fewer than `MIN_POSES` intervals at rest, too few for a calibration.
     """
     w, f = np.asarray(gyro, dtype=float), np.asarray(accel, dtype=float)
     t = np.asarray(celsius, dtype=float)
@@ -378,10 +378,10 @@ def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bo
     """
     Return 1 sigma of the parameters of a least-squares fit, from the scatter of its residuals.
 
-    Each rest has `parts` residuals, stored next to each other (interleaved) or in `parts` blocks with one residual of
-    each rest. A slow drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent.
-    The result is therefore the larger of the ordinary sigma and the sigma by Newey and West (Econometrica 55, 1987),
-    with lags up to a fifth of the rests.
+    Each interval at rest has `parts` residuals, stored next to each other (interleaved) or in `parts` blocks with one
+    residual of each interval. A slow drift of the sensor makes neighbouring residuals similar, so that fewer of them
+    are independent. The result is therefore the larger of the ordinary sigma and the sigma by Newey and West
+    (Econometrica 55, 1987), with lags up to a fifth of the intervals.
     """
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian / size

@@ -273,7 +273,7 @@ def map_grid(lat: float, lon: float, crs: str | None = None) -> MapGrid:
     Return the coordinates of a place in a map grid; arguments and errors as for `grid_convergence`.
 
     For a grid on another datum the latitude and longitude are used unchanged. This ignores the shift between the
-    datums, up to some hundred metres.
+    datums, which can be several hundred metres.
     """
     return _map_grid(lat, lon, crs if crs is not None else utm_zone(lat, lon))
 

@@ -56,7 +56,7 @@ def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str =
     if not 1 <= len(values) <= MOST:
         raise ValueError(f"values: a burst has 1 to {MOST} samples, got {len(values)}")
     if not np.isfinite(values).all():
-        raise ValueError("values: a sample that is not finite ends a burst; it is not part of one")
+        raise ValueError("values: samples must be finite; end the burst before a sample that is not finite")
     if not period_s > 0.0:
         raise ValueError(f"period_s: must be above 0, got {period_s}")
     head = np.zeros(1, dtype=_HEAD.dtype)

@@ -121,7 +121,7 @@ class NoiseWatch:
                 self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Compute the scatter of samples at rest (`still`) and keep the smallest of each vector; motion starts anew."""
+        """Keep the smallest scatter of each vector in samples at rest (`still`); motion discards the samples so far."""
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)
@@ -181,7 +181,7 @@ def judge(samples: Samples, type_name: str) -> JudgedNoise:
 
 
 def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Return which samples declare the vector not provided, shape (n,); none if samples have no covariance field."""
+    """Return which samples declare the vector not provided, shape (n,); all False without a covariance field."""
     name = f"{vector}_covariance"
     if name not in (samples.dtype.names or ()):
         return np.zeros(len(samples), dtype=np.bool_)
@@ -196,7 +196,7 @@ def sentence(topic: str, vector: str, note: str) -> str:
 
 
 def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Return which axes the covariance marks as clipped, shape (n, 3); none if samples have no covariance field."""
+    """Return which axes the covariance marks as clipped, shape (n, 3); all False without a covariance field."""
     name = f"{vector}_covariance"
     if name not in (samples.dtype.names or ()):
         return np.zeros((len(samples), 3), dtype=np.bool_)

@@ -382,7 +382,8 @@ class Master:
         if now_s < self._free_s or (self._turn == 0 and not self._tries and now_s < self._round_s):
             return b""
         if self._turn == 0 and not self._tries:
-            # Do not shorten the period after a late round.
+            # A late round does not shift the next one. Missed rounds are not made up for: after a delay of more than a
+            # period, only one round follows at once.
             self._round_s = max(self._round_s + self.frame.period_s, now_s)
         self._held = b""
         self._sent, self._sent_s = request(self.frame, self._poll), now_s

@@ -104,7 +104,7 @@ def samples_of(topic: str, readings: list[UnitSample], offset_ns: int = 0) -> Sa
     Convert readings of one topic to samples; offset_ns is added to the unit's time.
 
     Quantities that a unit does not measure are marked as not provided (REP-145). Axes that the unit reports as clipped
-    get the covariance `input_covariance.CLIPPED`; the covariance of the others stays zero (unknown).
+    get the covariance `input_covariance.CLIPPED`; the covariance of all other axes stays zero (unknown).
     """
     out = burst.bare(len(readings)) if LAYOUTS[topic] is wire.IMU else LAYOUTS[topic].empty(len(readings))
     out["stamp_ns"] = np.array([one.stamp_ns for one in readings], dtype=np.int64) + offset_ns

@@ -22,7 +22,8 @@ from mwd_sensors.drivers.probe_protocol import ProbeReader
 from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, UnitAnswer, UnitSample
 
 _RETRY_S = 1.0  # time between two attempts to open the line
-_EXCHANGE_S, _FIRST_S = 1.0, 0.1  # time between two requests for the unit's time, and the same while it is not known
+# Time between two requests for the time of the unit, s; and the same while the offset of its clock is not known.
+_EXCHANGE_S, _FIRST_S = 1.0, 0.1
 _END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 
 
@@ -312,7 +313,8 @@ class SerialProbe:
 # Clock of a unit compared with the host's clock: the offset to add to the unit's stamps.
 
 
-_KEPT = 600  # number of newest observations whose smallest offset is used; more would follow a drift of a clock later
+# Number of newest observations whose smallest offset is used. With more of them the offset would lag behind a drift.
+_KEPT = 600
 _SLEW = 5e-4  # largest change of the offset per elapsed time, s/s
 # A change above _STEP_NS means that a clock was set, but only if this many observations agree on it within _ALIKE_NS
 # over at least _LASTING_NS. Otherwise messages were delayed in a busy host: they arrive all at once or with varying

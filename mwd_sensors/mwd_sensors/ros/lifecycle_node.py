@@ -144,7 +144,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Release what `configure` acquired, other than topics, services and timers."""
 
     def changeable_at_runtime(self, name: str) -> bool:  # noqa: ARG002
-        """Return whether a running node accepts a change of this parameter; the others are read-only."""
+        """Return whether a running node accepts a change of this parameter; all other parameters are read-only."""
         return True
 
     def check_settings(self, settings: T) -> None:

@@ -43,8 +43,8 @@ class SettingsParameters(Generic[T]):
 
     Every field of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
     change is checked as a whole, by the rules of a configuration file and by `check`, which raises ValueError for
-    settings that the node cannot work with. A refused change leaves everything as it was. `given` are the values given
-    at start, see `given_at_start`. `live` decides which names can change at run time; the others are read-only.
+    settings that the node cannot work with. A refused change has no effect. `given`: values given at start, see
+    `given_at_start`. `live` decides which names can change at run time; all other names are read-only.
 
     Raises
     ------

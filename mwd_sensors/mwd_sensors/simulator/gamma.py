@@ -93,7 +93,7 @@ class Gamma:
     )
 
     def __post_init__(self) -> None:
-        """Raise ValueError if depths do not rise or a layer has no valid gamma."""
+        """Raise ValueError if there is no layer, depths do not rise, or a layer has no valid gamma."""
         if not self.formation:
             raise ValueError("formation: at least one layer is needed")
         if any(b[0] <= a[0] for a, b in itertools.pairwise(self.formation)):

@@ -414,7 +414,7 @@ class ProfileBuilder:
         self.value, self.rate = value, 0.0
 
     def follow(self, other: ProfileBuilder, factor: float = 1.0) -> None:
-        """Append the last change of another profile times a factor, starting at the present value."""
+        """Append the last segment of another profile to the present value; its change is multiplied by `factor`."""
         _, *changes = other._terms[-1]
         self._add(other.time - other._starts[-1], [self.value, *(factor * term for term in changes)])
         self.rate = factor * other.rate

@@ -256,7 +256,7 @@ class String:
         state.then = RELEASE if command.returns else HOLD
 
     def prolong(self, valid_for: float) -> None:
-        """Restart the validity of the command in force, s, if it is a turn (`ORIENT`)."""
+        """Let the command in force hold for another `valid_for`, s, from now, if it is a turn (`ORIENT`)."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
 

@@ -132,8 +132,9 @@ class ToolConfiguration:
         Raises
         ------
         ValueError
-            A sequence cannot be read, there is no survey, or there are more sequences than the header can number; or
-            the unit of a word does not fit the quantity of its name, or of the log channel that it carries.
+            A sequence cannot be read or is not possible in the code, there is no survey, the header has one bit or too
+            few bits to number the sequences, or the unit of a word does not fit the quantity of its name or log
+            channel.
         """
         for name, word in self.words.items():
             try:
@@ -264,7 +265,7 @@ class ToolConfiguration:
         return sum(self.pulses(0, item.length).length for item in items)
 
     def seconds(self, items: tuple[SequenceItem, ...]) -> float:
-        """Return the duration of one pass of a sequence, s; for pulses without sync and header."""
+        """Return the duration of one pass of a sequence (all words once), s; for pulses without sync and header."""
         if self.code == "psk":
             return len(blocks_of(items, self.carrier.block_bits)) * self.carrier.block_s
         if self.code == "serial":

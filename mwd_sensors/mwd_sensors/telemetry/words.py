@@ -46,7 +46,7 @@ class Word:
         Raises
         ------
         ValueError
-            high is not above low, or the word has a single bit.
+            high is not above low, low of a logarithmic word is not above 0, or the word has a single bit.
         """
         if not self.high > self.low:
             raise ValueError(f"high: must be above low ({self.low:g}), got {self.high:g}")

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test bench of a conformance case: clients of one interface, the person at the rig, and the public state."""
+"""
+Test bench of a conformance case.
+
+It has the clients of one interface, the decisions of the person at the rig (grant, abort), and the public state.
+"""
 
 from __future__ import annotations
 

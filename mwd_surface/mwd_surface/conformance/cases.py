@@ -209,7 +209,7 @@ def _new_numbers(bench: Bench) -> tuple[bool, str]:
     return second > first, f"leases {first}, {second}"
 
 
-# Heartbeats.
+# Missing and repeated heartbeats.
 
 
 @case("no command from the controller", "the lease ends with the configured reaction")
@@ -359,7 +359,7 @@ def _both(bench: Bench) -> tuple[bool, str]:
     )
 
 
-# Limits.
+# Set-points beyond the limits.
 
 
 def _beyond(title: str, expected: str, point: Point) -> None:
@@ -442,7 +442,7 @@ def _released_twice(bench: Bench) -> tuple[bool, str]:
     return done == [True, False], f"{done}"
 
 
-# Requests.
+# Requests for control.
 
 
 def _denied(title: str, **wish: object) -> None:

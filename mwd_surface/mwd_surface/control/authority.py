@@ -457,7 +457,7 @@ class ControlAuthority:
 
 
 def _not_the_same(lease: _Lease, request: ControlRequest) -> str:
-    """Return why a request is denied whose sender or name, but not both, is that of a lease or a waiting request."""
+    """Return the reason to deny a request that has the sender or the name of a lease or waiting request, not both."""
     if lease.sender == request.sender:
         return f"controller: you already are {lease.name}; give lease {lease.number} back to ask under another name"
     return f"controller: {lease.name} is the name of another controller on {lease.sender.interface}; use another name"

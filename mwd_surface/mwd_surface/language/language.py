@@ -97,7 +97,7 @@ class _Template(NamedTuple):
         return values
 
     def readings(self, text: str) -> Iterator[dict[str, str]]:
-        """Return the values of a text, in one or two ways; none if it is another sentence."""
+        """Yield the values of a text, in one or two ways; nothing if the text does not fit the template."""
         first = self.values(text, last=False)
         if first is not None:
             yield first
@@ -222,7 +222,7 @@ class _TemplateSearch:
         return self._known[text, depth, whole]
 
     def _by_template(self, templates: list[_Template], text: str, depth: int, best: _Translation) -> _Translation:
-        """Return the reading by the template that explains most of the text, and of such the one of most letters."""
+        """Return the reading by the template with the fewest unexplained letters, then with the most fixed letters."""
         for template in [one for one in templates if one.longest in text]:
             for values in template.readings(text):
                 read = {name: self._value(name, value, depth, template) for name, value in values.items()}

@@ -67,7 +67,7 @@ _OTHER_DIP = re.compile(
 )
 _OF_HOLE = re.compile(r"\b(?:bore)?holes?\b|\bcollar\b|\bwell(?:bore)?\b|钻孔|孔口|开孔", re.IGNORECASE)
 _A_DIP = re.compile(r"\bdips?\b|incl|angle|倾|仰|俯", re.IGNORECASE)
-# A part of a line that names something else than a vertical angle, such as "Tool: magnetic" or "Field: Alpha".
+# A part of a line that names something other than a vertical angle, such as "Tool: magnetic" or "Field: Alpha".
 _NAMES_OTHERS = re.compile(
     rf"^\W*(?:field|tool|instrument|survey\w*|method)\b[^:=]*[:=]|\bnorth\b|北|{_OF_AZIMUTHS.pattern}", re.IGNORECASE
 )

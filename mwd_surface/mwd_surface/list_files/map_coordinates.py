@@ -111,8 +111,8 @@ def _shifted(
         for factor in (0.3048, 1.0 / 0.3048):
             if np.hypot(*(pair[first] * factor - np.array(wellhead))) <= depth + _SITE:
                 raise ListFileError(
-                    f"{far}, as if they were not in one unit; write the unit into the name"
-                    " of each column, such as MD (ft) and X (m)"
+                    f"{far}, which fits coordinates in ft that were read as m, or in m that were read as ft: write the"
+                    " unit into the name of each column, such as MD (ft) and X (m)"
                 )
         if "wellhead" not in given.confirm:
             raise ListFileError(

@@ -105,7 +105,7 @@ def read_provenance(head: Iterable[str], name: str) -> tuple[Provenance | None, 
 
 def _changed(name: str, part: str, error: Exception) -> str:
     return (
-        f"{name}: the line '{_MARK}{part}' cannot be read, as if a program or person had changed it after `mwd export`:"
+        f"{name}: the line '{_MARK}{part}' cannot be read, probably because it was changed after `mwd export`:"
         f" {error}; export the list again, or delete all lines that begin with '{_MARK.strip()}' and read the table"
         " alone"
     )

@@ -107,7 +107,7 @@ class SixAxisColumns:
     references: Mapping[str, str]  #: field of `Reference` -> column
     depth: str | None
     time: str | None
-    run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
+    run: tuple[str, ...]  #: columns that name the assembly or run, and the tool; constant within a run
     factors: Mapping[str, float]  #: column -> factor to SI units
     assumed: tuple[str, ...]  #: sentences on the units that the column names do not state
     printed: Mapping[str, str]  #: key of `_PRINTED` (inclination, azimuth, azimuth_true ...) -> column

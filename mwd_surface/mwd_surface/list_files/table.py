@@ -48,7 +48,7 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-# Score of how well some texts serve as column names; 0 if they are not column names.
+# Function that returns a score for some texts as column names; 0 if they are not column names.
 Header = Callable[[Sequence[str]], int]
 
 
@@ -208,7 +208,7 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
     data, name : bytes, str
         The file and its name, for messages.
     is_header : callable, optional
-        Score of how well some texts serve as column names, 0 if they do not. By default the first line that is not a
+        Returns a score for some texts as column names, 0 if they are not. By default the first line that is not a
         comment has the names.
     is_unit : callable, optional
         Nonzero if the cells of the line below the names are units; by default such a line is a row.
@@ -330,7 +330,7 @@ def _most(line: str) -> str:
 
 
 def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int] | None:
-    """Return the index of the first row of column names and the number of rows they occupy; None if there are none."""
+    """Return the index of the first row of column names and the number of these rows; None without column names."""
     if is_header is None:
         return 0, 1
     for count in range(1, _STACKED + 1):
@@ -388,7 +388,7 @@ def _spaced(
     likely = [k for k in range(1, len(grid)) if numeric[k] > 2 and numeric[k] >= len(grid[k].cells) - 1]
     if not likely or likely[0] > _HEAD:
         return None
-    # Rows that lack a cell are shorter than the others.
+    # Rows that lack a cell are shorter than complete rows.
     counts = collections.Counter(len(grid[k].cells) for k in likely)
     width = max((size for size, rows in counts.items() if rows > 1), default=len(grid[likely[0]].cells))
     full = next(k for k in likely if len(grid[k].cells) == width)

@@ -120,7 +120,7 @@ def _unit_of(sensor: Sensor, values: Array) -> str | None:
 
 
 def _dead(sensor: Sensor, values: Array) -> int | None:
-    """Return the index of an axis that is constant although total and other axes require a change; None if none is."""
+    """Return the index of an axis that is constant although total and other axes require a change, or None."""
     if len(values) < _LEAST_ROWS or not math.isfinite(sensor.total):
         return None
     moved = np.ptp(values, axis=0) / sensor.total

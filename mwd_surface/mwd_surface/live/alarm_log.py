@@ -62,7 +62,7 @@ class AlarmLog:
 
     def set_alarms(self, prefix: str, causes: Mapping[str, tuple[int, str, str]]) -> None:
         """
-        Set all alarms whose id starts with the prefix: raise the alarms in `causes`, clear the others.
+        Set all alarms whose id starts with the prefix: raise the alarms in `causes`, clear all others.
 
         causes maps the id of an alarm to its severity, text and remedy.
         """

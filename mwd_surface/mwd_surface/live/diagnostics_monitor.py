@@ -24,7 +24,7 @@ _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
 
 class DiagnosticsMonitor:
     """
-    Monitors the graph of one well. Errors of the surface node itself raise their alarms where they happen.
+    Monitor of the ROS nodes of one well. Errors of the surface node itself raise their alarms where they happen.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ class DiagnosticsMonitor:
     reference : ReferenceField or None
         Reference field that the estimator or receiver reports in its diagnostics.
     over_at : float or None
-        Time of the first report that a simulation or replay has ended, s; None without one, and again after the same
-        node reports that it goes on.
+        Time of the first report that a simulation or replay has ended, s; None without a report, and again after the
+        same node reports that it continues.
     """
 
     def __init__(self, context: WellContext, full_name: str) -> None:
@@ -80,7 +80,7 @@ class DiagnosticsMonitor:
                 self._on_reference(values, status.message)
 
     def _follow_end(self, node: str, over: bool) -> None:
-        """Note that a simulation or replay has come to its end, or that the same node has begun anew."""
+        """Store whether a simulation or replay has ended, until the same node reports that it runs again."""
         if over and self.over_at is None:
             self._alarm_log.log_event("scenario", "over: no more samples come, and their absence raises no alarm")
             self.over_at, self._source = self._clock.now, node

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Telemetry links of the well: collect words, passes of a sequence and quality, and show the best link on the page."""
+"""Telemetry links of the well: collect words, frames and quality, and show the best link on the page."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class LinkMonitor:
         self._show()
 
     def on_frame(self, frame: Any) -> None:
-        """Accept a pass of a sequence, mwd_msgs/LinkFrame."""
+        """Add a received frame (mwd_msgs/LinkFrame): one pass of a sequence, in which all its words are sent once."""
         collector = self._collector(frame.link)
         if collector is None:
             return

@@ -68,13 +68,17 @@ class LinkWordState(MessageRecord):
 
     @property
     def final(self) -> bool:
-        """Whether the word is final: all parities of its pass have been used."""
+        """Whether the word is final: all parities of its frame have been used."""
         return self.revision > 0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkFrameState(MessageRecord):
-    """A pass of a sequence, with the fields of mwd_msgs/LinkFrame; reason: cause if it was cut off, else empty."""
+    """
+    One pass of a sequence (all its words sent once), with the fields of mwd_msgs/LinkFrame.
+
+    reason: cause if the pass was cut off, else empty.
+    """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
 
@@ -145,7 +149,7 @@ class LinkStatus(MessageRecord):
 
 
 class LinkCollector:
-    """Collects words and passes of a sequence that arrive over one link."""
+    """Collector of the words and frames (passes of a sequence) that arrive over one link."""
 
     def __init__(self) -> None:
         self._survey: dict[int, LinkWordState] = {}
@@ -165,11 +169,11 @@ class LinkCollector:
             del self._words[key]
 
     def on_frame(self, frame: LinkFrameState) -> None:
-        """Accept a pass of a sequence."""
+        """Add a received frame: one pass of a sequence, in which all its words are sent once."""
         self._frames.append(frame)
 
     def status(self, quality: LinkStatus) -> LinkStatus:
-        """Return the state of the link with the words and passes so far."""
+        """Return the state of the link with the words and frames received so far."""
         return dataclasses.replace(
             quality,
             survey=tuple(self._survey[place] for place in sorted(self._survey)),

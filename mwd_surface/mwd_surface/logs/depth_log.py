@@ -109,7 +109,7 @@ class Newest:
 
 class _Sums:
     """
-    Sums over the depth steps of one pass of a channel.
+    Sums over the depth steps of one logging pass of a channel.
 
     The errors of counts are independent from sample to sample, so their variances add up. All other errors (bias,
     rounding, shared pulses of two words) may be the same in each sample, so their sigmas add up: the mean of many

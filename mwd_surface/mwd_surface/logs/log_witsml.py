@@ -16,7 +16,7 @@ _SYMBOLS = {"deg": "dega", "m/s^2": "m/s2", "rpm": "rpm", "C": "C", "gAPI": "gAP
 
 
 def witsml_log(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a pass of a log as a WITSML document, UTF-8."""
+    """Return one logging pass of a log (`which`, one of `PASSES`) as a WITSML document, UTF-8."""
     found = columns(log, which)
     depth = found[0].values
     names = [f"<{tag}>{escape(plain(text)[:64])}</{tag}>" for tag, text in _head(well, which)]

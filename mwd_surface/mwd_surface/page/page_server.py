@@ -176,9 +176,9 @@ class PageServer:
 
     def push(self, snapshot: Mapping[str, Any]) -> None:
         """
-        Set a new state (`StateJson.snapshot`), from any thread; the last one counts.
+        Set a new state (`StateJson.snapshot`), from any thread; clients get the last state.
 
-        A table `server` in it is added to what the server says about itself, and changes together with the state. The
+        A table `server` in the snapshot is added to the server's own table, and changes together with the state. The
         snapshot is not copied and must not change afterwards.
         """
         self._feed.snapshot = snapshot

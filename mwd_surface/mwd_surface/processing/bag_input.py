@@ -566,7 +566,7 @@ def without_gravity(samples: Samples) -> bool:
     """
     Return whether a driver has removed gravity: a mean specific force is far below gravity in any unit.
 
-    Even if the tool shakes and turns, a mean over some samples is near gravity, in whatever unit.
+    Even if the tool shakes and turns, the mean over several samples is near gravity, in any unit.
     """
     force = samples["linear_acceleration"]
     if len(force) < _SAME_AT_LEAST or not np.any(force):

@@ -39,7 +39,7 @@ def is_recording(path: Path) -> bool:
 
 def limits_of(folder: Path) -> dict[str, float]:
     """
-    Return the limits that belong to an expected run; none for an ordinary run.
+    Return the limits that belong to an expected run; empty for an ordinary run.
 
     Raises
     ------

@@ -126,7 +126,7 @@ class SampleStream:
         return {name: part for name, part in out.items() if len(part[0])}
 
     def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples without a time if others have one, such as those before a driver's clock was set."""
+        """Leave out samples without a time if the topic has times: those before the clock of a driver was set."""
         if name in self.without_time:
             return log_ns, samples
         dated = (samples["stamp_ns"] != 0) | (log_ns < CLOCK_SET_NS)
@@ -283,7 +283,7 @@ def _samples(count: int) -> str:
 
 
 def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
-    """Return the topics of the wells; none if a recording has no IMU, or several and none is named."""
+    """Return the topics of the wells; empty if a recording has no IMU, or has several and the caller names none."""
     try:
         return wells(bag, given)
     except BagError:

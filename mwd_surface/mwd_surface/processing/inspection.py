@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Inspection of a recording: its contents, what it lacks, and the options with which `mwd process` can read it.
+Inspection of a recording: its contents, missing contents, and the options with which `mwd process` can read it.
 
 The samples pass the checks of the sensors repeatedly, each time with the findings so far (unit, sign, mount), until
-there is nothing new. The findings become the options of `mwd process`.
+there is no new finding. The findings become the options of `mwd process`.
 """
 
 from __future__ import annotations

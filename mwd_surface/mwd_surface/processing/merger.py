@@ -30,7 +30,7 @@ _IMU = "imu/data_raw"
 
 
 def end_rows(output: Output) -> NDArray[np.int64]:
-    """Return the index of the attitude row at which the interval of each survey ends; the last row if there is none."""
+    """Return, for each survey, the index of the first attitude row at or after its end, or of the last row."""
     newest = np.maximum.accumulate(output.attitude["stamp_ns"])
     return np.searchsorted(newest, [survey.end_ns for survey in output.surveys]).clip(max=len(newest) - 1)
 

@@ -2,9 +2,9 @@
 """
 Intervals in which a tool rests: count of those long enough for a survey, and detection of a gyro in a wrong unit.
 
-The accelerometers show a rest too. The gyro may be in another unit if the accelerometers show a rest, the gyro shows
-turning or noise, gravity does not follow this turning, and no axis of the gyro has most of the noise, as the axis of a
-turning string has. If a gyro in deg/s is read in rad/s, its rate and noise are 57 times too large.
+The accelerometers show intervals at rest too. The gyro may be in another unit if the accelerometers are at rest, the
+gyro shows turning or noise, gravity does not follow this turning, and no axis of the gyro has most of the noise, as the
+axis of a turning string has. If a gyro in deg/s is read in rad/s, its rate and noise are 57 times too large.
 """
 
 from __future__ import annotations
@@ -73,11 +73,11 @@ class Rests:
 
     @property
     def count(self) -> int | None:
-        """Number of rests, as described above."""
+        """Number of intervals at rest, as described above."""
         return self._count if 2 * self._sampled > self._half_seconds else None
 
     def problems(self, imu: str, gyro_unit: str) -> list[StreamProblem]:
-        """Return a problem if a wrong unit of the gyro hides rests; gyro_unit is the unit with which it was read."""
+        """Return a problem if a wrong gyro unit hides intervals at rest; gyro_unit: unit in which the gyro was read."""
         if self.count or self.hidden_s < self._needed_s or gyro_unit != "rad/s":
             return []
         sentence = (

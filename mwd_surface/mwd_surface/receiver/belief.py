@@ -19,7 +19,7 @@ _FAILING = 0.06
 # Share of the prior with which the next transmission begins when the parities of the last one held. It is not smaller
 # because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
-_REMEMBERED = 32  # words
+_REMEMBERED = 32  # number of last words whose parities are used
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 # Bound on the likelihood of one word, so that one odd word in a hundred does not decide.
 _SLIP = 0.01

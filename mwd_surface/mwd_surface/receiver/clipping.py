@@ -21,33 +21,36 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.whitening import prediction_error_filter
 
-# Clipped samples of a block are replaced together, when the time `_AHEAD_S` after it has passed, because a crest needs
-# both of its flanks: without it the error is three times larger, and with 2 s a fifth at 10 Hz. The samples before the
-# block are also used: 20 for each coefficient of the model. All together are at most `_MOST` samples, for the cost.
+# The clipped samples of a block of `_BLOCK_S`, s, are replaced together, after another `_AHEAD_S`, s, because a crest
+# needs both of its flanks: without this time the error is three times larger, and with 2 s it is a fifth larger at 10
+# Hz. `_EACH`: number of samples before the block that are used for each coefficient of the model. `_MOST`: largest
+# number of samples in one estimate, to limit the computing time.
 _BLOCK_S, _AHEAD_S, _EACH, _MOST = 5.0, 4.0, 20, 2048
-# The order covers a stroke of a pump, up to 80 samples: with 48 at 50 Hz the error of the replaced samples is a quarter
-# larger. At a low rate it still needs two coefficients for each line of the pumps, whether or not the line is folded:
-# with 16 at 10 Hz the error is a third larger, with 8 at 5 Hz twice as large.
+# The order of the model covers a stroke of a pump (`_ORDER_S`, s), up to 80 samples: with 48 at 50 Hz the error of the
+# replaced samples is a quarter larger. At a low rate the model still needs two coefficients for each line of the pumps,
+# even if the line is aliased: with 16 at 10 Hz the error is a third larger, with 8 at 5 Hz twice as large. `_FLOOR`:
+# white noise added to the model, as a share of its variance.
 _ORDER_S, _LEAST_ORDER, _MOST_ORDER, _FLOOR = 1.6, 24, 80, 1e-6
-# A value is a limit after this number of samples at it, if it has more samples than this multiple of those beyond it.
-# A value that noise reaches by chance does no harm, because the pressure there is near it.
+# A value counts as a limit if it has at least `_VISITS` samples, and `_EXCEEDED` times as many samples as lie beyond
+# it. A value that noise reaches repeatedly by chance does no harm: the replaced samples then stay near their true
+# pressure.
 _VISITS, _EXCEEDED = 8.0, 8.0
-# Number of extreme values whose samples are counted, and time over which the counts are forgotten: longer than a
-# connection, so that the limit is still known after it.
+# Number of extreme values whose samples are counted, and time constant, s, with which the counts decay: longer than a
+# connection of drill pipe, so that the limit is still known after the connection.
 _LEVELS, _FORGOTTEN_S = 8, 1800.0
 # A limit at less than this share of the largest value is the zero of a gauge while the pumps are off.
 _ZERO = 0.05
-# A longer run at a limit, s, holds no sample of the pressure; it stays as it is.
+# Longest run of samples at a limit, s, that is replaced; a longer run contains no information about the pressure.
 _LONGEST_S = 3.0
-# A longer interval between samples, relative to the usual one, is a gap.
+# Smallest interval between samples that is a gap, relative to the usual interval.
 _GAP = 4.0
-# Rounds of model and samples, and of bounds that hold.
+# Number of iterations over model and samples, and over the samples that are at their bounds.
 _ROUNDS, _BOUNDS = 3, 6
 
 
 class Declipper:
     """
-    Replacement of clipped samples in a stream; only samples from a clipped one to the end of its block are late.
+    Replacement of clipped samples in a stream; only samples from a clipped one to the end of its block are delayed.
 
     Parameters
     ----------
@@ -62,12 +65,13 @@ class Declipper:
         self._history = _EACH * self._order
         share = min(1.0, (_MOST - self._history) * spacing / (_BLOCK_S + _AHEAD_S))
         self._block_s, self._ahead_s = share * _BLOCK_S, share * _AHEAD_S
-        # Samples and sides before those that are not yet returned; their clipped ones are estimated anew in each block.
+        # Last returned samples and their sides (see `_mark`); clipped ones among them are estimated again with each
+        # block.
         self._before = np.zeros((2, 0))
         self._last_s = -math.inf
-        # Times, samples and sides that are not yet returned.
+        # Times, samples and sides of the samples that are not yet returned.
         self._open = np.zeros((3, 0))
-        # Extreme values of both sides from the outermost on, and the numbers of samples at them and beyond them.
+        # Extreme values of both sides, outermost first, with the number of samples at and beyond each value.
         self._levels = np.zeros((2, _LEVELS, 3))
         self._levels[:, :, 0] = -np.inf
 
@@ -83,7 +87,7 @@ class Declipper:
         return self._released(True)
 
     def _released(self, finished: bool) -> tuple[Array, Array]:
-        """Return what is complete: samples before a clipped one, and blocks from a clipped one on."""
+        """Return the complete part: samples before a clipped one, and blocks that begin with a clipped one."""
         time, value, sides = self._open
         count, done = len(time), value.copy() if sides.any() else value
         gaps = np.append(np.flatnonzero(np.diff(time, prepend=self._last_s) > _GAP * self._spacing), count)
@@ -133,7 +137,7 @@ def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
 
 @compiled
 def _count(x: float, rows: Array) -> None:
-    """Count a sample at a value; a new extreme value displaces the one with the fewest samples."""
+    """Count a sample at its value; a new extreme value replaces the value with the fewest samples."""
     fewest, known = 0, False
     for j in range(len(rows)):
         if x > rows[j, 0]:

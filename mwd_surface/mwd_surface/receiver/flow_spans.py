@@ -16,7 +16,7 @@ OFF = 0.25
 _ON = 0.4
 _FORGET_S = 3600.0
 SURVEY_S = 10.0
-"""Time at rest that a survey takes, s; after a longer rest the tool sends a new survey."""
+"""Time at rest that a survey takes, s; after a longer time at rest the tool sends a new survey."""
 # Lowest standpipe pressure of a drilling rig.
 _LEAST_PA = 1.0e6
 
@@ -67,7 +67,7 @@ class FlowSpans:
             self._count += float(len(inside))
 
     def switch(self, at_s: float, flowing: bool) -> None:
-        """Set the pumps on or off from a time on, s, for links whose samples do not show it (voltage)."""
+        """Set the pumps on or off from a time on, s, for links whose samples do not show the flow (voltage)."""
         self._known = True
         off = bool(self.spans) and math.isinf(self.spans[-1].end_s)
         if off and flowing:
@@ -83,14 +83,14 @@ class FlowSpans:
         return last is None or at_s >= last.end_s
 
     def rested(self, from_s: float, until_s: float) -> bool:
-        """Return whether two times, s, enclose a rest long enough for a survey, or a data gap that may hide one."""
+        """Return whether there was time at rest for a survey, or a data gap that may hide it, between two times, s."""
         return any(
             from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S
             for span in (*self.spans, *self._gaps)
         )
 
     def on_since(self, time_s: float) -> float:
-        """Return the end of the last rest or data gap before a time, s: the earliest flow-on; -inf if not seen."""
+        """Return the end of the last span without flow or data before a time, s (earliest flow-on); -inf if unknown."""
         return max((span.end_s for span in (*self.spans, *self._gaps) if span.end_s <= time_s), default=-math.inf)
 
     def before(self, time_s: float) -> NoFlowSpan | None:

@@ -12,7 +12,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.resampling import interpolate
 
 STEPS_PER_TU = 8
-# Values after the last one wanted that the interpolation needs; without them a later call would give other results.
+# Number of values after the last position that the interpolation needs; without them a later call would differ.
 REACH = 4
 # A gauge counts as frozen after this number of equal values in a row: four pulse widths without any noise.
 _FROZEN = 8 * STEPS_PER_TU
@@ -220,7 +220,7 @@ def _without_jitter(time: Array, turns: Array) -> Array:
 
 @compiled
 def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others: Array) -> None:
-    """Fill each time on the Gaussian-weighted line through all times near it, and through those times without it."""
+    """Fill each time by a Gaussian-weighted line through the times near it, with and without the time itself."""
     reach = math.ceil(2.5 * sigma)
     for k in range(len(time)):
         s0 = s1 = s2 = t0 = t1 = 0.0

@@ -21,7 +21,7 @@ from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import load_json, read_file
 
 _START = re.compile(r'[\ufeff\x1e\s]*[\[{]\s*(?:["{}\[\]]|-?\d)')
-# Names of objects that only hold the quantities, and so say nothing about them.
+# Names of objects that only contain the quantities; these names do not become part of the name of a quantity.
 _HOLDERS = frozenset(
     ["data", "values", "fields", "payload", "tags", "sample", "samples", "measurements", "body", "message"]
 )
@@ -35,7 +35,7 @@ def is_json(text: str) -> bool:
 
 def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
     """
-    Return the columns of a file as text by name, and how many lines are not JSON.
+    Return the columns of a file as text by name, and the number of lines that are not JSON.
 
     Columns without a name are numbered from 1; a sample that lacks a quantity has an empty cell.
 
@@ -74,7 +74,7 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
 
 
 def cells_of(line: str) -> list[dict[str, str]]:
-    """Return the samples of one line as cells by name; none if the line is not JSON."""
+    """Return the samples of one line as cells by name; an empty list if the line is not JSON."""
     value = _loaded(line)
     return [] if value is None else list(_rows(value, ()))
 

@@ -29,11 +29,11 @@ from mwd_surface.rig.wits import format as wits
 
 _RETRY_S = 2.0
 _MOST_AT_ONCE = 1 << 20  # bytes read per call
-_LONGEST_LINE = 4096  # bytes; a longer line is not of a table
+_LONGEST_LINE = 4096  # bytes; a longer line is not a row of a table
 _HEAD_LINES = 20  # lines by which the format is decided
 _LONGEST_HEAD = 2000  # lines kept while their format is not known
 _SILENT_LINES = 20  # lines without a pressure that are not single bad samples
-# Cells between spaces, of which those with a comma are numbers with a decimal comma.
+# Cell of a line whose cells are separated by spaces: a number with a decimal comma, or a text without comma.
 _CELL = r"(?:[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[^\s,]+)"
 _SPACED_DECIMALS = re.compile(rf"^{_CELL}(?:\s+{_CELL})+$")
 _KEEP_ALIVE_S = 30.0
@@ -162,7 +162,7 @@ class _OfStream:
     """Common part of all sources that read a stream of bytes."""
 
     _stream: _Bytes
-    _wrong: str  # what is wrong with the bytes; empty: nothing
+    _wrong: str  # sentence on the fault of the bytes; empty if there is none
 
     @property
     def failure(self) -> str:
@@ -240,7 +240,7 @@ class LineSource(_OfStream):
         return [text for text in texts if text and not text.startswith(("#", "!", "%"))]
 
     def _from_json(self, lines: list[str]) -> list[str]:
-        """Return lines of JSON as rows of a table, the first ones with a line of names; other lines as they are."""
+        """Return lines of JSON as rows of a table, at first with a line of names; return other lines unchanged."""
         begins = self._format is None
         if self._names is None and not (begins and all(json_columns.is_json(line) for line in lines)):
             return lines
@@ -248,12 +248,12 @@ class LineSource(_OfStream):
         if self._names is None:
             self._names = list(dict.fromkeys(name for row in rows for name in row))
         cells = [[row.get(name, "").replace("\t", " ") for name in self._names] for row in rows]
-        # Where the caller counts the columns, names are not a line of their own.
+        # If the caller gives the numbers of the columns, there is no line of names.
         named = begins and pressure_table.live_columns([], self._said) is None
         return ["\t".join(row) for row in ([self._names, *cells] if named else cells)]
 
     def _tell(self, lines: list[str], known: Array) -> None:
-        """Say how many lines have been without a pressure since the last one with a pressure."""
+        """Count the lines since the last pressure, and set the reason for a failure if there are too many."""
         last = int(np.flatnonzero(known)[-1]) + 1 if known.any() else 0
         self._without = len(lines) - last + (0 if last else self._without)
         self._heard = self._heard or last > 0
@@ -272,17 +272,17 @@ class _Format:
     lines : list of str
         The first lines.
     said : mapping of str
-        Columns as the caller says them.
+        Columns that the caller names, as in `LineSource`.
 
     Raises
     ------
     ValueError
-        The lines leave open what they mean; the message says how to name it.
+        Columns, units or decimal marks of the lines are ambiguous; the message names the option that states them.
 
     Attributes
     ----------
     names : int
-        How many of the lines are above the first row.
+        Number of lines above the first row.
     """
 
     def __init__(self, lines: list[str], said: Mapping[str, str]) -> None:
@@ -306,7 +306,7 @@ class _Format:
         self._stamps: table_times.Stamps | None = None
         if layout.time is not None:
             cells = [cell for cell in _column(rows, layout.time) if cell]
-            # Where nothing tells the mark of the times, it is that of the pressure.
+            # If the decimal mark of the times is ambiguous, use that of the pressure.
             with contextlib.suppress(ValueError):
                 self._time_mark = pressure_table.mark_of(cells, every, layout.time_unit, decimal)
             numbers = _numbers(cells, self._time_mark, layout.time_unit)
@@ -334,7 +334,7 @@ class _Format:
 
 class WitsSource(_OfStream):
     """
-    Pressure in frames of WITS level 0; the time of arrival counts, because the times of WITS have whole seconds.
+    Pressure in frames of WITS level 0; with times of arrival, because WITS times have whole seconds.
 
     Parameters
     ----------
@@ -455,7 +455,7 @@ class OpcUaSource:
 
 
 def _separator(lines: list[str]) -> str:
-    """Return what separates the cells of lines, "" for spaces; commas may be decimal marks between spaces."""
+    """Return the separator of the cells, "" for spaces; with spaces, commas may be decimal marks."""
     for separator in ";\t":
         if sum(separator in line for line in lines) * 2 > len(lines):
             return separator
@@ -473,7 +473,7 @@ def _numbers(cells: list[str], mark: str, unit: str) -> Array:
 
 
 def _number(cell: str, mark: str, unit: str) -> float:
-    """Return the number of a cell, which may be followed by its unit; NaN if the cell has none."""
+    """Return the number of a cell, which may be followed by the unit; NaN if the cell has no number."""
     found = None if is_null(cell) else split(cell)
     if found is None or found[1].lower().rstrip(".") not in ("", unit):
         return math.nan
@@ -485,7 +485,7 @@ def _number(cell: str, mark: str, unit: str) -> float:
 
 
 def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, str]:
-    """Return the name of the pressure and its unit."""
+    """Return the name and unit of the pressure that the caller gives; ValueError if the unit is unknown."""
     key, name = next(((key, name) for key, name in columns.items() if key.startswith("pressure")), ("", usual))
     unit = key.partition("_")[2]
     if unit not in pressure_table.PRESSURES:

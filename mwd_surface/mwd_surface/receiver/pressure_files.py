@@ -27,10 +27,10 @@ _LONGEST_GAP_S = 86400.0
 _SLOWEST_S = 10.0
 # A recording longer than a day that consists mostly of pauses is refused: each pause would be filled with samples.
 _GAP_S, _MOST_GAPS = 60.0, 0.9
-# Clipping: share of samples at a limit, and how often the pressure comes to it; one highest sample is normal.
+# Clipping is reported above this share of samples at a limit, and this number of times that the pressure reaches it.
 _CLIPPED, _VISITS = 0.001, 3
 _OFF = 0.05  # share of the highest pressure below which the pumps are off
-_FROZEN_S = 1.0  # a gauge that shows any noise does not hold its value for so long
+_FROZEN_S = 1.0  # shortest time with one value that is reported as a frozen gauge, s; noise would change the value
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +38,8 @@ class PressureFile:
     """
     Rising times, s, and pressure, Pa, shape (n,), finite.
 
-    origin: what time 0 is. notes: faults of the data. strokes: times of each pump's strokes, s, if they were recorded.
+    origin: meaning of time 0. notes: faults of the data. strokes: times of each pump's strokes, s, if they were
+    recorded.
     """
 
     time_s: Array
@@ -109,12 +110,15 @@ def _check_times(path: Path, time: Array) -> None:
     Raises
     ------
     ValueError
-        A step is longer than any pause, or the total is longer than the budget or consists mostly of gaps.
+        A step is longer than any pause, the usual step is too long for telemetry, or the total is longer than the
+        budget or consists mostly of gaps.
     """
     steps = np.diff(time)
     longest = float(steps.max())
     if longest > _LONGEST_GAP_S:
-        raise ValueError(f"{path}: the time jumps by {longest:.6g} s, as if the clock was set; cut the file there")
+        raise ValueError(
+            f"{path}: the time jumps by {longest:.6g} s, probably because the clock was set; cut the file there"
+        )
     try:
         budgets.PRESSURE.check("seconds", float(time[-1] - time[0]))
     except BudgetError as error:

@@ -93,7 +93,7 @@ _HIGHEST = 3.0e8  # Pa; no rig has more
 
 @dataclasses.dataclass(frozen=True)
 class _Column:
-    """One column: its place in a row, its name and its unit, "" where it names none."""
+    """One column: its place in a row, its name, and its unit ("" if it has none)."""
 
     number: int
     name: str
@@ -102,7 +102,9 @@ class _Column:
 
 def columns_of(text: str) -> dict[str, str]:
     """
-    Return which column is what, as written by a user: "time=Zeit,pressure_bar=SPP" or "time_s=1,pressure_bar=2".
+    Parse the columns that a user states, such as "time=Zeit,pressure_bar=SPP" or "time_s=1,pressure_bar=2".
+
+    Returns the name or number of the column of each quantity, by quantity with unit.
 
     Raises
     ------
@@ -131,20 +133,20 @@ def columns_of(text: str) -> dict[str, str]:
 
 def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[Array, Array, str, tuple[str, ...]]:
     """
-    Return times, s, pressure, Pa, what time 0 is, and what is wrong with the table.
+    Return times, s, pressure, Pa, the meaning of time 0, and notes on faults of the table.
 
     Parameters
     ----------
     path : Path
     gauge : int
-        Which of the columns of pressure, from 1.
+        Number of the pressure column among all pressure columns, from 1.
     columns : mapping of str
-        What the caller says of the columns; see `columns_of`.
+        Columns that the caller states; see `columns_of`.
 
     Raises
     ------
     ValueError
-        No column of time or pressure, or one whose unit nothing names.
+        There is no column of time or pressure, or the unit of one is unknown.
     OSError
         The file cannot be read.
     """
@@ -214,7 +216,7 @@ class LiveColumns(NamedTuple):
 
 def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumns | None:
     """
-    Return the columns of lines that arrive one by one; None if neither the caller nor the names tell them.
+    Return the columns of lines that arrive one by one; None if neither the caller nor the names state them.
 
     Parameters
     ----------
@@ -257,7 +259,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
 
 
 def untagged(row: Mapping[str, str]) -> dict[str, str]:
-    """Return the cells of a row with a column for its tag, if it is a row for one value of several tags."""
+    """Return a row; if it holds one value of one tag (tag, value, unit), the value gets a column named by the tag."""
     tag, value, unit = (
         next((name for name in row if pattern.match(_last(_words(name, "")[0]))), "")
         for pattern in (_TAG, _VALUE, _UNIT)
@@ -280,7 +282,7 @@ class _TableFile:
         self._encoding = "utf-8" if self._whole else _encoding(start)
         self._las = False
         self._json: dict[str, list[str]] = {}
-        self._kept: Any = None  # which rows are those of the tag, an Arrow array; None: all
+        self._kept: Any = None  # Arrow array of booleans that selects the rows of the tag; None: all rows
         if self._whole:
             self._table = table_of(read_file(path, budgets.SPREADSHEET), str(path), _is_header, _are_units)
         else:
@@ -336,8 +338,8 @@ class _TableFile:
         """
         Return the column of values, named as the tag of the pressure, and keep only the rows of this tag.
 
-        Return None if the table does not have a row for each value of several tags. The tag is that which the caller
-        names, or the one of a gauge, from 1, by the names and units of all tags.
+        Return None if the rows of the table are not values of tags. The tag is the one that the caller names, or the
+        pressure of the given gauge, from 1, by the names and units of all tags.
 
         Raises
         ------
@@ -374,11 +376,11 @@ class _TableFile:
         return dataclasses.replace(column, unit=(said[0].partition("_")[2] if said else "") or column.unit)
 
     def _units_of(self, columns: Sequence[_Column]) -> set[str]:
-        """Return the units in the cells of a column of units, as far as the head of the file shows them."""
+        """Return the units that columns of units contain in the first rows of the file."""
         return {_unit(str(cell)) for one in columns for cell in self._cells_of(one.number)} - {""}
 
     def _columns(self) -> list[tuple[_Column, str]]:
-        """Return the columns with the words of their names; none if no line names them."""
+        """Return the columns with the words of their names; an empty list if no line names the columns."""
         if self.headless:
             return []
         table = self._table
@@ -393,7 +395,7 @@ class _TableFile:
         return None
 
     def _named(self, name: str, unit: str) -> _Column:
-        """Return the column of a name, or of a number from 1."""
+        """Return the column with this name, or with this number from 1; ValueError if there is none."""
         names = [one.strip().lower() for one in self._table.names]
         if name.lower() in names and not self.headless:
             k = names.index(name.lower())
@@ -404,7 +406,7 @@ class _TableFile:
         raise ValueError(f"--columns {name}: {self.path} has no such column; it has {', '.join(self._table.names)}")
 
     def missing(self, quantity: str, what: str) -> str:
-        """Say that a column is missing, and how to name it."""
+        """Return the message for a missing column, with the way to name it."""
         if self.headless:
             return f"{self.path}: no line names the columns; say which are which with --columns time_s=1,pressure_bar=2"
         return (
@@ -414,10 +416,10 @@ class _TableFile:
 
     def times(self, value: _Column) -> list[_Column]:
         """
-        Return columns of the time: the time, after the date if that is a separate column; none if a rate is said.
+        Return the columns of the time: [time], or [date, time] if the date is a separate column.
 
-        Where several columns have the same name of a time, or the name of a quantity and "time", each belongs to the
-        columns after it.
+        Return an empty list if the caller states a rate. If several time columns have the same name, or are named
+        after a quantity ("pressure time"), the last one before the column `value` is used.
         """
         if any(key.startswith("rate") for key in self._said):
             return []
@@ -432,12 +434,12 @@ class _TableFile:
             clocks = [one for one in clocks if one.number < value.number][-1:] or clocks
         clock = dataclasses.replace(clocks[0], unit=clocks[0].unit or self._unit_in_cells(clocks[0].number))
         dates = [one for one in dates if one.number != clock.number]
-        # A date next to times that have one, or that count seconds, is not needed.
+        # A separate date is not needed if the times contain the date or are numbers of seconds.
         form = _CLOCK if ":" in self._first(clock) or clock.unit in table_times.UNITS else _DIGITS
         return [*dates[:1], clock] if re.fullmatch(form, self._first(clock).strip()) else [clock]
 
     def counted(self, count: int) -> Array:
-        """Return the times of rows that come at the rate which the caller says, s."""
+        """Return the times, s, of rows at the rate that the caller states."""
         text = next(value for key, value in self._said.items() if key.startswith("rate"))
         try:
             rate = float(text)
@@ -454,7 +456,7 @@ class _TableFile:
         return next((str(cell) for cell in self._cells_of(column.number)), "")
 
     def _unit_in_cells(self, number: int) -> str:
-        """Return the unit behind the numbers of a column, such as "203.4 bar"; else ""."""
+        """Return the unit that follows the numbers of a column, such as "203.4 bar"; "" if there is none."""
         found = (split(cell) for cell in self._cells_of(number))
         units = {_unit(one[1]) for one in found if one is not None}
         return units.pop() if len(units) == 1 else ""
@@ -479,7 +481,7 @@ class _TableFile:
         return len(cells[column.number].strip(' "')) < min(usual, default=0)
 
     def _all_cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns in all rows, as `cells`."""
+        """Return the cells of columns as `cells`, but of all rows, even if a tag is selected."""
         import pyarrow as pa
 
         numbers = [one.number for one in wanted]
@@ -497,7 +499,7 @@ class _TableFile:
             try:
                 return self._read(types, [str(number) for number in numbers], [str(k) for k in range(width)])
             except pa.ArrowInvalid as error:
-                # A cell that is not a number, if it was not text already.
+                # Read the columns again as text, because a cell is not a number.
                 if pa.float64() not in types:
                     raise ValueError(f"{self.path}: cannot be read as a table: {error}") from error
         raise AssertionError
@@ -507,13 +509,13 @@ class _TableFile:
         return all(re.match(_NUMBER, str(cell)) for cell in self._cells_of(number)[:50])
 
     def _read(self, types: Sequence[Any], wanted: list[str], names: list[str]) -> list[Any]:
-        """Return columns by their names in these types; pyarrow.ArrowInvalid if a cell is not of its type."""
+        """Return the columns with these names and types; pyarrow.ArrowInvalid if a cell is not of its type."""
         from pyarrow import csv
 
         skipped: list[int] = []
 
         def skip(row: Any) -> str:
-            # Arrow counts rows only where it reads with one thread.
+            # Arrow gives the row number only when it reads with one thread, so count the rows here.
             skipped.append(row.actual_columns)
             return "skip"
 
@@ -538,7 +540,7 @@ class _TableFile:
         return [table.column(name) for name in wanted]
 
     def _split(self, numbers: Sequence[int]) -> list[list[str]]:
-        """Return the cells of columns that spaces separate, in LAS those of the section ~A."""
+        """Return the cells of columns separated by spaces; of a LAS file, those of the section ~A."""
         columns: list[list[str]] = [[] for _ in numbers]
         first = 0 if self.headless or self._las else _line(self._table)
         inside = not self._las
@@ -565,12 +567,12 @@ class _TableFile:
 
     def numbers(self, cells: Any, column: _Column) -> tuple[Array, list[str]]:
         """
-        Return the numbers of a column, NaN where a cell has none or a null value, and notes on such cells.
+        Return the numbers of a column, NaN for a cell without a number or with a null value, and notes on such cells.
 
         Raises
         ------
         ValueError
-            Nothing tells whether 203,812 is 203.812 or 203 812.
+            The decimal mark is ambiguous: 203,812 may be 203.812 or 203 812.
         """
         import pyarrow as pa
         import pyarrow.compute as pc
@@ -599,7 +601,7 @@ class _TableFile:
         return values, notes
 
     def _mark(self, text: Any, column: _Column) -> str:
-        """Return the decimal mark of a column of text: as said, as its numbers reveal it, or as a pressure allows."""
+        """Return the decimal mark of a column of text; see `mark_of`."""
         every = max(1, len(text) // 5000)
         others = (cell for row in self._table.rows[:200] for cell in row.cells)
         try:
@@ -655,7 +657,10 @@ class _TableFile:
 
 def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) -> str:
     """
-    Return the decimal mark of a column of text: as said, as its numbers reveal it, or as a pressure allows.
+    Return the decimal mark of a column of text.
+
+    It is the mark that the caller states, else the mark in the numbers of the column or of the table, else the only
+    mark with which no pressure is impossibly high.
 
     Parameters
     ----------
@@ -664,12 +669,12 @@ def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) 
     unit : str
         Unit of the column.
     said : str
-        "comma" or "point" as the caller says, "" if nothing was said.
+        "comma" or "point" as the caller states; "" if not stated.
 
     Raises
     ------
     ValueError
-        Nothing tells whether 203,812 is 203.812 or 203 812.
+        The decimal mark is ambiguous: 203,812 may be 203.812 or 203 812.
     """
     if said:
         return _DECIMAL_MARKS[said]
@@ -683,7 +688,7 @@ def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) 
     seen = [decimal_mark(one[0]) for cell in others if (one := split(cell)) is not None]
     if any(seen):
         return max(",.", key=seen.count)
-    # The same digits with the mark between thousands: a thousand times more.
+    # Largest pressure if the mark separates thousands: a thousand times that with a decimal mark.
     size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * PRESSURES.get(unit, 1.0)
     if size > _HIGHEST:
         return "," if "," in grouped else "."
@@ -697,7 +702,8 @@ def in_pascal(values: Array, unit: str) -> tuple[Array, list[str]]:
     """
     Return pressures, Pa, of numbers in a unit of `PRESSURES`, and notes; NaN where there is no pressure.
 
-    A signal in V or mV keeps its shape as Pa; a current of 4 to 20 mA is one of a gauge of the usual range.
+    A signal in V or mV is returned in V instead of Pa; a current of 4 to 20 mA is scaled by the usual range of a
+    gauge (`_FULL_SCALE`).
     """
     if unit == "ma":
         return _of_current(values * PRESSURES["ma"])
@@ -707,7 +713,7 @@ def in_pascal(values: Array, unit: str) -> tuple[Array, list[str]]:
 
 
 def _line(table: Table) -> int:
-    """Lines above the first row."""
+    """Return the number of lines above the first row."""
     found = re.search(r"line (\d+)$", table.rows[0].at if table.rows else table.at)
     return int(found[1]) - 1 if found else 0
 
@@ -733,7 +739,7 @@ def _text_table(text: str, path: str) -> Table:
         lines = text.splitlines()
         for k, line in enumerate(lines[:_TITLES]):
             if any(_is_header(line.split(separator)) for separator in ",;\t|"):
-                # Empty lines keep the numbers of the lines.
+                # Replace the titles by empty lines, so that the line numbers do not change.
                 return table_of(("\n" * k + "\n".join(lines[k:])).encode(), path, _is_header, _are_units)
     return table
 
@@ -747,26 +753,26 @@ def _head_of(columns: Mapping[str, list[str]], path: str) -> Table:
 
 def _pressures(columns: Sequence[tuple[_Column, str]]) -> list[_Column]:
     """
-    Return the columns of pressure among columns and the words of their names, the standpipe first.
+    Return the pressure columns, standpipe pressure first; columns: columns with the words of their names.
 
-    Without a name of pressure a unit of pressure suffices.
+    If no name means a pressure, all columns with a unit of pressure are returned.
     """
     rows = [(one, words) for one, words in columns if not _ELSEWHERE.search(words)]
     named = [one for one, words in rows if _STANDPIPE.search(words)]
     named += [one for one, words in rows if one not in named and _PRESSURE.search(words)]
     if named:
-        # A column without a unit is a flag or a counter if others have one.
+        # If some columns have a unit of pressure, columns without it are flags or counters.
         return [one for one in named if one.unit in PRESSURES] or named
     return [one for one, _ in rows if one.unit in PRESSURES]
 
 
 def _last(words: str) -> str:
-    """Return the last part of a name with dots, as of an object inside another."""
+    """Return the part of a name after its last dot; dots join the names of nested objects."""
     return words.rpartition(".")[2]
 
 
 def _nearest(column: _Column, others: Sequence[_Column]) -> list[_Column]:
-    """Return other columns in the order in which they probably belong to a column: those of the same object first."""
+    """Return the other columns, first those of the same object as `column`, which probably belong to it."""
     above = column.name.rpartition(".")[0]
     return sorted(others, key=lambda one: one.name.rpartition(".")[0] != above)
 
@@ -777,7 +783,7 @@ def _all_units(cells: Any) -> set[str]:
 
 
 def _words(name: str, unit: str) -> tuple[str, str]:
-    """Words of a name in lower case without its unit, and the unit."""
+    """Return the words of a name in lower case without its unit, and the unit ("" if there is none)."""
     brackets = re.findall(r"[(\[{]([^)\]}]*)[)\]}]?", name)
     words = " ".join(_MARKS.sub(" ", re.sub(r"[(\[{][^)\]}]*[)\]}]?", " ", name)).lower().split())
     own = [_unit(one) for one in (unit, *brackets) if _unit(one)]
@@ -810,7 +816,7 @@ def _are_units(cells: Sequence[str]) -> int:
 
 
 def _without_nulls(values: Array) -> tuple[Array, list[str]]:
-    """Numbers with nan in place of null values, and how many there are."""
+    """Return numbers with NaN in place of null values, and a note on their count (a list; empty without nulls)."""
     null = np.isin(values, NULL_NUMBERS)
     if not null.any():
         return values, []
@@ -819,7 +825,7 @@ def _without_nulls(values: Array) -> tuple[Array, list[str]]:
 
 
 def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
-    """Return pressure with NaN where a column of quality says Bad, in words or as the number of OPC, and notes."""
+    """Return pressure with NaN where the quality column is bad, as a word or an OPC number, and notes."""
     import pyarrow.compute as pc
 
     text = pc.utf8_lower(pc.utf8_trim_whitespace(pc.cast(quality, "string")))
@@ -835,11 +841,13 @@ def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
 
 
 def _of_current(current: Array) -> tuple[Array, list[str]]:
-    """Pressure of a current loop of 4 to 20 mA, A, whose range is not known; nan where the wire is broken."""
+    """Return the pressure, Pa, from a loop current, A, with the usual range, and notes; NaN for a broken wire."""
     broken = current < _BROKEN
     notes = [
         f"a current of 4 to 20 mA: the range of the gauge is not known, 20 mA is taken as {_FULL_SCALE / 1e5:g} bar"
     ]
     if broken.any():
-        notes.append(f"{int(broken.sum())} samples are below 3.6 mA, as of a broken wire, and are missing samples")
+        notes.append(
+            f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and are missing samples"
+        )
     return np.where(broken, math.nan, (current - _LIVE_ZERO) / _SPAN * _FULL_SCALE), notes

@@ -28,7 +28,7 @@ _MOST_LINES = 16
 _COHERENT = 4.0
 # Harmonics of counted strokes: their number, their upper limit as a share of the highest frequency, and the factor of
 # the averaging time relative to uncounted lines. It is longer because the counter follows the rate of the pump; with
-# 3 a quarter more words of .3 s are lost.
+# a factor of 3, a quarter more words with pulses of 0.3 s are lost.
 _MOST_HARMONICS, _HIGHEST, _STROKES_HOLD = 12, 0.9, 1.5
 # Order and floor of the noise model by which the lines with and without strokes are compared.
 _ORDER, _FLOOR = 24, 1e-6

@@ -5,7 +5,7 @@ Receiver of a wired tool: bytes of a serial line in, words out. The result does 
 A CRC-16 lets one in 65 536 damaged frames pass. A frame must also be COBS of the right length, carry the pattern,
 number and length of a sequence of this tool, have zeros as filling of its last byte and even parities, and have a
 counter that follows the last one. A text line without a check must hold values that the tool can send, digit by digit;
-the rate of failures tells how often wrong values pass by chance.
+the probability that wrong values pass by chance is estimated from the share of lines that fail.
 """
 
 from __future__ import annotations

@@ -33,7 +33,8 @@ _OTHER_CHI2 = float(scipy.stats.chi2.ppf(0.99, 1))
 _UNLIKELY = 1e-3
 # Sigma of the position as a share of the depth, and of the azimuth in rad, above which propagation is not linear.
 _LOOSE = 0.3
-# Share of the largest weight of a direction of the unknowns below which rounding hides what the readings say of it.
+# Smallest singular value of the fit, relative to the largest, for which the readings determine a direction of the
+# unknowns in spite of rounding.
 _LEAST_WEIGHT = 1e-6
 
 
@@ -121,7 +122,7 @@ class SondeFix:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Sentences on what makes the solution or its sigmas doubtful; empty if nothing does."""
+        """Reasons to doubt the solution or its sigmas, as sentences; empty without a reason."""
         found = []
         if self.freedom > 0 and scipy.stats.chi2.sf(self.chi2, self.freedom) < _UNLIKELY:
             found.append(

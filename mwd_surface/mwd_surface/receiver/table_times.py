@@ -2,8 +2,8 @@
 """
 Times of a table: numbers, dates and clocks of any usual kind as seconds, in order.
 
-A column is judged as a whole: the epoch of its numbers by their size and steps, the order of day and month by what
-exists, the order of its rows by the steps between them.
+A column is judged as a whole: the epoch of its numbers by their size and steps, the order of day and month by the dates
+that exist, the order of its rows by the steps between them.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ _EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
 # Days since 1900 (spreadsheets) or since year 0: large numbers with steps of less than 9 s.
 _SERIAL, _SERIAL_STEP = 2e4, 1e-4
 _SLOWEST_CLOCK_S = 10.0  # steps of a clock written as digits; slower rows show no pulses
-_RECENT = 20  # numbers among which the turn of a minute is looked for
-_LATE_S = 600.0  # rows of a clock may come this late
+_RECENT = 20  # number of times among which the end of a minute is searched
+_LATE_S = 600.0  # largest delay of a row relative to its neighbours, s
 _DAY = (
     r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
     r"|(?P<cy>\d{4}|\d{2})(?P<cm>\d{2})(?P<cd>\d{2})"
@@ -74,12 +74,12 @@ class UnknownUnitError(ValueError):
 
 def of_numbers(numbers: Array, unit: str) -> Array:
     """
-    Return times as seconds; unit: of the column, "" if unknown.
+    Return times as seconds; unit: unit of the column, "" if unknown.
 
     Raises
     ------
     UnknownUnitError
-        Neither unit, size nor steps of the numbers tell what they count.
+        The unit is unknown, and neither the size nor the steps of the numbers show it.
     """
     if unit in UNITS:
         return numbers * UNITS[unit]
@@ -88,7 +88,7 @@ def of_numbers(numbers: Array, unit: str) -> Array:
 
 
 def _factor(numbers: Array) -> float:
-    """Return the seconds that a number without a unit counts; see `of_numbers`."""
+    """Return the unit of times without a stated unit, in seconds, by their size and steps; see `of_numbers`."""
     known = numbers[np.isfinite(numbers)]
     if known.size < 2:
         raise UnknownUnitError("too few rows to tell s from ms")
@@ -141,16 +141,16 @@ def _clock(numbers: Array) -> Array:
 
 def _midnights(clock: Array, last: float = math.nan) -> Array:
     """
-    Return the midnights between the first of some clocks and each of them.
+    Return the number of midnights between the first clock time and each clock time.
 
-    A fall by more than half a day is a midnight; a rise by nearly a day is a row of the day before that came late.
+    A fall by more than half a day is a midnight; a rise by nearly a day is a late row of the day before.
 
     Parameters
     ----------
     clock : ndarray, shape (n,)
         Seconds of the day; NaN where unknown.
     last : float
-        Clock before the first one, from which the midnights then count.
+        Clock time before the first one; if given, midnights are counted from it.
     """
     known = np.flatnonzero(np.isfinite(clock))
     days = np.zeros(clock.size)
@@ -165,7 +165,7 @@ def of_text(text: Any) -> Array:
     """
     Return dates and clocks, an Arrow array of text, as seconds; NaN where a cell is neither.
 
-    A clock without date continues after midnight. An offset from UTC in the cells counts.
+    A clock without date continues after midnight. An offset from UTC in a cell is subtracted.
     """
     clock, ways = _moments(text)
     order, _ = _order(ways)
@@ -214,7 +214,7 @@ def _moments(text: Any) -> tuple[Array, list[Array]]:
         _days(*(part(name) for name in ("cy", "cm", "cd"))),
         _days(part("ny"), month("nm"), part("nd")),
         _days(part("uy"), month("um"), part("ud")),
-        # Day, month and year by what exists; where several orders exist, the one in which the file is shorter.
+        # Any order of day, month and year with valid dates; of several, `_order` takes the one with the shortest file.
         _days(third, then, first),
         _days(third, first, then),
         _days(np.where(third < 100.0, first, math.nan), then, third),
@@ -223,7 +223,7 @@ def _moments(text: Any) -> tuple[Array, list[Array]]:
 
 
 def _order(ways: list[Array]) -> tuple[int | None, bool]:
-    """Return the order of day, month and year that fits, None if there are no dates, and whether no other fits too."""
+    """Return the order of day, month and year that fits, None without dates, and whether it is the only one."""
     most = max(int(np.isfinite(days).sum()) for days in ways)
     if not most:
         return None, True
@@ -233,9 +233,10 @@ def _order(ways: list[Array]) -> tuple[int | None, bool]:
 
 class Stamps:
     """
-    Times of rows that arrive one by one: what the cells are is decided once, by the first rows, and kept.
+    Times of rows that arrive one by one; the format of the cells is decided once, from the first rows.
 
-    A clock without a date counts its midnights. The order of day and month is kept from the first row that tells it.
+    For a clock without a date, midnights are counted. The order of day and month is fixed by the first row that has
+    only one possible order.
 
     Parameters
     ----------
@@ -249,7 +250,7 @@ class Stamps:
     Raises
     ------
     UnknownUnitError
-        The cells are numbers, and neither unit, size nor steps tell what they count.
+        The cells are numbers of unknown unit, and neither their size nor their steps show it.
     ValueError
         Most of the cells are neither numbers nor times.
     """
@@ -279,7 +280,7 @@ class Stamps:
         self._start = "" if order is None else cells[int(np.flatnonzero(np.isfinite(times))[0])]
 
     def seconds(self, cells: Sequence[str], numbers: Array) -> Array:
-        """Return seconds since the first time; NaN where a cell has none. Arguments as for the first rows."""
+        """Return seconds since the first time, NaN for a cell without time; cells and numbers as for the first rows."""
         if math.isnan(self._factor):
             if self._start:
                 return self._dated(cells)
@@ -291,7 +292,7 @@ class Stamps:
         return self._since_first(numbers * self._factor)
 
     def _judge(self, numbers: Array) -> None:
-        """Decide whether numbers are a clock HHMMSS.ff: they are if a minute goes from 59 s to 100."""
+        """Decide from the last and the new numbers whether they are a clock HHMMSS.ff, as `clock_of_digits` does."""
         known = numbers[np.isfinite(numbers)]
         if not _may_be_clock(known):
             self._settled = True
@@ -337,7 +338,7 @@ def _text(cells: Sequence[str]) -> Any:
 
 
 def clock_text(text: Any) -> Any:
-    """Return clocks written as the numbers HHMMSS, an Arrow array of text, with their zeros; None if they are not."""
+    """Return clocks HHMMSS, an Arrow array of text, with leading zeros; None if the numbers are not clocks."""
     import pyarrow.compute as pc
 
     parts = pc.extract_regex(text, pattern=r"^(?P<whole>\d{1,6})(?P<rest>\.\d*)?$")
@@ -350,10 +351,10 @@ def clock_text(text: Any) -> Any:
 
 
 def array(cells: Any) -> Array:
-    """Return the numbers of an Arrow column; NaN where a cell has none."""
+    """Return the numbers of an Arrow column; NaN for a null cell."""
     import pyarrow as pa
 
-    # Arrow's own conversion would import pandas, which takes longer than an hour of pressure.
+    # The conversion of Arrow would import pandas, which takes longer than reading an hour of pressure.
     parts = [np.zeros(0)]
     for chunk in cells.chunks if isinstance(cells, pa.ChunkedArray) else [cells]:
         part = slice(chunk.offset, chunk.offset + len(chunk))
@@ -366,7 +367,7 @@ def array(cells: Any) -> Array:
 
 
 def _days(year: Array, month: Array, day: Array) -> Array:
-    """Return days since 1970, years below 100 as of this century; NaN where there is no such day."""
+    """Return days since 1970, NaN for an impossible date; years below 100 are years of this century."""
     good = np.isfinite(year) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
     year = np.where(year < 100.0, year + 2000.0, year)
     months = ((np.where(good, year, 1970.0) - 1970.0) * 12.0 + np.where(good, month, 1.0) - 1.0).astype("int64")
@@ -376,10 +377,10 @@ def _days(year: Array, month: Array, day: Array) -> Array:
 
 def without_repeats(seconds: Array, values: Array) -> tuple[Indices, list[str]]:
     """
-    Return the rows that do not repeat the time and the value of an earlier row, and notes; all rows if few repeat.
+    Return the rows that do not repeat the time and the value of an earlier row, and notes.
 
-    A file that was joined from overlapping parts, or a stream that sends each sample twice, has such rows. They are
-    repeats if the times rise strictly without them; samples under one stamp of a second do not.
+    A file that was joined from overlapping parts, or a stream that sends each sample twice, has repeated rows. All rows
+    are returned if the times would not rise strictly without the repeats, as for samples with stamps of whole seconds.
 
     Parameters
     ----------
@@ -404,8 +405,9 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     """
     Return times that rise, the rows to which they belong, and notes.
 
-    Rows that were written in another order are sorted. Where sorting would interleave two parts or make a pause, the
-    clock was set back, and the samples after it are taken to follow those before it.
+    Rows that were written in another order are sorted. If sorting would interleave two parts or make a pause, the clock
+    was set back, and the samples after this are taken to follow without a pause. If the times fall back too often for
+    that, they are returned as they are, with a note.
 
     Parameters
     ----------
@@ -416,7 +418,7 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     -------
     seconds : ndarray, shape (m,)
     rows : ndarray of int, shape (m,)
-        Their places in the argument, without the unknown ones.
+        Indices of the returned times in the argument, without unknown times.
     notes : list of str
     """
     rows = np.flatnonzero(np.isfinite(seconds))
@@ -426,7 +428,7 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     if not back.any():
         return times, rows, []
     if back.sum() > (steps > 0.0).sum():
-        # The rows of a file in falling order that share a stamp are in falling order, too.
+        # In a file in falling order, rows with equal stamps are in falling order too, so reverse all rows.
         rows, times = rows[::-1], times[::-1]
         steps = np.diff(times)
         back = steps < 0.0
@@ -460,7 +462,7 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
 
 
 def spread(seconds: Array) -> tuple[Array, list[str]]:
-    """Return rising times of samples, evenly spaced between stamps that many samples share, and notes."""
+    """Return times and notes; samples that share a stamp get evenly spaced times up to the next stamp."""
     if seconds.size < 8:
         return seconds, []
     steps = np.diff(seconds)

@@ -28,7 +28,7 @@ class ReceivedWord:
     start_s, end_s : float
         Time on air at the surface, on the clock of the pressure.
     frame, index : int
-        Number of the pass, from 0, and index of the word in the pass.
+        Number of the pass of the sequence (all its words sent once), from 0, and index of the word in the pass.
     kind : str
         Kind of the sequence in which the word came: "survey" or "toolface".
     name, unit : str

@@ -77,7 +77,9 @@ def read_status(path: Path) -> RigStatus:
     except (KeyError, TypeError, ValueError) as error:
         raise RigStatusError(f"{path} is not a rig status ({error})") from error
     if status is None:
-        raise RigStatusError(f"{path} was written by another version: restart the graph, or use its own `mwd`")
+        raise RigStatusError(
+            f"{path} was written by another version of this program: restart the surface node, or use its `mwd`"
+        )
     return status
 
 

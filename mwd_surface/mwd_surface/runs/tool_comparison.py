@@ -5,7 +5,7 @@ Comparison of two tools in one probe: the conventional unit against the precisio
 The conventional tool gives the inclination from its accelerometers, and the azimuth from its magnetometer as measured,
 corrected for declination only. The gyro tool gives the inclination from the accelerometers of the precision unit, from
 the same samples as the survey, and the azimuth from north seeking. Azimuths are from true north. A survey is requested
-at the end of each rest; the last survey of a station is used.
+at the end of each interval at rest; the last survey of a station is used.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.runs.launch_plan import estimator_parameters
 
 _SAME = 0.3  # m; surveys closer together than this belong to one station
-_LAST_S = 12.0  # s before the end of a rest at which a survey is requested
+_LAST_S = 12.0  # s before the end of an interval at rest at which a survey is requested
 _ASKED_S = 8.0  # length of a requested survey, s
-_SHORTEST = 20.0  # s; in a shorter rest no survey is requested, so only the tool itself takes one
+_SHORTEST = 20.0  # s; shortest interval at rest in which a survey is requested in addition to the automatic one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,7 +122,7 @@ def last_of_each_station(surveys: list[ToolStation]) -> list[ToolStation]:
 
 
 def _requests(story: Scenario) -> Iterator[float]:
-    """Yield, for each rest of the schedule, the time of the survey request after its start, s; inf for no request."""
+    """Yield, for each still phase of the schedule, the time from its start to the request, s; inf: no request."""
     for phase in story.schedule * story.cycles:
         if phase.kind == "still":
             yield round(phase.seconds - _LAST_S) if phase.seconds >= _SHORTEST else math.inf

@@ -175,7 +175,12 @@ class Signal:
     attitude: FileColumn | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a unit without conversions, or for an unknown source or type."""
+        """
+        Check the signal.
+
+        Raise ValueError for a unit without conversions, for an unknown source or type, or for a signal sent to a rig
+        without an OPC UA name.
+        """
         if (self.unit or self.type == "Double") and self.unit not in UNITS:
             raise ValueError(
                 f"signal {self.name}: unit {self.unit!r} is not one of {', '.join(UNITS)}: add it to UNITS"

@@ -28,7 +28,7 @@ class AzimuthSource:
     Attributes
     ----------
     known : bool
-        False if there is no azimuth, or if only its angle is known, as from an imported list or a telemetry link.
+        False if there is no azimuth, or if only the angle is known (imported list, telemetry link).
     gyro_share : float
         Share of the north seek in the information about the azimuth, 0 to 1.
     without_axial : bool

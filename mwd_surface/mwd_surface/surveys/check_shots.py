@@ -24,7 +24,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 
-# Largest distance between surveys at one depth, m.
+# Largest difference of measured depth, m, to the shallowest of the surveys that count as taken at one depth.
 SAME_DEPTH = 0.5
 # Curvature of the hole, rad/m, 1 sigma in each direction. It turns the hole by 0.1 deg between shots half a metre
 # apart. Motors build up to twice as much.
@@ -145,7 +145,7 @@ def _compared(
     covariance[0, 0] += turned
     covariance[1, 1] += turned / max(math.sin(float(np.mean(inclinations))), math.sin(_LEAST_INCLINATION)) ** 2
     count = len(rows)
-    # Use deviations from the mean: an error common to all shots cannot be told from the hole's direction.
+    # Use deviations from the mean: an error common to all shots cannot be separated from the direction of the hole.
     centred = np.eye(count) - 1.0 / count
     expected = [math.sqrt(np.trace(centred @ covariance[k, k] @ centred) / (count - 1)) for k in range(2)]
     kinds = (0, 1) if with_azimuth else (0,)

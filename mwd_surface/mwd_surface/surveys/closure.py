@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Closure of a hole on a surveyed point: how far the computed path misses a point of known coordinates.
+Closure of a hole on a surveyed point: the distance between the computed path and a point of known coordinates.
 
 Such a point is, for example, the place where the hole breaks through into a roadway. The closure error is the position
 of the path minus the position of the point, seen looking along the hole: right or left, up or down, and along. A

@@ -154,7 +154,7 @@ def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
 def _with(
     whole: FinalList, records: Sequence[SurveyRecord], theirs: Sequence[SurveyRecord], source: ListSource
 ) -> FinalList:
-    """Return the list with these records; the intervals of the new source precede the others of the programme."""
+    """Return the list with these records; the intervals of the new source come first in the programme."""
     code = source.code or source.surveys.well.error_model
     surveys = whole.surveys.with_records(records)
     numbers = {r.survey.sequence for r in theirs if r.in_use}

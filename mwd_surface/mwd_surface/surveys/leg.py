@@ -25,7 +25,7 @@ class TieOn:
     """
     Start of a leg: depth and position in m, angles in rad; azimuth and position refer to the north of the well.
 
-    source: where the tie-on comes from.
+    source: origin of the tie-on.
     """
 
     measured_depth: float = 0.0

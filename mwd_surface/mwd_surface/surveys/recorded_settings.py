@@ -58,7 +58,7 @@ class Recorded:
     """
     Settings found in a recording; `estimator` and `surface` are None if the recording has none.
 
-    source: where the estimator's settings come from, in words. remarks: sentences on settings that this version cannot
+    source: origin of the settings of the estimator, in words. remarks: sentences on settings that this version cannot
     use.
     """
 
@@ -193,7 +193,7 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
 
 
 def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
-    """Parse the texts of parameters with dotted names (every ROS node has the others); usual: name -> default."""
+    """Parse the texts of parameters; names without a dot belong to every ROS node. usual: name -> default."""
     return {name: _value(text, usual.get(name)) for name, text in table.items() if "." in name}
 
 

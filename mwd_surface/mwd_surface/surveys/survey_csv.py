@@ -31,7 +31,7 @@ from mwd_surface.trajectory.plan import Plan, offset_from
 from mwd_surface.trajectory.well_path import Definitive
 
 COLUMNS = tuple(listed.key for _, listed in SURVEY_TABLE)
-# Columns of text; the others hold numbers.
+# Columns of text; all other columns hold numbers.
 TEXTS = frozenset(listed.key for signal, listed in SURVEY_TABLE if signal.type in ("String", "Boolean"))
 # Additional columns of a table of readings, with their meanings.
 OF_TABLES = {

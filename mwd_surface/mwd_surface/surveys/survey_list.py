@@ -439,7 +439,7 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
 
 def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
     """
-    Return the record with one of its values as the definitive one; the others are kept.
+    Return the record with another of its values as the definitive one; no value is lost.
 
     Raises
     ------

@@ -62,8 +62,8 @@ class SurveyRecord(MessageRecord):
     interfaces use. `first` is the value as first decided, if it has been replaced. `revised` is the estimator's revised
     value from the whole run, if it was not made definitive because a person has decided or must still decide.
 
-    comment: remarks of the program, joined by "; ": why there is no depth, what a decision changed. What people write
-    is in `reason`.
+    comment: remarks of the program, joined by "; ": reason for a missing depth, effects of a decision. Texts of people
+    are in `reason`.
 
     decisions: all decisions, oldest first; the last one is in force. decided_revision: newest revision number at the
     time of the last decision. Both are kept in the file of the list, but not in messages.

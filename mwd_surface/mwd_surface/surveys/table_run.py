@@ -76,7 +76,7 @@ def run_stations(
     Compute the rows of a table; rows of the same run are computed together.
 
     Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
-    used for the others. progress is called with the share of the rows that is done.
+    used for other rows. progress is called with the share of the rows that is done.
 
     Returns
     -------

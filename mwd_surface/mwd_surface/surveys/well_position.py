@@ -92,7 +92,7 @@ def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRec
 
     records: record of each station of the path; None for tie-ons, projection and planned stations.
     """
-    # The error model describes the spread of measurements, not the error of an assumption.
+    # The error model describes the errors of measurements, not the error of an assumption.
     made_up = [one.text for one in path.assumptions if one.kind in _OF_START]
     if made_up:
         return UncertainPath(path, None, f"not given, because the coordinates are assumed: {'; '.join(made_up)}")

@@ -22,7 +22,7 @@ _ROWS = "stretches"
 
 
 def read_stretches(path: Path) -> tuple[tuple[DrilledStretch, ...], int]:
-    """Return the slid and rotated stretches of a slide sheet, and the number of invalid lines; none without a file."""
+    """Return the slid and rotated stretches of a slide sheet, and the number of invalid lines; empty without a file."""
     text = read_file(path, budgets.JSON).decode(errors="replace") if path.is_file() else ""
     return _stretches(text)
 

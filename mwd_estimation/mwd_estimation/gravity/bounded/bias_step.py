@@ -25,7 +25,8 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, STEADY, VEL, Boun
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-# Sigma of a step of the gyro bias, rad/s: 1 deg/s, with which a gyro at rest is still in use (`health.rest_check`).
+# 1 sigma of a step of the gyro bias, rad/s (1 deg/s). It is of the order of the largest rate across gravity at rest
+# that `health.rest_check` accepts (0.012 rad/s for the default gyro).
 BIAS_STEP = 0.017
 # Mean time between jumps of each kind, s: 100 h, so that even one step in a run is rare. The time is the same for all
 # kinds, because a string whose speed changes is soon certain, and a small knock is not more probable than a step.
@@ -51,9 +52,9 @@ APART = 4  # updates between two searches
 @compiled
 def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
     """
-    Follow the density of the innovations along a tool axis; white: one of them over its sigma.
+    Update the density of the innovations along a tool axis; white: the new innovation over its sigma.
 
-    The assumed noises are larger than the real ones, and motion is not white: heave repeats an error for a second. An
+    The assumed noises are larger than the real noises, and motion is not white: heave repeats an error for a second. An
     innovation is therefore weighted by the density at low frequencies, which is 1 if the covariance is right.
     """
     T, found = s.sums.time, s.innovations
@@ -104,7 +105,7 @@ def _search(p: BoundedParams, s: BoundedRecord) -> int:
 
 @compiled
 def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
-    """Return by how much a jump of 1 sigma changes each error, for up to three directions, shape (STEADY, 3)."""
+    """Return the change of each error by a jump of 1 sigma, for up to three directions, shape (STEADY, 3)."""
     moves = np.zeros((STEADY, 3))
     for j in range(3):
         if kind == STEP:
@@ -119,10 +120,10 @@ def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
 @compiled
 def _explain(A: Array, moves: Array) -> tuple[Array, Array, float, float]:
     """
-    Estimate the size of a jump, in sigmas, from the information A about the errors at its time.
+    Estimate the size of a jump, in prior sigmas, from the information A about the errors at the time of the jump.
 
-    Returns size, shape (3,), its covariance, how much of the squared innovations it explains, and twice the logarithm
-    of the factor by which the data narrow its size.
+    moves: result of `_moves`. Returns the size, shape (3,); its covariance; the part of the sum of squared innovations
+    that the jump explains; and the log determinant of the information about the size (prior: 0).
     """
     known, vector = np.zeros((3, 3)), np.zeros(3)
     for a in range(3):

@@ -86,7 +86,7 @@ def run(
         Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
     mag : MagneticSamples, optional
         Magnetic samples that have not been used. The call uses the first `BoundedState.field_used` of them; pass the
-        others again with the next block.
+        remaining ones again with the next block.
 
     Raises
     ------

@@ -23,7 +23,7 @@ LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, by which t
 
 
 def in_words(found: str) -> str:
-    """Return a sentence about `State.samples_are`; empty if the data do not contradict the settings."""
+    """Return a sentence about the kind of the samples, `BoundedState.samples_are`; empty for an empty `found`."""
     if not found:
         return ""
     return (
@@ -59,7 +59,7 @@ def propagate(s: BoundedRecord, rate: float) -> None:
 
 @compiled
 def compare(s: BoundedRecord, axis: int, entry: Update) -> None:
-    """Update the odds with the last innovation, along a tool axis; apply its correction to the effect of points."""
+    """Update the odds of points with the last innovation, along a tool axis, and the errors that points would cause."""
     if not _integrated(s):
         return
     effect, expected = s.meaning.effect, 0.0

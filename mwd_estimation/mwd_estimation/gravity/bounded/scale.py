@@ -44,7 +44,7 @@ CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rat
 
 @compiled
 def tilts(s: BoundedRecord) -> tuple[float, float]:
-    """Return the variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
+    """Return the variances of the tilt that changes inclination and of the tilt that changes toolface, rad^2."""
     P = s.P
     dx, dy = hole_direction(s)
     # The tilt that changes inclination cannot be distinguished from an acceleration along the hole.
@@ -161,7 +161,7 @@ def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
 @compiled
 def _doubt(s: BoundedRecord) -> tuple[float, float]:
     """
-    Return the variances of inclination and of tilt across the hole from the unknown meaning of the samples, rad^2.
+    Return the variances of inclination and of tilt across the hole from the unknown kind of the samples, rad^2.
 
     If the samples are points with the probability w, and points change the tilt by e, the variance is w (1 - w) e^2.
     """

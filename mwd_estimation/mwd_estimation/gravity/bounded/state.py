@@ -180,7 +180,7 @@ class Field:
 
 
 class Meaning:
-    """Meaning of a sample: value at an instant, mean over the interval, or integral over it (`sample_meaning`)."""
+    """Kind of the samples: values at an instant, means or integrals over the interval (`sample_meaning`)."""
 
     sampled: bool
     """Whether rates are values at an instant; they are integrated by the trapezoid."""
@@ -191,7 +191,7 @@ class Meaning:
     odds: float
     """Natural logarithm of the odds of points against integrated samples."""
     changed: bool
-    """Whether the meaning differs from the one in the settings."""
+    """Whether the data have changed the kind of the samples from that of the settings."""
 
 
 class Update:
@@ -335,11 +335,11 @@ class BoundedState:
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample according to the data, if it differs from the settings; empty if it does not differ."""
+        """Kind of the samples according to the data ("points"), if it differs from the settings; otherwise empty."""
         return "points" if self.record[0]["meaning"]["changed"] else ""
 
     def keep_meaning(self, other: BoundedState) -> None:
-        """Take over the meaning of a sample that another state has found."""
+        """Copy the kind of the samples (points or integrated), and its odds, from another state."""
         meaning = self.record[0]["meaning"]
         for name in ("sampled", "coning", "odds", "changed"):
             meaning[name] = other.record[0]["meaning"][name]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A density on the circle as people read it: the mean of its chief mode, its sigma, and what else fits."""
+"""Summary of a density on the circle: mean and sigma of its chief mode, and its other modes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-# A valley between two modes is lower than this share of the lower one.
+# Two peaks are separate modes if the density between them falls below this share of the lower peak.
 _VALLEY = 0.5
-# Probability of a mode that lies within this number of sigma.
+# A normal density has this probability within this number of sigma.
 _HELD, _SIGMAS = 0.99, 2.576
-# A mode with less probability than this is not named.
+# Smallest probability of a mode that is listed as an alternative.
 _LEAST = 0.003
 # Least 1 sigma of an additional error, rad, so that the division by it is defined.
 _EXACT = 1e-9
@@ -25,9 +25,9 @@ _EXACT = 1e-9
 STEPS, _EVERY = 7200, 40
 _COARSE = np.arange(0, STEPS, _EVERY)
 _ABOUT = np.unique(np.concatenate([np.arange(-50, 51), np.arange(-240, 241, 5)]))
-# Peaks with a grid of their own: their density is at least this share of the highest one; at most this many peaks.
+# Smallest density of a peak that gets fine steps, relative to the highest peak; and largest number of such peaks.
 _WORTH, _MOST = 1e-7, 6
-# Not scipy's: its import would be a fifth of the start of an estimator.
+# scipy.special.erfc does the same, but its import would take a fifth of the start time of an estimator.
 _ERFC = np.frompyfunc(math.erfc, 1, 1)
 
 
@@ -35,12 +35,13 @@ _ERFC = np.frompyfunc(math.erfc, 1, 1)
 class Circle:
     """Summary of a density of the azimuth."""
 
-    #: `mean`, `sigma`: of the chief mode, rad; sigma is at least that of a normal density with the same 99 % interval.
+    #: `mean`, `sigma`: mean and sigma of the chief mode, rad; sigma is at least that of a normal density with the same
+    #: 99 % interval.
     mean: float
     sigma: float
-    spread: float  #: at least sigma, and the standard deviation of the whole chief mode, rad
+    spread: float  #: the larger of sigma and the standard deviation of the whole chief mode, rad
     share: float  #: probability of the chief mode
-    alternatives: tuple[tuple[float, float], ...]  #: mean, rad, and probability of the other modes, likeliest first
+    alternatives: tuple[tuple[float, float], ...]  #: mean, rad, and probability of the other modes, most probable first
 
 
 def beyond(angles: Array, density: Array, centre: float, width: float, smear: float = 0.0) -> float:
@@ -93,9 +94,9 @@ def widths(angles: Array) -> Array:
 
 def read(angles: Array, density: Array) -> Circle:
     """
-    Read a density.
+    Return the summary of a density.
 
-    angles: in order, rad, shape (n,); density: per rad, shape (n,), of any size.
+    angles: in order, rad, shape (n,); density: per rad, shape (n,); it need not be normalised.
     """
     mass = density * widths(angles)
     mass = mass / mass.sum()

@@ -2,8 +2,8 @@
 """
 Likelihood of one station's readings at every azimuth, for each filter of the run and each hypothesis of the station.
 
-The field's evidence is N(r - H m; 0, H P H' + R); the gyro's is that of its residual given the field's. A field turned
-about the vertical is that evidence smeared over the azimuth.
+The likelihood of the field is N(r - H m; 0, H P H' + R). It is multiplied by the likelihood of the gyro residual, given
+the field residual. For a field turned about the vertical, the likelihood of the field is smeared over the azimuth.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_pi
 
-# A step of a gyro's bias turns its azimuth by the first value, rad, plus the second value times its sigma.
+# 1 sigma of the azimuth error from a step of the gyro's bias: the first value, rad, plus the second value times 1 sigma
+# of the gyro azimuth.
 _STEP = math.radians(1.75), 0.75
 # A wrong gyro azimuth has errors of any size (wrapped Cauchy; Mardia and Jupp, Directional Statistics, section 3.5.7):
 # half of them are larger than this, rad.
@@ -30,7 +31,7 @@ _WRONG = math.radians(10.0)
 _SHARP = 6.0
 # A point whose log density is farther than this below the highest has a share below floating-point resolution (1e-16).
 _NOTHING = 37.0
-# Variance that leaves an observation out, in its own units squared.
+# Variance so large that an observation with it has no influence, in the squared unit of the observation.
 OUT = 1e8
 # Number of angles that suffice for a density smeared by `TURNED`, and the smearing kernel at every step of the circle.
 _FEW = 72
@@ -68,7 +69,7 @@ class CircleEvidence:
 
     @property
     def by_angle(self) -> Array:
-        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro all is in the state wrong."""
+        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro, the state is wrong."""
         return self._probable[1]
 
     @property
@@ -318,7 +319,7 @@ def _inverse(s: Array, field: float, gyro: float, out: Array) -> None:
 
 
 def gyro_residual(one: Row, angles: Array) -> Array:
-    """Return the gyro's azimuth minus each angle, rad; if two azimuths fit the gyro equally, the nearer counts."""
+    """Return the gyro azimuth minus each angle, rad; of two azimuths that fit the gyro equally, the nearer is used."""
     first, other = wrap_pi(one["gyro"] - angles), wrap_pi(one["gyro_other"] - angles)
     return np.where(np.abs(other) < np.abs(first), other, first)
 
@@ -329,24 +330,24 @@ def gyro_step(one: Row) -> float:
 
 
 def wrong_gyro(residual: Array) -> Array:
-    """Log density of a gyro azimuth that is wrong, per rad; residual: of the gyro, rad."""
+    """Return the log density, per rad, of the residual of a wrong gyro azimuth; residual: as `gyro_residual`, rad."""
     rho = math.exp(-_WRONG)
     return np.log((1.0 - rho * rho) / math.tau / (1.0 + rho * rho - 2.0 * rho * np.cos(residual)))
 
 
 def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tuple[Array, Array, float]) -> Array:
     """
-    Return the log evidence of a field turned about the vertical, shape (n, k, j): that of the field, smeared.
+    Return the log evidence of a field turned about the vertical, shape (n, k, j).
 
-    log (n, k): log evidence of the field as it is; gyro (n,): residual of the gyro; states (n, j): log weights of the
-    gyro's state; own: mean and variance of the gyro's error by each filter, shape (k,), and the variance of a
-    step.
+    The evidence of the field is smeared over the azimuth by `TURNED`, and multiplied by that of the gyro. log (n, k):
+    log evidence of the field as it is; gyro (n,): residual of the gyro; states (n, j): log weights of the gyro's state;
+    own: mean and variance of the gyro's error by each filter, shape (k,), and the variance of a step.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
     smear = _SMEAR[(apart * np.arange(_FEW)[:, None] - place) % circle.STEPS] * circle.widths(angles)
     top = log.max(axis=0)
     top = np.where(np.isfinite(top), top, 0.0)
-    # Numbers below the normal ones make the product many times slower.
+    # Subnormal numbers would make the product many times slower.
     few = np.log(smear @ np.exp(np.maximum(log - top, -300.0)) + 1e-300) + top
     before, share = place // apart, (place % apart / apart)[:, None]
     smeared = (1.0 - share) * few[before] + share * few[(before + 1) % _FEW]

@@ -2,15 +2,16 @@
 """
 Predict the reading of a magnetometer at an azimuth, and its change by each error that stations share.
 
-Gravity gives the direction down; for each azimuth A of the hole axis from true north the field that the tool should
-read then follows from the reference (the geometry is that of S0, eqs 12-21, written with unit vectors):
+Gravity gives the direction down. For each azimuth A of the hole axis from true north, the reference then gives the
+field b(A) that the tool should read (S0, eqs 12-21, written with unit vectors):
 
     b(A) = H n(A - declination) + V down,   n(a) = cos(a) level - sin(a) right
 
-with `level` the hole axis laid level and `right` = down x level. The residual, the reading less b(A), is linear in
-every error that lasts: bias, scale and interference in tool axes, what the accelerometers' errors do to the axes that
-b(A) is laid along, the reference's total, dip and declination, and a field from outside in north, east and down.
-States are in units of their own nominal sigma; fields are in uT, which keeps the numbers near one.
+with `level` the horizontal direction of the hole axis and `right` = down x level. The residual, the reading minus b(A),
+is linear in every error that lasts: bias, scale and interference of the magnetometers in tool axes, errors of the
+accelerometers (they turn the axes of b(A)), errors of total, dip and declination of the reference, and an external
+field along north, east and down. States are in units of their own nominal sigma; fields are in uT, to keep the numbers
+near 1.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ UT = 1e-6
 
 
 class SharedErrors(NamedTuple):
-    """First index of each group of shared errors in the state; a group is x, y, z of the tool unless stated."""
+    """First index of each group of shared errors in the state; groups of three are x, y, z of the tool by default."""
 
-    FIELD_BIAS: int = 0  #: of the magnetometers, and the string's field
-    FIELD_SCALE: int = 3
-    FORCE_BIAS: int = 6
-    FORCE_SCALE: int = 9
-    MOUNT: int = 12  #: turn of the accelerometers against the magnetometers
-    TOTAL: int = 15  #: of the reference
-    DIP: int = 16
-    DECLINATION: int = 17
-    OUTSIDE: int = 18  #: field from outside, north, east, down
-    GYRO: int = 21  #: what the gyro gets wrong alike at all stations
+    FIELD_BIAS: int = 0  #: bias of the magnetometers, with the field of the string
+    FIELD_SCALE: int = 3  #: scale of the magnetometers
+    FORCE_BIAS: int = 6  #: bias of the accelerometers
+    FORCE_SCALE: int = 9  #: scale of the accelerometers
+    MOUNT: int = 12  #: rotation of the accelerometers relative to the magnetometers
+    TOTAL: int = 15  #: total field of the reference
+    DIP: int = 16  #: dip of the reference
+    DECLINATION: int = 17  #: declination of the reference
+    OUTSIDE: int = 18  #: external field: north, east, down
+    GYRO: int = 21  #: error of the gyro azimuth that is the same at all stations
     SIZE: int = 22
 
 
@@ -49,19 +50,20 @@ Shared = SharedErrors()
 SIZE = Shared.SIZE
 # A hole nearer to the vertical than this, rad, is treated as if its inclination were this.
 _UPRIGHT = 1e-3
-# Nominal sigmas that are not those of the tool code or the reference. Field from outside on a quiet day, and error of a
-# station's own beside its noise, each component, nT.
+# Nominal sigmas, 1 sigma of each component, nT, that neither the tool code nor the reference states: external field on
+# a quiet day; error of the field at a single station in addition to the noise.
 _QUIET_NT, _STATION_NT = 25.0, 15.0
 # Parts of the reference's sigmas that change from station to station (MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev
 # 5.1): nT, deg, deg; and the part of the declination that is inversely proportional to the horizontal field, deg nT.
 TOTAL_NT, DIP_DEG, _DECLINATION_DEG, DECLINATION_DEGNT = 60.0, 0.08, 0.1, 3000.0
 
 
-# A station laid out for the kernels. Axes: level, right and down, unit vectors in tool axes. Sine (at least that of
-# `_UPRIGHT`) and cosine of the inclination. Field and earth (horizontal, down), uT; force, m/s^2; declination of
-# magnetic north from the north that azimuths count from, rad; noise of reading and force that is the station's own,
-# uT^2 and (m/s^2)^2; azimuth of a gyro, rad (nan: none), and the other
-# that fits it as well (or the same), 1 sigma of what lasts in it and variance of the rest.
+# A station as a record for the kernels. axes: level, right and down, unit vectors in tool axes. sine (at least that of
+# `_UPRIGHT`), cosine: of the inclination. field, force: readings, uT and m/s^2. horizontal, vertical: components of the
+# reference field, uT. declination: angle from the north of the azimuths to magnetic north, rad. noise, force_noise:
+# covariance of the errors of this station alone, uT^2 and (m/s^2)^2. gyro, gyro_other: the two gyro azimuths that fit
+# equally well, rad (the same value if there is only one; nan without a gyro). gyro_lasting: 1 sigma of the lasting
+# error of the gyro azimuth, rad. gyro_variance: variance of its other errors, rad^2.
 GEOMETRY = np.dtype(
     [
         ("axes", "f8", (3, 3)),
@@ -82,7 +84,7 @@ GEOMETRY = np.dtype(
     ]
 )
 
-# One record of a laid-out station.
+# One record of `GEOMETRY`.
 Row = Any
 
 
@@ -128,19 +130,21 @@ def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | N
 class Sigmas:
     """Nominal sigmas of a run."""
 
-    shared: Array  #: shape (22,); of each state of `SharedErrors`, field in uT, force in m/s^2, angles in rad
-    own: Array  #: shape (3,); of total, dip and declination of a station alone, in units of the shared ones
+    shared: Array  #: shape (22,); sigma of each state of `SharedErrors`; fields in uT, forces in m/s^2, angles in rad
+    #: shape (3,); sigmas of the part of total, dip and declination that differs from station to station, in units of
+    #: the shared sigmas.
+    own: Array
     #: shape (3,); change of total, dip and declination by a field of 1 uT along the Earth's field, across it in the
     #: meridian, and towards east: uT, rad, rad. Zero without a reference.
     by_ut: Array
 
 
-# Most of a reference's variance that can be a station's own.
+# Largest share of the variance of the reference that can differ from station to station.
 _MOST_OWN = 0.5
 
 
 def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic: bool) -> Sigmas:
-    """Return the nominal sigmas; magnetic: azimuths count from magnetic north, independent of the declination."""
+    """Return the nominal sigmas; magnetic: whether azimuths are from magnetic north and need no declination."""
     sigma, own, by_ut = np.zeros(SIZE), np.zeros(3), np.zeros(3)
     along, across = sensors.axial_interference_nt, sensors.cross_interference_nt
     string = np.hypot(sensors.magnetometer_bias_nt, [along, across, across]) * 1e-3
@@ -206,7 +210,7 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
             slopes[i, Shared.FORCE_BIAS + j] = turns[i, j] * sigma[Shared.FORCE_BIAS + j]
             slopes[i, Shared.FORCE_SCALE + j] = turns[i, j] * force[j] * sigma[Shared.FORCE_SCALE + j]
     for i in range(3):
-        # A turned mount errs by its turn x force.
+        # The error of the force by a rotated mount is the rotation x the force.
         slopes[i, Shared.MOUNT] = (turns[i, 2] * force[1] - turns[i, 1] * force[2]) * sigma[Shared.MOUNT]
         slopes[i, Shared.MOUNT + 1] = (turns[i, 0] * force[2] - turns[i, 2] * force[0]) * sigma[Shared.MOUNT + 1]
         slopes[i, Shared.MOUNT + 2] = (turns[i, 1] * force[0] - turns[i, 0] * force[1]) * sigma[Shared.MOUNT + 2]
@@ -226,7 +230,8 @@ def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
     """
     Return residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 22) and (3, 4, 3).
 
-    one: a record of `GEOMETRY`. The fourth row is the gyro's azimuth less A, without the angle itself.
+    one: a record of `GEOMETRY`. Index 3 of the second axis is the gyro azimuth; its residual is 0 here, because
+    `evidence.gyro_residual` computes it.
     """
     residual, slopes, turns = np.zeros((3, 4)), np.zeros((3, 4, SIZE)), np.zeros((3, 4, 3))
     if one["has_field"]:

@@ -2,9 +2,9 @@
 """
 Disturbances of a magnetic survey, and their probability before any reading.
 
-What lasts over a run (the string's field, the reference, a storm, a defect of a sensor) is one of the parallel filters,
-each the same model with other prior variances of the shared errors. What belongs to one station (steel outside the
-string) is a hypothesis of that station, with a field of any direction.
+Each disturbance that lasts over a run (field of the string, wrong reference, storm, defect of a sensor) is one of the
+parallel filters, which differ only in the prior variances of the shared errors. A disturbance of one station (steel
+outside the string) is a hypothesis of that station, with a field of any direction.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Hypothesis(StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Priors:
-    """Probability of each disturbance before any reading; the rest is a sound tool in a sound place."""
+    """Probability of each disturbance before any reading; the remaining probability is that of no disturbance."""
 
     axial: float = 0.3  #: the string is magnetised along its axis beyond the tool code
     cross_axial: float = 0.06  #: a magnetised collar with a field across the axis
@@ -47,16 +47,17 @@ class Priors:
     #: mount.
     sensor: float = 0.015
     external: float = 0.05  #: steel outside the string (casing, fish, another well) at a station
-    #: Steel turns the field about the vertical and keeps its total and dip: nothing but a gyro shows that.
+    #: Steel turns the field about the vertical and keeps its total and dip: only a gyro shows this.
     turned: float = 0.003
-    string_change: float = 0.005  #: the string's field is another one from a station on, which nobody states
+    string_change: float = 0.005  #: the field of the string changes before a station without a known reason
     gyro_step: float = 0.01  #: the bias of a gyro steps by some of its sigmas before a station
-    gyro_outlier: float = 0.004  #: a gyro azimuth is wrong by more than its sigma says
+    gyro_outlier: float = 0.004  #: the error of a gyro azimuth is much larger than its sigma
     gyro_adrift: float = 0.01  #: the azimuth error of the gyro drifts through the run: drift, wrong scale, freeze
     gyro_fails: float = 0.001  #: a gyro that was right so far begins to drift before a station
 
 
-# Along the axis, 1 sigma, uT, with the share of each size; along and across it (0: as the tool code).
+# Axial field of the string: 1 sigma, uT, and prior share of each size. Cross-axial field of the string: pairs of 1
+# sigma along and across the axis, uT (0: that of the tool code); all pairs have the same share.
 _AXIAL = {0.7: 0.4, 2.0: 0.3, 6.0: 0.15, 20.0: 0.1, 60.0: 0.05}
 _CROSS = ((0.0, 0.25), (0.0, 0.7), (0.0, 2.0), (0.6, 0.35), (2.0, 1.0), (4.0, 2.0))
 # A crustal field that the reference lacks: 1 sigma of each of its three components, uT, and the prior share of each
@@ -66,27 +67,30 @@ _CROSS = ((0.0, 0.25), (0.0, 0.7), (0.0, 2.0), (0.6, 0.35), (2.0, 1.0), (4.0, 2.
 # SPE/IADC 119851, 2009). With 0.5 uT alone the benchmark's row "field of the crust" has more than twice as many
 # stations beyond 3 sigma.
 _CRUST_UT = {0.4: 0.5, 1.0: 0.5}
-_STORM_UT = (0.4, 0.4, 0.25)
-# The field of another place, as of a longitude typed wrong, uT, rad, rad, and its share of wrong references. Total and
-# dip together reach every vector of the meridian: these slopes need no second order.
+_STORM_UT = (0.4, 0.4, 0.25)  # 1 sigma of the field of a magnetic storm: north, east, down, uT
+# Reference of another place, for example by a mistyped longitude: 1 sigma of the errors of total, uT, dip, rad, and
+# declination, rad; and the share of such references among the wrong ones. Errors of total and dip together can produce
+# any field in the plane of the meridian, so slopes of first order are sufficient.
 _PLACE, _PLACE_SHARE = {"TOTAL": 4.0, "DIP": math.radians(10.0), "DECLINATION": math.radians(8.0)}, 0.05
-# Shielding by mud and soft iron takes up to 3 % off the field across the axis, where the sensor's housing is thin.
+# 1 sigma of the scale error of defective or shielded magnetometers, and of the rotation of accelerometers in their
+# mount, rad. Mud and soft iron can shield up to 3 % of the field across the axis, where the housing of the sensor is
+# thin.
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 # 1 sigma of each component of an external field, uT; the first means no external field.
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
 # 1 sigma of a field turned about the vertical, rad.
 TURNED = math.radians(15.0)
-# After a gap in time a string is another one with more than the probability of `Priors.string_change`: a trip out of
-# the hole and back takes about half a day, h, and half of the gaps that are much longer are trips with another string.
+# After a long gap between stations, a change of the string is more probable than `Priors.string_change`: duration of a
+# trip out of the hole and back, h, and share of trips with a change of the string among much longer gaps.
 _TRIP_HOURS, _TRIPS = 12.0, 0.5
-# Remanence walks while the string shakes in a field whose direction in the string changes: 1 sigma after an hour, along
-# the axis and across it, uT. Along it that is the tool code's AMIL in two days of drilling. Without it, or with a half,
-# the benchmark's rows "remanence growing" have more than 1 % beyond 3 sigma.
+# Random walk of the remanence, because the string shakes in a field whose direction in the string changes: 1 sigma
+# after an hour, x y z, uT. The axial value becomes AMIL of the tool code in two days of drilling. Without the walk, or
+# with half of it, the benchmark's rows "remanence growing" have more than 1 % of the stations beyond 3 sigma.
 _WALK_UT = (0.03, 0.01, 0.01)
 # The azimuth error of a gyro adrift is a random walk: 1 sigma after an hour, rad. This covers a drift of 24 deg in half
 # a day, and a frozen gyro in a hole that turns by 3 deg per stand of half an hour.
 _ADRIFT = math.radians(4.0)
-# Share of the varying field from outside that is left after an hour: days of storm are correlated over some three.
+# Share of the varying external field that remains after an hour: the field of a storm is correlated over about 3 h.
 _KEEPS = 0.72
 
 
@@ -96,11 +100,11 @@ class Filters:
 
     kinds: tuple[Hypothesis, ...]
     weight: Array  #: shape (k,); prior probability
-    variance: Array  #: shape (k, 22); of each shared error, in nominal variances
+    variance: Array  #: shape (k, 22); prior variance of each shared error, in nominal variances
     adrift: NDArray[np.bool_]  #: shape (k,); whether the gyro drifts
 
     def of_string(self, adrift: bool) -> Indices:
-        """Return the indices of the filters clean, axial and cross-axial, with or without a gyro adrift."""
+        """Return the indices of the clean, axial and cross-axial filters; adrift: with or without a gyro adrift."""
         strings = (Hypothesis.CLEAN, Hypothesis.AXIAL, Hypothesis.CROSS_AXIAL)
         return np.flatnonzero([kind in strings for kind in self.kinds] & (self.adrift == adrift))
 
@@ -144,7 +148,7 @@ def filters(priors: Priors, sigmas: Sigmas) -> Filters:
 
 
 def hazard(priors: Priors, hours: float) -> float:
-    """Return the cumulative hazard of another string in `hours`; a change has probability 1 - exp(-hazard)."""
+    """Return the cumulative hazard of a change of the string in `hours`; its probability is 1 - exp(-hazard)."""
     trip = _TRIPS * -math.expm1(-((hours / _TRIP_HOURS) ** 4)) if math.isfinite(hours) else 0.0
     return -math.log1p(-priors.string_change) - math.log1p(-trip)
 
@@ -160,11 +164,11 @@ def drifted(hours: float) -> float:
 
 
 def kept(hours: float) -> float:
-    """Return the share of the field from outside that is left after a number of hours."""
+    """Return the share of the varying external field that remains after a number of hours."""
     return float(_KEEPS**hours)
 
 
 def external_weights(priors: Priors) -> Array:
-    """Return the prior probability of each of `EXTERNAL_UT`, and of `TURNED`."""
+    """Return the prior probability of each external field of `EXTERNAL_UT` and, last, of a turned field."""
     share = priors.external / (len(EXTERNAL_UT) - 1)
     return np.array([1.0 - priors.external - priors.turned, *[share] * (len(EXTERNAL_UT) - 1), priors.turned])

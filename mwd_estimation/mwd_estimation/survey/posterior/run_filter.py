@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The stations of one run as one linear-Gaussian model on the circle: parallel filters of what the stations share.
+The stations of one run as one linear-Gaussian model on the circle: parallel filters of the errors that stations share.
 
-Given the azimuth, a station's residual is linear in the shared errors (`field_model`). So each filter, a Gaussian of
-the shared errors with one of the priors of `hypotheses`, gives every angle of the circle its evidence N(r - H m; 0,
-H P H' + R), for each hypothesis of the station itself. The sum is the station's posterior; the shared errors are
-updated with the azimuth marginalised (a Rao-Blackwellised mixture, collapsed to its moments; Murphy, *Machine
-Learning*, 18.6), and the filters weigh themselves by their evidence.
+Given the azimuth, the residual of a station is linear in the shared errors (`field_model`). Each filter is a Gaussian
+of the shared errors that starts with one of the priors of `hypotheses`. At every angle of the circle, and for each
+hypothesis of the station, it has the evidence N(r - H m; 0, H P H' + R). The sum over filters and hypotheses is the
+posterior of the station. The shared errors are updated with the azimuth marginalised (a Rao-Blackwellised mixture,
+collapsed to its moments; Murphy, *Machine Learning*, 18.6), and each filter is weighted by its evidence.
 
-Errors that last are never averaged away by repetition: they are states. What was known of the azimuth before, from the
-station above, enters what is published, never the states.
+Lasting errors are states, so repeated readings do not average them away. The azimuth propagated from the station above
+changes the published result only, never the states.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mwd_estimation.survey.posterior.field_model import SIZE, Row, Shared, Sigma
 from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors
 from mwd_sensors.core.arrays import Array
 
-# No filter loses more than this share of its prior probability for ever.
+# A filter always keeps at least this share of its prior probability, so that later stations can make it probable again.
 _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
@@ -62,14 +62,15 @@ class RunState:
     mean: Array
     covariance: Array
     log_weight: Array  #: shape (k,)
-    hours: float = math.nan  #: of the last station; nan before the first
-    hazard: float = math.nan  #: cumulative hazard of another string there; nan before the first
+    hours: float = math.nan  #: time of the last station, h; nan before the first
+    hazard: float = math.nan  #: hazard of a change of the string, summed up to the last station; nan before the first
     age: float = 0.0  #: time from the first seek of the gyro in the run to the last one, h
     drifted: bool = False  #: whether the gyro may have drifted so far
-    changed: float = 0.0  #: probability that the string is another one than at the last station learned from
-    #: shape (h,), or None; probabilities of each external field at the last station: steel goes on along the hole.
+    changed: float = 0.0  #: probability that the string has changed since the last station that updated the states
+    #: shape (h,), or None; probability of each external field at the last station, because steel can extend to the
+    #: next station.
     outside: Array | None = None
-    #: shape (h,); sum of them over all stations.
+    #: shape (h,); sum of these probabilities over all stations.
     of_outside: Array = dataclasses.field(default_factory=lambda: np.zeros(len(EXTERNAL_UT) + 1))
     #: shape (3,); the same sum for the states of the gyro: right, its bias stepped, wrong.
     of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
@@ -114,7 +115,7 @@ class RunFilter:
             self.filters = self.filters.with_gyro()
 
     def _of_filters(self, state: RunState) -> RunState:
-        """Return the state with all filters; a state from before the first seek has none with a gyro adrift yet."""
+        """Return the state with all filters; a state before the first seek lacks the filters with a gyro adrift."""
         if len(state.mean) == len(self.filters.weight):
             return state
         return dataclasses.replace(
@@ -126,7 +127,7 @@ class RunFilter:
 
     def pass_time(self, hours: float, hazard: float = 0.0, gyro: tuple[float, float] | None = None) -> None:
         """
-        Predict to the time of a station: the external field drifts, the string may change, the gyro may drift.
+        Predict the state at the time of a station: external field and gyro may drift, and the string may change.
 
         Parameters
         ----------
@@ -231,7 +232,7 @@ class RunFilter:
         return np.stack([np.maximum(right - drifts, 0.0), stepped + drifts, wrong], axis=1)
 
     def learn(self, one: Row, evidence: Predicted) -> None:
-        """Take over what a station shows of the shared errors; evidence: as `evidence` of the state as it is."""
+        """Update the shared errors with a station; evidence: result of `evidence` for the present state."""
         state = self.state = self._of_filters(self.state)
         branched, (r, S, M) = evidence.branched, evidence.terms
         of_branch, at = evidence.by_kind.sum(axis=1), evidence.filters
@@ -276,8 +277,8 @@ class RunFilter:
         """
         Return the filters; if the string may have changed since the last station, add a second filter for each.
 
-        In the second the string's field is drawn anew and all else is known as before; a string of one kind becomes one
-        of any kind, with the kind's own prior.
+        In the second filter the field of the string has its prior again, and the other errors keep their estimates. A
+        changed string can be of any kind, so the second filters share their weight by the priors of the kinds.
         """
         state = self._of_filters(state)
         if not state.changed > 0.0:
@@ -301,9 +302,10 @@ class RunFilter:
 
     def _join(self, weight: Array, mean: Array, covariance: Array) -> None:
         """
-        Replace the filters by the merged filters, each together with its second filter.
+        Merge the parts of each filter, and of its second filter from `_branched` if there is one, into one Gaussian.
 
-        weight (k, p), mean (k, p, 22), covariance (k, p, 22, 22): the p parts of each of the k filters.
+        weight (k, p), mean (k, p, 22), covariance (k, p, 22, 22): p parts of each of k filters: the first filters,
+        then, if `_branched` added them, the second filters in the same order.
         """
         state, count = self.state, len(self.filters.weight)
 
@@ -345,7 +347,7 @@ class RunFilter:
         return found
 
     def shared(self) -> tuple[Array, Array]:
-        """Return mean and covariance of the shared errors over all filters, SI but field in uT; (22,), (22, 22)."""
+        """Return mean and covariance of the shared errors over all filters, SI with fields in uT; (22,), (22, 22)."""
         state = self._of_filters(self.state)
         weight = np.exp(state.log_weight)
         mean = weight @ state.mean
@@ -386,7 +388,7 @@ class RunFilter:
         return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
 
     def _logs(self, one: Row, r: Array, S: Array, state: RunState, angles: Array, prior: Array) -> tuple[Array, Array]:
-        """Return the log evidence as `CircleEvidence.log`, without the part of a turned field, and the misfits."""
+        """Return the log evidence as in `CircleEvidence.log`, except of a turned field, and the misfits, (n, k)."""
         gyro, states = self._gyro_states(one, state, angles)
         log = np.empty((len(angles), len(r), len(self._external), states.shape[1]))
         misfit = np.empty((len(angles), len(r)))
@@ -415,7 +417,11 @@ class RunFilter:
 
 
 def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return mean and covariance of mixtures of p parts with shapes (..., p), (..., p, n) and (..., p, n, n)."""
+    """
+    Return mean and covariance of mixtures of p parts.
+
+    weight (..., p), mean (..., p, n), covariance (..., p, n, n): the parts; the weights need not have the sum 1.
+    """
     whole = weight.sum(axis=-1, keepdims=True)
     share = np.where(whole > 0.0, weight / np.maximum(whole, 1e-300), 1.0 / weight.shape[-1])
     merged = (share[..., None] * mean).sum(axis=-2)
@@ -425,6 +431,6 @@ def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array
 
 
 def _learnt(prior: Array, seen: Array) -> Array:
-    """Return the probabilities after stations whose probabilities of each kind have the sum `seen`."""
+    """Return the prior probabilities updated by stations; seen: sum of the probabilities of each kind over stations."""
     shares = prior * _BELIEVED + seen
     return np.asarray(shares / shares.sum())

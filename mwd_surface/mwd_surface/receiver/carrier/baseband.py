@@ -23,7 +23,7 @@ PER_SYMBOL = 8  # envelope values per symbol
 # rectangular symbols.
 _CUT_OFF = 3.5
 _HALF = 1.5
-# Power of a line over the spectrum around it. No symbol sequence of a block reaches this factor.
+# Smallest ratio of the power of a line to the spectrum around it. No symbol sequence of a block reaches this ratio.
 _STANDS_OUT = 25.0
 _NEIGHBOURHOOD = 32
 _MOST_LINES = 12
@@ -62,7 +62,7 @@ def band_of(carrier: Carrier) -> Band:
 def _envelope(
     value: Array, known: Array, at: float, spacing: float, band: tuple[float, float, float], out: Complex, whole: Array
 ) -> None:
-    """Compute the envelope at positions at + k spacing; whole: share of the filter weight that met known values."""
+    """Compute the envelope at positions at + k spacing; whole: share of the filter weight on known values."""
     omega, cut_off, reach = band
     for k in range(len(out)):
         middle = at + k * spacing

@@ -5,9 +5,8 @@ Decoder of one block of symbols on a carrier: it estimates channel, noise and bi
 The first channel estimate comes from the marker in the middle of the block, later ones from all symbols as decoded so
 far. Symbols and spectral lines are solved for together after whitening the noise. The decoded probability of each
 symbol is its prior in the next iteration. Sources: M. Tuechler, R. Koetter, A. C. Singer, IEEE Trans. Commun. 50 (2002)
-754 (turbo
-equalisation by linear estimation); C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006,
-section 2.1 (prior of the channel).
+754 (turbo equalisation by linear estimation); C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine
+Learning, 2006, section 2.1 (prior of the channel).
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class _Lock:
 
 @dataclasses.dataclass
 class _Pass:
-    """The pass of a sequence that is being received."""
+    """The pass of a sequence (all its words sent once) that is being received."""
 
     name: BlockName
     start_s: float
@@ -337,7 +337,8 @@ class CarrierReceiver(SampledReceiver):
 # Search for markers in noise: the score is the share of energy that the marker's symbols explain at any size and phase.
 
 
-# Noise exceeds this about once in some thousand positions. A false marker costs one trial; the block's check decides.
+# Noise exceeds this score at one of about 3000 positions. A false marker costs one trial; the check of the block
+# decides.
 THRESHOLD = 8.0
 _ORDER = 6
 
@@ -385,11 +386,11 @@ def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
 # Odds that a block is present where one should follow the last.
 ODDS_EXPECTED = 10.0
 _PASSES_BY_CHANCE = 2.0**-16
-_BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a place: one in some hundred symbols, with flow half the time
+_BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a symbol: one block in about 500 symbols, with flow half the time
 _HEADER_BITS = 8
 _ALTERNATIVES = 3
 _NO_SURPRISE, _FLATTER = 0.5, 1.25
-# Upper bound of the confidence of such words: all phases of the block may be rotated, which the code cannot see.
+# Upper bound of the confidence of words of a block whose check fails: the code cannot detect a rotation of all phases.
 _MOST_ERASED = 0.9
 
 

@@ -35,7 +35,7 @@ from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, bel
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits with parity are right (docs/benchmarks.md, limits of the code).
 NEEDED_DB = 6.0
-# The same for carriers, whose blocks are coded (docs/benchmarks.md, link).
+# The same Eb/N0 for carriers, whose blocks have an error-correcting code (docs/benchmarks.md, link).
 _NEEDED_DB = {"psk": 3.5}
 _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
@@ -71,7 +71,7 @@ class Quality:
 @dataclasses.dataclass
 class LinkOutput:
     """
-    Words, passes of sequences and surveys that a block of samples completed, in order of time.
+    Words, surveys and passes of sequences (all words sent once) that a block of samples completed, in order of time.
 
     states: each new state of the link with the time it began, s; filled only by `LinkFeed`.
     """
@@ -286,7 +286,7 @@ class Link:
         return SEARCHING, self._nothing_found(on_since, frame)
 
     def _survey_received(self, words: list[ReceivedWord]) -> tuple[int, str]:
-        """Return the state after the last pass of a tool of surveys only, by how many of its words are believed."""
+        """Return the state after the last survey of a tool that sends only surveys, from the share of usable words."""
         count = max(len(words), min(len(items) for items in self._tool.surveys))
         good = sum(one.usable for one in words)
         if good == count:
@@ -369,8 +369,8 @@ class ToolFlow:
         # Time of the rig's last flow, and since when the flow has been on this side of the threshold, s; -inf if
         # unknown.
         self._at_s = self._since_s = -math.inf
-        # Newest flow on the side of the threshold that counts, m^3/s, and whether a flow on the other side has come
-        # since.
+        # Newest flow on the present side of the threshold, m^3/s, and whether later flows were on the other side, for
+        # too short a time to change the side.
         self._rate, self._changing = 0.0, False
         self._word_s = -math.inf
 
@@ -400,7 +400,7 @@ class ToolFlow:
         return max(self.spans.on_since(now_s), self._since_s if self._above(now_s) else -math.inf)
 
     def silence(self, now_s: float) -> str:
-        """Return why the tool sends nothing now; empty if it may send, as a tool on a wire always may."""
+        """Return why the tool sends nothing now; empty if it may send. A tool on a wire may always send."""
         if self._tool.medium == "serial":
             return ""
         above, pumping = self._above(now_s), self._pumping(now_s)

@@ -165,7 +165,7 @@ class LinkAttitude:
         lag = self._rules.quill_lag_m
         drilled = math.inf if self.speed is None else max(self.speed, 0.0) * (at_s - before)
         wound = (angle - end) * math.exp(-drilled / lag) if lag > 0.0 else 0.0
-        # Wind-up beyond what friction holds turns the end of the string with the top drive.
+        # Friction holds the wind-up up to a limit; a larger wind-up turns the end of the string with the top drive.
         most = lag / _PIPE_RADIUS_M
         self._quill.append((at_s, angle, angle - min(max(wound, -most), most)))
 
@@ -229,7 +229,7 @@ class LinkAttitude:
         return max(found, key=lambda one: one.start_s) if found else None
 
     def _motion(self) -> Status:
-        """Return the motion of the string from rig data, because no word carries it; sliding needs progress."""
+        """Return the motion of the string from rig data; sliding requires motion along the hole."""
         if self.rotating:
             return Status.ROTATING
         if self.in_slips:

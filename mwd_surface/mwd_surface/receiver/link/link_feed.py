@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feed of one link with bursts as they arrive: converts stamps to times, and holds pressure until its strokes came."""
+"""Feed of one link with bursts: convert stamps to times, and hold pressure until the strokes of its time arrive."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from mwd_surface.receiver.words import ReceivedWord
 
 _BACK_S = 5.0
 _LONGEST_GAP_S = 3600.0  # a longer gap restarts the link: no sync lasts that long, and filling it takes seconds
-# Longest wait of pressure for the strokes up to its end, s, both in its own time and on the clock. Both are needed:
-# bursts that arrive together do not show that a counter failed, and a paused replay does not either.
+# Longest time for which pressure waits for strokes, s. It must have passed both in stamps of the pressure and on the
+# clock: neither bursts that arrive together nor a paused replay show that a counter has failed.
 _WAIT_S = 10.0
 _EARLY = 200
 
@@ -201,7 +201,7 @@ class FollowingLink:
         return None if self._next is None else self._echo
 
     def expect(self, tool: ToolConfiguration, echo: int) -> None:
-        """Also read with the configuration that a command selects; echo: the code by which the tool confirms it."""
+        """Also decode with the configuration that a command selects; echo: code by which the tool confirms it."""
         self._next, self._echo = self.link.successor(tool), echo
         self._kept = LinkOutput()
 

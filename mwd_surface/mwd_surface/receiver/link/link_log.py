@@ -36,7 +36,7 @@ def log_samples(
     words : iterable of ReceivedWord
     tool : ToolConfiguration
     stamp_of : callable
-        Returns the stamp, ns, at which the tool sent what the surface received at a time, s.
+        Returns the stamp, ns, at which the tool sent the signal that the surface received at a time, s.
     """
     by_word = carried(tool.logged)
     for word in words:
@@ -46,8 +46,8 @@ def log_samples(
         if item.channel.source == BATTERY_VOLTAGE and word.value <= 0.0:
             # A tool that sends has a voltage: many tools send 0 for a missing measurement.
             continue
-        # A word with a meaning of its own carries a value of the moment. That of a survey is the time of the survey,
-        # which `survey_samples` knows.
+        # A word with a meaning of its own carries a momentary value. If it belongs to a survey, the value has the time
+        # of the survey, and `survey_samples` yields it.
         running = not meanings.meaning_of(word.name)
         if running or word.kind == "toolface":
             yield _sample(word, item, stamp_of(word.start_s), link=tool.link, running=running)

@@ -37,22 +37,26 @@ _FIELD, _DIP = 5.0e-5, math.radians(65.0)
 _NAMESPACE = uuid.UUID("5b0cfe2c-94f6-4d0e-9c1f-6f0cbd0a5f5e")
 
 
-# Latest middle of a survey after the beginning of a rest, s.
+# Latest middle of a survey after the beginning of a time at rest, s.
 SETTLE_S = 6.0
-# Tolerance between the clocks of links and the ends of rests, s.
+# Tolerance for the difference between the clocks of two links when their times at rest are compared, s.
 _CLOCKS_S = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
 class SurveyTime:
-    """Stamp of a survey, ns, and half of the rest around it, s; inf: rest unknown, stamp is the latest time."""
+    """
+    Stamp of a survey, ns, and half of the time at rest around it, s.
+
+    If the time at rest is unknown, its half is inf and the stamp is the latest possible time of the survey.
+    """
 
     stamp_ns: int
     half_s: float
 
     @property
     def _rest_s(self) -> tuple[float, float]:
-        """Begin and end of the rest, s; an unknown rest begins at -inf."""
+        """Begin and end of the time at rest, s; an unknown one begins at -inf and ends at the stamp."""
         if not self.known:
             return -math.inf, self.stamp_ns / NANOSECONDS
         begin = self.stamp_ns / NANOSECONDS - min(self.half_s, SETTLE_S)
@@ -60,11 +64,11 @@ class SurveyTime:
 
     @property
     def known(self) -> bool:
-        """Whether the rest is known."""
+        """Whether the time at rest around the survey is known."""
         return math.isfinite(self.half_s)
 
     def in_rest_of(self, other: SurveyTime) -> bool:
-        """Return whether both surveys may come from one rest; if both rests are known, whether they do."""
+        """Return whether the times at rest of both surveys overlap or, if one is unknown, may overlap."""
         (one_begin, one_end), (two_begin, two_end) = self._rest_s, other._rest_s
         return max(one_begin, two_begin) <= min(one_end, two_end) + _CLOCKS_S
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Merge of the surveys of all links of a tool: no survey twice, and each quantity from its better word.
+Merge of the surveys of all links of a tool: each survey once, and each quantity from its better word.
 
-Words that arrive over several links, or again over one link, belong to one survey if they were taken in the same rest.
+Words that arrive over several links, or again over one link, belong to one survey if they were taken during the
+same time at rest.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class LinkSurveys:
             for quantity, value in heard.values.items():
                 if quantity not in station.values or _better(value, station.values[quantity], quantity):
                     station.values[quantity], station.links[quantity] = value, heard.link
-            # Words sent again after a rest too short for a survey belong to the survey of the rest before.
+            # Words sent again after a time at rest too short for a survey belong to the survey before.
             if heard.at.half_s < station.heard.at.half_s and heard.at.in_rest_of(station.heard.at):
                 station.heard = station.heard._replace(at=heard.at)
         return out + self.advance(now_ns)
@@ -130,13 +131,14 @@ def _same(station: _LinkStation, heard: HeardSurvey) -> bool:
     """
     Return whether received words belong to the survey of a station.
 
-    - A tool takes a new survey in each rest that is long enough. In a straight hole it may have the same codes as the
-      survey before, so words from two such rests are never one survey, however equal they are.
-    - Words from one rest over different links are one survey.
-    - Words from one rest over the same link, or from rests that are too short or unknown, are one survey if they agree
-      in every quantity that both have and if one of these is an angle. Otherwise the tool may have sent a second
-      survey, taken while the string moved. A rest that was not seen ended before the survey was sent.
-    - Totals alone prove nothing, because they hardly change from station to station.
+    - A tool takes a new survey in each time at rest that is long enough. In a straight hole the new survey may have the
+      same codes as the survey before, so words from two long times at rest never belong to one survey.
+    - Words from one time at rest over different links belong to one survey.
+    - Words from one time at rest over the same link, or from times at rest that are too short or unknown, belong to one
+      survey if they agree in every quantity that both have, and if one of these quantities is an angle. Otherwise the
+      tool may have sent a second survey, taken while the string moved. A time at rest that was not seen ended before
+      the survey was sent.
+    - Equal totals alone are not enough, because totals hardly change from station to station.
     """
     one, two = station.heard.at, heard.at
     same_rest = one.in_rest_of(two)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Find the pulse width that a tool sends if its configuration says another one, and, blindly, its sync and parity.
+Find the pulse width of a tool if it differs from the configuration, and for an unknown tool its sync and parity.
 
-A file is searched on a fine scale of widths (`sync_search`), the live pressure with the usual widths, one a second. A
-width is accepted once a word is believed with it, which needs a sync and parities.
+A file is searched on a fine scale of widths (`sync_search`), the live pressure with one of the usual widths per second.
+A width is accepted when a word is believed with it, which requires a sync and parities.
 """
 
 from __future__ import annotations
@@ -85,12 +85,12 @@ def sent_tool(
     parities: Sequence[str] = (),
 ) -> ToolConfiguration | None:
     """
-    Return the configuration with the width, sync and parity with which most words are believed; None if none are.
+    Return the configuration whose width, sync and parity give most believed words; None without believed words.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        Gives the sequences.
+        Tool configuration; its sequences are used.
     time_s, pressure_pa : ndarray, shape (n,)
     strokes : mapping of int to ndarray
     syncs : sequence of Sync

@@ -15,7 +15,7 @@ from mwd_surface.receiver.words import Reception
 
 
 class Receiver(Protocol):
-    """Interface of a receiver: samples (pressure, Pa; voltage, V; bytes) in, words out, independent of the cut."""
+    """Interface of a receiver: samples (Pa, V or bytes) in, words out, independent of the cut into blocks."""
 
     last_sync_s: float
     """Begin of the last sync, marker or frame found, s; -inf before the first."""

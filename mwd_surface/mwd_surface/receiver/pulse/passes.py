@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One pass of a sequence: each stretch of words is decoded as it arrives, and again when the pass is complete."""
+"""
+One pass of a sequence: all its words sent once.
+
+Each stretch of words is decoded as it arrives, and again when the pass is complete.
+"""
 
 from __future__ import annotations
 
@@ -152,7 +156,7 @@ class Pass:
 def parts_of(
     items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft], at: int, code: str
 ) -> list[DecodedWord]:
-    """Return the parts of decoded words; at: first sample in the transmission; code: the code of the tool."""
+    """Return the decoded words; at: their first sample in the transmission; code: the code of the tool."""
     parts = []
     first = 0
     for item, one in zip(items, soft, strict=True):

@@ -163,11 +163,12 @@ class PulseReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Run the search and decoding steps for which the pressure is there, in the order of the pressure they need."""
+        """Run the search and decoding steps for which enough pressure has arrived, in the order in which it arrives."""
         while True:
             searched = STEPS_PER_TU * self._hop * _HOP_TU
             beyond = STEPS_PER_TU * (_HOP_TU + self._beyond) + REACH
-            # A pass waits until the search has passed its beginning, because the tool may have started anew there.
+            # A pass waits until the search for syncs has covered its beginning, because the tool may have restarted
+            # there.
             needs, one = self._tracker.due(searched, beyond)
             if one is None or searched + beyond <= needs:
                 if searched + beyond > self._grid.end:

@@ -91,7 +91,7 @@ class SurveyMemory:
     ----------
     tool : ToolConfiguration
     rested : callable
-        Tells whether the pumps were off long enough for a survey between two times, s.
+        Returns whether the pumps were off long enough for a survey between two times, s.
     """
 
     def __init__(self, tool: ToolConfiguration, rested: Callable[[float, float], bool]) -> None:

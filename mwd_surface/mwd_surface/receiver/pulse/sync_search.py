@@ -20,8 +20,8 @@ from mwd_sensors.telemetry.tool_configuration import Sync, ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.words import Reception
 
-# Pulses of words may resemble the sync of another width and score more than the true sync: widths of each sync that are
-# returned, and their least logarithmic distance.
+# Number of widths returned for each sync, and smallest difference of their logarithms. Several widths are needed,
+# because the pulses of words may resemble the sync of another width and score higher than the true sync.
 _PEAKS, _APART = 4, 0.05
 _BEFORE_S = 60.0  # pressure before a sync, for its noise model
 USUAL_SYNCS = (Sync(), Sync((0, 5, 15, 20, 30), 40), Sync((0, 4, 8, 12, 16), 24), Sync((0, 6, 12, 18, 24), 32))

@@ -32,8 +32,8 @@ FLOOR = 1e-6
 # Samples of the response used in a search; later ones add more noise than signal with so few pulses.
 RESPONSE = 30
 _TAIL = 20
-# Noise exceeds a score x with a probability below exp(-x) at each independent place, of which an hour has some ten
-# thousand. At 6 dB per bit a sync scores 20 on average and 9 in one case of fifty. A false sync costs a trial: the
+# Noise exceeds a score x with a probability below exp(-x) at each independent place; an hour has about ten thousand
+# places. At 6 dB per bit a sync scores 20 on average and 9 in one case of fifty. A false sync costs a trial: the
 # packets after it decide whether it is a transmission.
 THRESHOLD = 8.0
 # Threshold where a sync is expected, which is lower because only a few hundred places follow each flow-on.

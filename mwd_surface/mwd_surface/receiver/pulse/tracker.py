@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Tracker of what a pulse tool sends: several hypotheses of the sync are followed in parallel.
+Tracker of the transmission of a pulse tool: several hypotheses of the sync are followed in parallel.
 
 A hypothesis is a sync at a place, with the words, the clock and the channel that follow from it (`transmission.py`).
 Each collects the log likelihood ratio of its pulses against no pulses: that of its sync, and that of each stretch of

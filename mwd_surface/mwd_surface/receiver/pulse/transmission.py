@@ -44,7 +44,7 @@ _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
 _CLEARER = 1.2
 # A sync that begins during this one shows a second tool if its score, a log likelihood ratio, exceeds `_SECOND` and the
 # share `_SECOND_SHARE` of the score of this sync. Noise reaches `_SECOND` at about one place in a million, and another
-# sync can begin at some 40 places. The share excludes the echo of a strong sync.
+# sync can begin at about 40 places. The share excludes the echo of a strong sync.
 _SECOND, _SECOND_SHARE = 14.0, 0.15
 
 
@@ -297,7 +297,7 @@ class ReceivedTransmission:
 
     @property
     def sound(self) -> bool:
-        """Whether parities hold, so that only its own end should end the transmission."""
+        """Whether the parities hold, so that another hypothesis should not end the transmission."""
         return self._at_once.failing < _DOUBTFUL and self.confirmed and not self.presence.faint
 
     @property
@@ -350,7 +350,7 @@ class ReceivedTransmission:
         if self._tool.header_bits:
             number = self._header(start)
             start += SAMPLES_PER_TU * self._tool.header_tu
-        # Without a header a tool begins anew only after flow-on, and then it sends a survey.
+        # Without a header a tool sends a sync only after flow-on, and then it sends a survey.
         kind = "survey"
         if self._tool.header_bits:
             kind = self._kind_after_header(number, start)

@@ -360,7 +360,7 @@ def serve_only(server: Any) -> None:
 
 def _refusal(data: bytes) -> bytes | None:
     """
-    Return the answer to a request that is refused for its function or its number of registers; None for others.
+    Return the answer to a request that is refused for its function or its number of registers; None if it is not.
 
     The protocol requires exception 1 or 3 with the requested function code, but pymodbus 3.16 answers exception 1
     with function code 0.

@@ -58,7 +58,7 @@ class SubscriptionLimits:
         return await self._create_subscription(params, *args, **named)
 
     async def create_monitored_items(self, params: Any) -> list[Any]:
-        """Create as many of the items as the limit allows; the others are answered with BadTooManyMonitoredItems."""
+        """Create as many of the items as the limit allows; further items get BadTooManyMonitoredItems."""
         for ended in self._items.keys() - self._service.subscriptions.keys():
             del self._items[ended]
         asked = params.ItemsToCreate

@@ -21,7 +21,7 @@ from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, Interf
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
-_STEP_S = 0.005  # time between two reads of the line; a host waits some tenths of a second for a reply
+_STEP_S = 0.005  # time between two reads of the line; a host waits a few tenths of a second for a reply
 QUANTITIES = tuple(signal.name for signal in TO_RIG)
 HOST_FRAME = PolledFrame(
     polls=(

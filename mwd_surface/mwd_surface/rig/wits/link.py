@@ -159,7 +159,7 @@ class Wits0Settings:
 
 
 class WitsWriter(Protocol):
-    """Protocol of the outgoing side of a connection."""
+    """Interface of a writer to a connection: an asyncio stream or a substitute."""
 
     def write(self, data: bytes) -> None:
         """Write bytes."""
