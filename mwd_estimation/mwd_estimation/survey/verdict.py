@@ -32,8 +32,9 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 _DISTURBED = 0.5
 # An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0
-# Largest error of the direction of the hole, rad, from an azimuth that is not determined: sigma of the azimuth times
-# the sine of the inclination. Near the vertical it is smaller, and the station is accepted for its inclination.
+# Largest error of the direction of the hole, rad, from an azimuth that is not determined: sigma of the azimuth, and at
+# least `QualitySettings.far_deg`, times the sine of the inclination. Near the vertical it is smaller, and the station
+# is accepted for its inclination. Elsewhere the field is the cause, as near the magnetic pole.
 _DIRECTION = math.radians(3.0)
 # Largest 1 sigma, rad, that accelerometers turned in their mount may add to an inclination that is not doubtful.
 _TURNED = math.radians(0.3)
@@ -209,7 +210,8 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
         # No magnetic tool determines the azimuth here. This alone does not reject the station; if there are other
         # reasons, the verdict on the totals is used.
         if azimuth.verdict == ACCEPT:
-            if min(station.sigma_azimuth, 1.0) * math.sin(station.inclination) < _DIRECTION:
+            error = max(min(station.sigma_azimuth, 1.0), far)
+            if error * math.sin(station.inclination) < _DIRECTION:
                 azimuth.verdict = NOT_DETERMINED
             else:
                 azimuth.add(DOUBTFUL, Reason(Code.UNCERTAIN_FOR_ANY_TOOL, station.sigma_azimuth, sound))

@@ -95,6 +95,18 @@ def test_an_azimuth_that_the_lie_of_the_tool_in_the_hole_leaves_open_is_not_dete
     assert station(*readings(inc, 200, 25), REFERENCE, StationSettings(errors=BENCH)).verdicts.azimuth == "accept"
 
 
+@pytest.mark.fault_case(27, 31)
+@given(inc=floats(20.0, 160.0), azi=floats(0.0, 360.0), dip=floats(80.0, 89.9), south=sampled_from([1.0, -1.0]))
+@settings(max_examples=40, deadline=None)
+def test_near_a_pole_the_field_and_not_the_vertical_is_why_an_azimuth_is_uncertain(inc, azi, dip, south):
+    reference = replace(REFERENCE, total=58e-6, dip=south * dip * DEG)
+    shot = station(*readings(inc, azi, 20, 5e-7, reference), reference)
+    assert shot.verdicts.azimuth != "not_determined"
+    assert ReasonCode.AZIMUTH_NOT_DETERMINED not in {reason.code for reason in shot.reasons}
+    if dip > 88.0:
+        assert shot.verdict == "doubtful"
+
+
 def test_the_reading_whose_mirror_was_once_accepted_is_doubtful_with_both_azimuths_and_their_odds():
     reference = Reference(61e-6, -70 * DEG, 13 * DEG, None, 9.81, "test")
     shot = station([-0.30117, -2.19084, 9.55549], np.array([19019.8, -14296.8, 54757.3]) * 1e-9, reference)

@@ -23,7 +23,8 @@ class Switch:
         if condition == self.on:
             self._candidate_ns = None
             return False
-        if self._candidate_ns is None:
+        # A later candidate had a wrong stamp.
+        if self._candidate_ns is None or stamp_ns < self._candidate_ns:
             self._candidate_ns = stamp_ns
         if stamp_ns - self._candidate_ns < self.hold_ns:
             return False

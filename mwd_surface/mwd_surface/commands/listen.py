@@ -69,9 +69,10 @@ def listen(
     from mwd_surface.commands import terminal
     from mwd_surface.receiver import word_files
     from mwd_surface.receiver.link import receivers
+    from mwd_surface.receiver.lone_stamps import SteadyTimes
 
     configuration = tool_configuration.read(tool)
-    receiver = receivers.receiver_of(configuration)
+    receiver, steady = receivers.receiver_of(configuration), SteadyTimes().steady
     began = time.monotonic()
     opened = _opened(source, configuration, gauge, columns, lambda: time.monotonic() - began)
     output.mkdir(parents=True, exist_ok=True)
@@ -79,14 +80,14 @@ def listen(
     with word_files.WordFiles(output) as files:
         try:
             while not (opened.ended or (seconds and time.monotonic() - began > seconds)):
-                _print_words(receiver.push(*opened.read()), files)
+                _print_words(receiver.push(*steady(*opened.read())), files)
                 if opened.failure and opened.failure != said:
                     terminal.warn(opened.failure)
                 said = opened.failure
                 time.sleep(_PAUSE_S)
         except KeyboardInterrupt:
             terminal.output().print("stopped", markup=False)
-        _print_words(receiver.push(*opened.read()), files)
+        _print_words(receiver.push(*steady(*opened.read())), files)
         _print_words(receiver.finish(), files)
     opened.close()
     if not files.count:

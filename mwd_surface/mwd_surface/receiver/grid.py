@@ -128,14 +128,11 @@ class Strokes:
         pump : int
             Number of the pump.
         time_s : ndarray, shape (n,)
-            Rising times on the clock of the pressure. A time that does not rise or is not finite is dropped.
+            Times on the clock of the pressure, in any order: a wrong time must not exclude the right ones after it. A
+            time that is known already or is not finite is dropped.
         """
-        before = self._times.get(pump, np.zeros(0))
         time = np.asarray(time_s, dtype=float)
-        time = time[np.isfinite(time)]
-        last = before[-1] if len(before) else -np.inf
-        highest = np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
-        self._times[pump] = np.concatenate([before, time[time > highest]])
+        self._times[pump] = np.union1d(self._times.get(pump, np.zeros(0)), time[np.isfinite(time)])
 
     def forget(self, before_s: float) -> None:
         """Drop strokes before a time, s."""

@@ -17,6 +17,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import read_file
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
+from mwd_surface.receiver.lone_stamps import lone
 
 _RECORDINGS = (".mcap", ".db3", ".bag", ".zstd", ".lz4")
 # WAV samples are fractions of full scale; this full-scale pressure keeps them far above any rounding.
@@ -92,8 +93,13 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", c
         from mwd_surface.receiver import pressure_table
 
         time, pressure, origin, said = pressure_table.read_pressure(path, gauge, pressure_table.columns_of(columns))
-    notes = (*said, *_notes(time, pressure))
     known = np.isfinite(time) & np.isfinite(pressure)
+    wrong = np.zeros_like(known)
+    wrong[known] = lone(time[known])
+    if wrong.any():
+        said = (*said, f"{int(wrong.sum())} samples have a time far from those around them and are left out")
+    time, pressure, known = time[~wrong], pressure[~wrong], known[~wrong]
+    notes = (*said, *_notes(time, pressure))
     time, pressure = time[known], pressure[known]
     rises = time > np.maximum.accumulate(np.append(-np.inf, time))[:-1]
     time, pressure = time[rises], pressure[rises]

@@ -13,6 +13,7 @@ from mwd_sensors.core import gauge_burst
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.receiver.lone_stamps import lone
 
 _FLUID = "sensor_msgs/msg/FluidPressure"
 
@@ -54,6 +55,8 @@ def read(path: Path, link: str, topic: str = "") -> RecordedLink:
         bursts = [gauge_burst.decode(data, kind) for _, _, _, data in bag.messages([name])]
         if not bursts:
             return RecordedLink(np.zeros(0), np.zeros(0), {}, "an empty recording")
+        begins = np.array([(one[0] - bursts[0][0]) / NANOSECONDS for one in bursts])
+        bursts = [one for one, wrong in zip(bursts, lone(begins), strict=True) if not wrong]
         origin = bursts[0][0]
         times = [(start - origin) / NANOSECONDS + period * np.arange(len(values)) for start, period, values in bursts]
         strokes = _strokes(bag, name, origin) if link == "mud_pulse" else {}

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_surface.receiver.lone_stamps import lone
 
 UNITS = {
     "s": 1.0,
@@ -422,11 +423,14 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     notes : list of str
     """
     rows = np.flatnonzero(np.isfinite(seconds))
+    wrong = lone(seconds[rows])
+    rows = rows[~wrong]
     times = seconds[rows]
     steps = np.diff(times)
     back = steps < 0.0
+    said = [f"{int(wrong.sum())} rows have a time far from those around it and are left out"] if wrong.any() else []
     if not back.any():
-        return times, rows, []
+        return times, rows, said
     if back.sum() > (steps > 0.0).sum():
         # In a file in falling order, rows with equal stamps are in falling order too, so reverse all rows.
         rows, times = rows[::-1], times[::-1]
@@ -444,13 +448,13 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     if not places.size or (close(sorted_steps) <= close(steps) + 1e-3 and float(sorted_steps.max()) <= pauses):
         count = int(back.sum())
         note = "the rows are not in the order of time and were sorted" if count else "the rows were in falling order"
-        return times[order], rows[order], [note]
+        return times[order], rows[order], [*said, note]
     if places.size > 1e-3 * times.size + 1:
         note = (
             f"the times fall back {places.size} times, first by {-steps[places[0] - 1]:.6g} s; that is too often for a"
             " clock that was set back, and the rows are kept in their order: check the column of time"
         )
-        return times, rows, [note]
+        return times, rows, [*said, note]
     by = np.zeros(times.size)
     by[places] = usual - steps[places - 1]
     first = places[0]
@@ -458,7 +462,7 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
         f"the clock of the file is set back {places.size} times, first by {-steps[first - 1]:.6g} s; the samples after"
         " it are taken to follow without a pause"
     )
-    return times + np.cumsum(by), rows, [note]
+    return times + np.cumsum(by), rows, [*said, note]
 
 
 def spread(seconds: Array) -> tuple[Array, list[str]]:

@@ -3,6 +3,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_surface.receiver.grid import Strokes
 
@@ -73,7 +75,7 @@ def test_later_strokes_change_nothing():
     assert np.diff(early.angles(TIME)[0]) == pytest.approx(np.diff(counted(times).angles(TIME)[0]))
 
 
-def test_times_that_do_not_rise_are_left_out():
+def test_known_times_are_left_out():
     times = np.arange(0.0, 60.0, 0.7)
     twice = counted(np.repeat(times, 2))
     twice.add(1, times[:5])
@@ -85,3 +87,16 @@ def test_rates_are_those_of_the_time_asked_for():
     strokes.add(2, np.arange(0.0, 3.0, 0.8))
     assert strokes.rates(0.0, 29.0) == pytest.approx({1: 1.0 / 0.7})
     assert strokes.rates(31.0, 60.0) == pytest.approx({1: 2.0})
+
+
+@pytest.mark.fault_case(44)
+@given(at=st.floats(-1e9, 1e18), place=st.integers(0, 84))
+def test_a_wrong_time_costs_only_itself(at, place):
+    """Beyond the width of the smoothing, 20 strokes on either side, the angles are the same but for whole turns."""
+    times = np.arange(0.0, 60.0, 0.7)
+    wrong = Strokes()
+    for time in (*times[:place], at, *times[place:]):
+        wrong.add(1, np.array([time]))
+    expected, angle = counted(times).angles(TIME)[0], wrong.angles(TIME)[0]
+    apart = np.abs(TIME - at) > 20.0 * 0.7
+    assert np.abs(np.exp(1j * angle) - np.exp(1j * expected))[apart] == pytest.approx(0.0, abs=1e-4)

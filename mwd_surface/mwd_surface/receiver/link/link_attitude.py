@@ -138,6 +138,8 @@ class LinkAttitude:
         self._newest: dict[str, tuple[LinkValue, int, int]] = {}
         # Time, angle of the top drive, and the part of that angle that has reached the end of the string.
         self._quill: deque[tuple[float, float, float]] = deque(maxlen=4096)
+        # Time and angle of the top drive that do not follow the newest ones and are not confirmed yet.
+        self._earlier: tuple[float, float] | None = None
         self.speed: float | None = None
         self.travel_s = 0.0
         self.rotating = self.in_slips = False
@@ -155,13 +157,24 @@ class LinkAttitude:
             del self._newest[quantity]
 
     def take_quill(self, at_s: float, angle: float) -> None:
-        """Store the angle of the top drive, rad, at a time on the clock of the pressure, s."""
+        """
+        Store the angle of the top drive, rad, at a time on the clock of the pressure, s.
+
+        A time that does not rise is dropped, unless a second time rises from there: then the later times were wrong.
+        """
+        if self._quill and at_s <= self._quill[-1][0]:
+            earlier, self._earlier = self._earlier, (at_s, angle)
+            if earlier is None or at_s <= earlier[0]:
+                return
+            while self._quill and self._quill[-1][0] >= earlier[0]:
+                self._quill.pop()
+            self._earlier = None
+            self.take_quill(*earlier)
+        self._earlier = None
         if not self._quill:
             self._quill.append((at_s, angle, angle))
             return
         before, _, end = self._quill[-1]
-        if at_s <= before:
-            return
         lag = self._rules.quill_lag_m
         drilled = math.inf if self.speed is None else max(self.speed, 0.0) * (at_s - before)
         wound = (angle - end) * math.exp(-drilled / lag) if lag > 0.0 else 0.0

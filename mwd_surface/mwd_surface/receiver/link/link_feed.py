@@ -17,10 +17,9 @@ from mwd_sensors.telemetry.downlink import ECHO_WORD
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link.link import Link, LinkOutput
 from mwd_surface.receiver.link.link_attitude import AgeRules
+from mwd_surface.receiver.lone_stamps import LONGEST_GAP_S, STEP_S
 from mwd_surface.receiver.words import ReceivedWord
 
-_BACK_S = 5.0
-_LONGEST_GAP_S = 3600.0  # a longer gap restarts the link: no sync lasts that long, and filling it takes seconds
 # Longest time for which pressure waits for strokes, s. It must have passed both in stamps of the pressure and on the
 # clock: neither bursts that arrive together nor a paused replay show that a counter has failed.
 _WAIT_S = 10.0
@@ -75,6 +74,8 @@ class LinkFeed:
 
     def _begin(self) -> None:
         self._origin_ns: int | None = None
+        self._end_ns = 0
+        self._unconfirmed: _Burst | None = None
         self._waiting: deque[_Burst] = deque()
         self._stated: tuple[int, str] | None = None
         self.following = FollowingLink(Link(self.in_force, self.tool.link, self._rules, self.stamp_of))
@@ -89,30 +90,48 @@ class LinkFeed:
         return (self._origin_ns or 0) + round(seconds * NANOSECONDS)
 
     def seconds(self, stamp_ns: int) -> float | None:
-        """Return the time on the clock of the samples, s, of a stamp; None before the first sample."""
-        return None if self._origin_ns is None else (stamp_ns - self._origin_ns) / NANOSECONDS
+        """
+        Return the time on the clock of the samples, s, of a stamp.
+
+        Return None before the first sample, and for a stamp that is more than an hour from the newest sample: the stamp
+        is wrong, or the link will restart.
+        """
+        if self._origin_ns is None or abs(stamp_ns - self._end_ns) > LONGEST_GAP_S * NANOSECONDS:
+            return None
+        return (stamp_ns - self._origin_ns) / NANOSECONDS
 
     def push(self, start_ns: int, period_s: float, values: Array) -> LinkOutput:
         """
         Add a burst: stamp of its first sample, ns, time between samples, s, and samples, shape (n,).
 
-        The link restarts if the time jumps back, or forward by more than an hour. Call `take_strokes` first for strokes
-        that have already arrived, because this call stops waiting for a counter that stays silent.
+        The link restarts if the time jumps back, or forward by more than an hour. A burst whose time jumps waits for
+        the next burst, and is dropped if that one is nearer to the time before the jump: its stamp was wrong. Call
+        `take_strokes` first for strokes that have already arrived, because this call stops waiting for a counter that
+        stays silent.
         """
-        newest = self._waiting[-1].start_ns if self._waiting else self.stamp_of(self.link.now_s) if self.heard else None
-        if newest is not None:
-            ahead = (start_ns - newest) / NANOSECONDS
-            back = ahead + period_s * len(values) < -_BACK_S
-            if back or ahead > _LONGEST_GAP_S:
-                self._warn(f"the time went {'back by more than 5 s' if back else 'on by more than an hour'}")
-                self._begin()
-                self._strokes_until = None
+        end_ns = start_ns + round(period_s * len(values) * NANOSECONDS)
+        burst, out = _Burst(start_ns, end_ns, period_s, values, self._clock()), LinkOutput()
+        before, self._unconfirmed = self._unconfirmed, None
+        if before is not None and abs(start_ns - before.end_ns) <= abs(start_ns - self._end_ns):
+            out.add(self._accept(before))
+        if self._origin_ns is not None and abs(start_ns - self._end_ns) > STEP_S * NANOSECONDS:
+            self._unconfirmed = burst
+        else:
+            out.add(self._accept(burst))
+        return out
+
+    def _accept(self, burst: _Burst) -> LinkOutput:
+        ahead = (burst.start_ns - self._end_ns) / NANOSECONDS
+        if self._origin_ns is not None and not -STEP_S <= ahead <= LONGEST_GAP_S:
+            self._warn(f"the time went {'back by more than 5 s' if ahead < 0.0 else 'on by more than an hour'}")
+            self._begin()
+            self._strokes_until = None
         if self._origin_ns is None:
-            self._origin_ns = start_ns
+            self._origin_ns = self._end_ns = burst.start_ns
             self._give_strokes(self._early)
             self._early.clear()
-        end_ns = start_ns + round(period_s * len(values) * NANOSECONDS)
-        self._waiting.append(_Burst(start_ns, end_ns, period_s, values, self._clock()))
+        self._end_ns = max(self._end_ns, burst.end_ns)
+        self._waiting.append(burst)
         if self._strokes_until is not None and self._given_up():
             self._strokes_until = None
         return self._advance()
@@ -134,9 +153,11 @@ class LinkFeed:
     def _give_strokes(self, strokes: Iterable[tuple[int, int]]) -> None:
         times: dict[int, list[float]] = {}
         for pump, at in strokes:
-            times.setdefault(pump, []).append((at - (self._origin_ns or 0)) / NANOSECONDS)
-        for pump, seconds in times.items():
-            self.following.take_strokes(pump, np.array(seconds))
+            seconds = self.seconds(at)
+            if seconds is not None:
+                times.setdefault(pump, []).append(seconds)
+        for pump, found in times.items():
+            self.following.take_strokes(pump, np.array(found))
 
     def finish(self) -> LinkOutput:
         """Return the output that is left when no more samples come."""

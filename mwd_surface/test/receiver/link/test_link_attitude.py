@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
@@ -81,6 +83,16 @@ def test_the_toolface_turns_with_the_top_drive():
     assert before[0] == pytest.approx(90.0)
     assert after[0] == pytest.approx(120.0, abs=0.1)
     assert after[1] > before[1]
+
+
+@pytest.mark.fault_case(44)
+@given(at=st.floats(-1e9, 1e9).filter(lambda at: not 89.0 <= at <= 121.0), place=st.integers(92, 110))
+def test_a_wrong_time_of_the_top_drive_does_not_exclude_the_right_ones_after_it(at, place):
+    attitude = LinkAttitude(RULES)
+    for second in range(90, 120):
+        attitude.take_quill(at if second == place else float(second), math.radians(30.0) if second >= 112 else 0.0)
+    attitude.take(word("aTFA", 90.0, 100.0))
+    assert degrees(sample(attitude, 116.0), "gravity_toolface")[0] == pytest.approx(120.0, abs=0.1)
 
 
 def test_a_string_that_slides_along_follows_the_top_drive_over_a_length_of_hole():

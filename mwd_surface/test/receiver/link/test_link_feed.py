@@ -4,18 +4,21 @@
 import dataclasses
 import itertools
 import math
+from unittest import mock
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_sensors.simulator import serial_channel
 from mwd_sensors.simulator.mud_channel import MudChannel, Pump
 from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
-from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING
+from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING, LinkOutput
 from mwd_surface.receiver.link.link_attitude import AgeRules
-from mwd_surface.receiver.link.link_feed import LinkFeed
+from mwd_surface.receiver.link.link_feed import FollowingLink, LinkFeed
 from mwd_surface.receiver.pulse.pulse_receiver import decode
 from mwd_surface.receiver.words import BELIEVED
 
@@ -132,11 +135,23 @@ def test_a_backlog_has_each_state_between():
     assert [(int(next(rows)[0]), state) for state, rows in found] == changes
 
 
+def times_used(feed, starts):
+    """The times of the first sample of each burst of a second that reaches the link, s from START."""
+    used = []
+
+    def push(_, time_s, __):
+        used.append(round((feed.stamp_of(float(time_s[0])) - START) / SECOND))
+        return LinkOutput()
+
+    with mock.patch.object(FollowingLink, "push", push):
+        for at in starts:
+            feed.push(START + at * SECOND, 0.01, PRESSURE)
+    return used
+
+
 def test_a_clock_that_goes_back_begins_anew_with_a_word():
     feed, warnings = feed_of()
-    feed.push(START, 0.01, PRESSURE)
-    feed.push(START + 60 * SECOND, 0.01, PRESSURE)
-    feed.push(START - 60 * SECOND, 0.01, PRESSURE)
+    assert times_used(feed, [0, 1, -60, -59, -58]) == [0, 1, -60, -59, -58]
     assert len(warnings) == 1
     assert "back" in warnings[0]
     assert feed.stamp_of(0.0) == START - 60 * SECOND
@@ -145,12 +160,31 @@ def test_a_clock_that_goes_back_begins_anew_with_a_word():
 @pytest.mark.fault_case(43)
 def test_a_gap_of_hours_begins_anew_instead_of_being_filled():
     feed, warnings = feed_of()
-    feed.push(START, 0.01, PRESSURE)
-    feed.push(START + 160 * SECOND, 0.01, PRESSURE)
-    assert warnings == []
-    feed.push(START + 20 * 3600 * SECOND, 0.01, PRESSURE)
+    later = 20 * 3600
+    assert times_used(feed, [0, 160, 161, later, later + 1]) == [0, 160, 161, later, later + 1]
     assert warnings == ["the time went on by more than an hour"]
-    assert feed.link.now_s == pytest.approx(0.99)
+    assert feed.stamp_of(0.0) == START + later * SECOND
+
+
+@pytest.mark.fault_case(44)
+@given(at=st.integers(-(10**9), 7 * 10**9).filter(lambda at: not -6 <= at <= 26), place=st.integers(1, 18))
+def test_a_wrong_stamp_of_a_burst_costs_only_that_burst(at, place):
+    feed, warnings = feed_of()
+    starts = [at if k == place else k for k in range(20)]
+    assert times_used(feed, starts) == [k for k in range(20) if k != place]
+    assert warnings == []
+
+
+@pytest.mark.fault_case(44)
+@given(at=st.integers(-(10**9), 7 * 10**9).filter(lambda at: abs(at) > 4000))
+def test_a_stamp_of_the_rig_that_is_hours_off_has_no_time(at):
+    feed, _ = feed_of()
+    times_used(feed, [0, 1])
+    assert feed.seconds(START + at * SECOND) is None
+    given_strokes = []
+    feed.following.take_strokes = lambda pump, times: given_strokes.append((pump, times.tolist()))
+    feed.take_strokes(START + 3 * SECOND, [(1, START + SECOND), (1, START + at * SECOND), (1, START + 2 * SECOND)])
+    assert given_strokes == [(1, [1.0, 2.0])]
 
 
 def test_a_wired_tool_gives_words_without_flow_and_its_survey_the_time_it_was_sent():

@@ -5,6 +5,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.flow_spans import FlowSpans, NoFlowSpan
@@ -31,6 +33,15 @@ def test_a_dip_that_the_tool_ignores_is_no_rest_of_a_link_through_the_earth():
     flow = flow_of(EARTH, np.array(rates) / 600.0 * THRESHOLD)
     assert flow.spans.spans == [NoFlowSpan(20.0, 80.0)]
     assert flow.on_since(120.0) == 80.0
+
+
+@pytest.mark.fault_case(44)
+@given(ahead=st.floats(60.0, 1e9), place=st.integers(10, 14))
+def test_a_wrong_time_of_the_flow_does_not_stop_the_pumps_from_being_on(ahead, place):
+    flow = flow_of(PULSES, [0.5 * THRESHOLD] * 10)
+    for at_s in range(10, 40):
+        flow.take(at_s + ahead * (at_s == place), 2.0 * THRESHOLD)
+    assert flow.silence(40.0) == ""
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

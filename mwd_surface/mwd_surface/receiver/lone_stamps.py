@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Wrong stamps of single samples or bursts, and clocks that are set: one wrong stamp must cost one sample only.
+
+A time more than `STEP_S` from the time before it is believed if the next time follows it, and wrong if the next time is
+nearer to the one before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array
+
+STEP_S = 5.0
+"""Largest step of time, forward or back, that needs no confirmation, s."""
+LONGEST_GAP_S = 3600.0
+"""Longest gap over which a clock is believed to run on, s: no synchronisation with the tool lasts that long."""
+_MOST = 1e-3  # largest share of lone stamps; more of them are two interleaved clocks
+
+
+def lone(times: Array) -> NDArray[np.bool_]:
+    """
+    Return which of many times are single wrong stamps, shape (n,).
+
+    A lone time lies more than `STEP_S` outside the times before and after it, although these two are in order. The
+    first or the last time is lone if it lies on the wrong side of its two neighbours. The times are finite.
+    """
+    wrong = np.zeros(len(times), dtype=bool)
+    if len(times) < 3:
+        return wrong
+    before, at, after = times[:-2], times[1:-1], times[2:]
+    wrong[1:-1] = (before <= after) & ((at < before - STEP_S) | (at > after + STEP_S))
+    wrong[0] = times[1] <= times[2] < times[0] - STEP_S or times[1] - times[0] > LONGEST_GAP_S
+    wrong[-1] = times[-1] + STEP_S < times[-3] <= times[-2] or times[-1] - times[-2] > LONGEST_GAP_S
+    # The neighbour of a wrong first or last time is right.
+    wrong[0] &= not wrong[1]
+    wrong[-1] &= not wrong[-2]
+    return wrong if wrong.sum() <= _MOST * len(times) + 1 else np.zeros_like(wrong)
+
+
+class SteadyTimes:
+    """Times of samples that arrive: drops lone wrong stamps, and lets the time run on where a clock was set."""
+
+    def __init__(self) -> None:
+        self._last = -np.inf
+        self._ahead = 0.0
+        self._unconfirmed: tuple[float, float] | None = None
+
+    def steady(self, time_s: Array, value: Array) -> tuple[Array, Array]:
+        """
+        Return the samples whose times are believed, with times that run on.
+
+        Parameters
+        ----------
+        time_s, value : ndarray, shape (n,)
+            Times, s, and samples.
+
+        Returns
+        -------
+        time_s, value : ndarray, shape (m,)
+            A sample whose time jumps is returned after the next sample has confirmed the jump. After a jump back, or
+            forward by more than `LONGEST_GAP_S`, the times continue from the last time before the jump.
+        """
+        time, rows = np.asarray(time_s, dtype=float), np.asarray(value, dtype=float)
+        if self._unconfirmed is None and len(time):
+            steps = np.diff(time, prepend=self._last if np.isfinite(self._last) else time[0])
+            if (np.abs(steps) <= STEP_S).all() and time.min() >= self._last - STEP_S:
+                self._last = max(self._last, float(time.max()))
+                return time - self._ahead, rows
+        taken = [pair for at, one in zip(time.tolist(), rows.tolist(), strict=True) for pair in self._take(at, one)]
+        found = np.array(taken, dtype=float).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
+
+    def _take(self, at: float, value: float) -> list[tuple[float, float]]:
+        """Return the samples that are believed now."""
+        if not np.isfinite(at):
+            return []
+        out, before = [], self._unconfirmed
+        if before is not None and abs(at - before[0]) <= abs(at - self._last):
+            step = before[0] - self._last
+            self._ahead += 0.0 if 0.0 < step <= LONGEST_GAP_S else step
+            self._last = before[0]
+            out = [(before[0] - self._ahead, before[1])]
+        self._unconfirmed = None
+        if np.isfinite(self._last) and abs(at - self._last) > STEP_S:
+            self._unconfirmed = (at, value)
+            return out
+        self._last = max(self._last, at)
+        return [*out, (at - self._ahead, value)]
