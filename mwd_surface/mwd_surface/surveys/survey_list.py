@@ -4,8 +4,9 @@ Survey list of a well: measurements, automatic verdicts, decisions of people, an
 
 A list is an immutable value: every operation returns a new list, or raises `ValueError` and leaves the old list
 unchanged. Automatic verdict and decision are both kept; no measurement is ever dropped. The depth decides the order: a
-station at an occupied depth, or above a deeper and earlier one, waits until a person accepts it explicitly. Units are
-SI and rad; azimuths and map axes of the path refer to the north named by the well.
+station above a deeper and earlier one waits until a person accepts it explicitly, and so does a station at an occupied
+depth, unless its direction is clearly more certain and no person has judged the other. Units are SI and rad; azimuths
+and map axes of the path refer to the north named by the well.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ from mwd_surface.trajectory.well_path import Definitive
 
 #: Kinds of remarks about the start of the path.
 OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED, RemarkKind.TIE_ON_OF_LIST)
+
+# A station replaces another one of its depth if its sigma is smaller than this share of the other's: stations of equal
+# tools differ by less, and should not move the path back and forth.
+_CLEARLY = 0.8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,13 +148,25 @@ class SurveyList:
             tool=self.tool if tool is None else tool,
             comment=comment,
         )
-        record = dataclasses.replace(record, in_use=self._allowed(record))
-        return self._with((*self.records, record), max(survey.stamp_ns, self.changed_ns))
+        return self._with(self._entered(record), max(survey.stamp_ns, self.changed_ns))
 
-    def _allowed(self, record: SurveyRecord) -> bool:
-        """Return whether a survey that is not in the list goes into the path without a decision."""
-        accepted = record.survey.verdict == Verdict.ACCEPT
-        return self.rules.automatic and accepted and not obstacles(self, record)
+    def _entered(self, record: SurveyRecord) -> tuple[SurveyRecord, ...]:
+        """
+        Return the records with one that is not in the list, which goes into the path if the rules allow it.
+
+        At its depth it replaces stations that are clearly less certain, if no person has judged them.
+        """
+        replaced = {r.survey.uuid for r in at_same_depth(self, record) if _is_better(record, r)}
+        rest = tuple(dataclasses.replace(r, in_use=r.in_use and r.survey.uuid not in replaced) for r in self.records)
+        accepted = self.rules.automatic and record.survey.verdict == Verdict.ACCEPT
+        used = accepted and not obstacles(dataclasses.replace(self, records=rest), record)
+        return (*(rest if used else self.records), dataclasses.replace(record, in_use=used))
+
+    def _waits_at(self, record: SurveyRecord, revised: SurveyRecord) -> bool:
+        """Return whether a survey at the depth of a revised one is not in use, and no person has judged it."""
+        waits = record is not revised and record.judgement == Judgement.NOT_JUDGED and not record.in_use
+        apart = abs(record.measured_depth - revised.measured_depth)
+        return waits and record.leg == revised.leg and apart < self.rules.same_depth
 
     def accept(
         self,
@@ -254,18 +271,23 @@ class SurveyList:
         record = dataclasses.replace(old, revised=(survey,))
         if old.judgement != Judgement.ACCEPTED and not ask:
             record = dataclasses.replace(_with_value(record, Value.REVISED), in_use=False)
-            if old.judgement == Judgement.NOT_JUDGED:
-                rest = dataclasses.replace(self, records=tuple(r for r in self.records if r is not old))
-                record = dataclasses.replace(record, in_use=rest._allowed(record))
-        return self._with([record if r is old else r for r in self.records])
+        whole = dataclasses.replace(self, records=tuple(record if r is old else r for r in self.records))
+        if record.judgement == Judgement.NOT_JUDGED and not ask:
+            # If the survey leaves the path, another one of its depth may take its place.
+            for one in (record, *(r for r in whole.records if whole._waits_at(r, record))):
+                rest = dataclasses.replace(whole, records=tuple(r for r in whole.records if r is not one))
+                whole = dataclasses.replace(rest, records=rest._entered(one))
+        return self._with(whole.records)
 
     def as_first_decided(self) -> SurveyList:
         """Return the list with each survey as first decided; the rules decide on surveys that no person has judged."""
         bare = self._with(())
         for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
             first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
-            used = record.in_use if record.judgement != Judgement.NOT_JUDGED else bare._allowed(first)
-            bare = bare._with((*bare.records, dataclasses.replace(first, in_use=used)))
+            if record.judgement == Judgement.NOT_JUDGED:
+                bare = bare._with(bare._entered(first))
+            else:
+                bare = bare._with((*bare.records, dataclasses.replace(first, in_use=record.in_use)))
         return bare
 
     def with_records(self, records: Iterable[SurveyRecord]) -> SurveyList:
@@ -411,6 +433,17 @@ class SurveyList:
             legs = (*whole.legs[:k], dataclasses.replace(leg, tie_on=tie_on), *whole.legs[k + 1 :])
             whole = dataclasses.replace(whole, legs=legs)
         return whole
+
+
+def _is_better(record: SurveyRecord, other: SurveyRecord) -> bool:
+    """Return whether a station is clearly more certain than another one that no person has judged."""
+    return other.judgement == Judgement.NOT_JUDGED and _sigma(record.survey) < _CLEARLY * _sigma(other.survey)
+
+
+def _sigma(survey: Survey) -> float:
+    """Return 1 sigma of the direction of the hole, rad."""
+    azimuth = survey.sigma_azimuth if math.isfinite(survey.sigma_azimuth) else math.pi
+    return math.hypot(survey.sigma_inclination, math.sin(survey.inclination) * azimuth)
 
 
 def _rejected(record: SurveyRecord, operator_name: str, reason: str, stamp_ns: int) -> SurveyRecord:

@@ -194,6 +194,38 @@ def test_a_duplicate_depth_is_replaced_only_by_explicit_accept():
     assert [r.in_use for r in back.records] == [True, True, True, True, False]
 
 
+def certain(sigma_azimuth_deg):
+    """Covariance of a station whose azimuth has this sigma."""
+    return (1e-8, 0.0, 0.0, 0.0, math.radians(sigma_azimuth_deg) ** 2, 0.0, 0.0, 0.0, 1e-6)
+
+
+def used(whole):
+    return [r.survey.sequence for r in whole.records if r.in_use]
+
+
+def test_of_two_surveys_at_a_depth_the_path_uses_the_clearly_more_certain_one():
+    whole = SurveyList(legs=VERTICAL).add(shot(1, covariance=certain(2.3)), 90.0, 0.0)
+    equal = whole.add(shot(2, covariance=certain(2.2)), 90.0, 0.0)
+    assert used(equal) == [1]
+    better = equal.add(shot(3, covariance=certain(1.2)), 90.0, 0.0)
+    assert used(better) == [3]
+    assert flags(better, 1) == ("duplicate depth: survey 3 is at 90.00 m",)
+    assert better.as_first_decided() == better
+    # A survey that a person accepted stays, and a more certain one that is doubtful is not used.
+    assert used(whole.accept(1, "Ann", "", 1).add(shot(3, covariance=certain(1.2)), 90.0, 0.0)) == [1]
+    assert used(whole.add(shot(3, covariance=certain(1.2), verdict=int(Verdict.DOUBTFUL)), 90.0, 0.0)) == [1]
+
+
+def test_a_survey_that_a_revision_makes_doubtful_is_replaced_by_the_other_one_at_its_depth():
+    whole = SurveyList(legs=VERTICAL).add(shot(1, covariance=certain(2.3)), 90.0, 0.0)
+    whole = whole.add(shot(2, covariance=certain(2.2)), 90.0, 0.0).add(shot(3), 120.0, 0.0)
+    doubtful = dataclasses.replace(shot(1, covariance=certain(4.0)), verdict=int(Verdict.DOUBTFUL), revision=1)
+    out = whole.revise(doubtful)
+    assert used(out) == [2, 3]
+    # Back again, it does not move the path to and fro.
+    assert used(out.revise(dataclasses.replace(whole.find(1).survey, revision=2))) == [2, 3]
+
+
 @pytest.mark.fault_case(39)
 def test_a_decreasing_depth_goes_between_the_others_only_by_explicit_accept():
     whole = filled(*CURVE).add(shot(5, 4.0, 33.0), 145.0, 0.0)
