@@ -81,6 +81,8 @@ class InputTopics:
         self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _UNITS.values()}
         self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
+        # Topics whose messages state an orientation.
+        self._oriented: set[str] = set()
         self._noise = input_covariance.NoiseWatch()
         # Newest stamp of each topic minus the newest stamp of the IMU at that time, ns; and number of times in a row
         # that this difference was too large, with the stamp of the IMU at the last comparison, ns. While no IMU samples
@@ -125,6 +127,9 @@ class InputTopics:
                 self._noise.rest(samples, layout.type_name, self.at_rest)
             samples, notes = input_covariance.judge(samples, layout.type_name)
             self._covariances[topic] = notes
+            # The first element of the covariance is -1 where no orientation is stated (sensor_msgs/Imu).
+            if "orientation" in (samples.dtype.names or ()) and (samples["orientation_covariance"][:, 0] != -1.0).any():
+                self._oriented.add(topic)
             newest_ns = int(samples["stamp_ns"][-1])
             if topic == "imu/data_raw":
                 self._imu_ns = newest_ns
@@ -258,8 +263,21 @@ class InputTopics:
         return tuple(found)
 
     def covariance_diagnostics(self) -> list[Diagnostic]:
-        """Return diagnostics of vectors that the messages declare absent, and of covariances that are not valid."""
+        """
+        Return diagnostics of what messages state beside their readings.
+
+        These are vectors that are declared absent, covariances that are not valid or unknown, and orientations.
+        """
         found = []
+        noted = {vector for notes in self._covariances.values() for vector in notes}
+        unknown = [name for name, noise in self._noise.noise.items() if noise.sigma == 0.0 and name not in noted]
+        if unknown:
+            message = f"no covariance is stated for {', '.join(unknown)}: the noise of the tool's settings is used"
+            found.append(Diagnostic("unknown covariances", OK, message))
+        found += [
+            Diagnostic(f"orientation {topic}", OK, f"{topic} states an orientation of its own: it is not used")
+            for topic in sorted(self._oriented)
+        ]
         for topic, layout in wire.SONDE_TOPICS.items():
             vectors = dict(input_covariance.VECTORS.get(layout.type_name, ())) if topic in _NOISY else {}
             too_small = {vector: note for vector, note in self._noise.not_credible.items() if vector in vectors}

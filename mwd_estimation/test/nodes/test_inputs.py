@@ -198,11 +198,26 @@ def test_what_covariances_declare_is_in_the_diagnostics():
     imu = stamped(wire.IMU)
     imu["angular_velocity_covariance"][:, 0] = -1.0
     imu["linear_acceleration_covariance"][:, 4] = -3.0
-    messages = [found.message for found in topics(imu__data_raw=imu).covariance_diagnostics()]
-    assert messages == [
+    found = topics(imu__data_raw=imu).covariance_diagnostics()
+    assert [one.message for one in found if one.level == WARN] == [
         "imu/data_raw: angular_velocity is declared not provided: it is not used",
         "imu/data_raw: linear_acceleration comes with no covariance: the noise of the tool's settings is used",
     ]
+
+
+@pytest.mark.fault_case(13, 17)
+@pytest.mark.parametrize("orientation", [[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 2.0]])
+def test_unknown_covariances_and_an_orientation_are_noted_once(orientation):
+    imu, mag = stamped(wire.IMU, 40), stamped(wire.MAG, 40)
+    imu["orientation"] = orientation
+    found = topics(imu__data_raw=imu, imu__mag=mag).covariance_diagnostics()
+    assert {one.level for one in found} == {OK}
+    assert [one.name for one in found] == ["unknown covariances", "orientation imu/data_raw"]
+    assert all(name in found[0].message for name in ("angular_velocity", "linear_acceleration", "magnetic_field"))
+    imu["orientation_covariance"][:, 0] = -1.0
+    imu["angular_velocity_covariance"] = imu["linear_acceleration_covariance"] = np.diag([1e-6] * 3).ravel()
+    mag["magnetic_field_covariance"] = np.diag([1e-14] * 3).ravel()
+    assert topics(imu__data_raw=imu, imu__mag=mag).covariance_diagnostics() == []
 
 
 def still(n=4000):
