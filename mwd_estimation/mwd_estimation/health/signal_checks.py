@@ -83,12 +83,8 @@ class SignalLimits(NamedTuple):
     #: Smallest standard deviation of a force that may be random numbers, in units of the range: uniform numbers have
     #: 0.58.
     noise_of_range: float = 0.36
-    #: `field_noise`, `field_noise_still`: smallest standard deviation of a field that may be random numbers, T, in any
-    #: motion and while the tool hardly turns between two samples. A turning tool sees at most the Earth's field change,
-    #: `earth_field`, T. Interference of a tool at rest varies by less than 1e-5 T.
+    #: Smallest standard deviation of a field that may be random numbers, T: the Earth's field is at most 7e-5 T.
     field_noise: float = 1e-4
-    field_noise_still: float = 1e-5
-    earth_field: float = 7e-5
     #: `axial_rate_noise`, `cross_rate_noise`: smallest standard deviation of rates about and across the axis that may
     #: be random numbers, rad/s. Torsional vibration of a string, and bending of a tool by 50 g of lateral vibration,
     #: give less.
@@ -168,24 +164,6 @@ def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
             gyro = gyro or (c < 3 and abs(row.mean) > p.gyro_turns)
             accel = accel or (c >= 3 and row.spread > p.shakes)
     return gyro, accel
-
-
-@compiled
-def _field_noise(p: SignalLimits, channels: Any) -> float:
-    """
-    Return the smallest standard deviation of a field that may be random numbers in this half second, T.
-
-    Neighbouring samples of a turning field differ by at most the rotation between them. If the gyros are silent,
-    constant or at the end of their range, the rotation is unknown.
-    """
-    rate2, n = 0.0, channels[6].n
-    for c in range(3):
-        row = channels[c]
-        if row.n < FEW or row.at_limit > 0 or row.constant_bins > 0 or n < FEW:
-            return p.field_noise
-        rate2 += row.mean**2 + row.spread**2
-    turn = math.sqrt(rate2) * 1e-9 * BIN_NS / n
-    return min(p.field_noise, p.field_noise_still + turn * p.earth_field)
 
 
 @compiled
@@ -319,8 +297,7 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     that are doubtful in this half second.
     """
     gyro, accel = _motion(p, channels)
-    field = _field_noise(p, channels)
-    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, (field, field), began))
+    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, (p.field_noise, p.field_noise), began))
     if limits[1] < math.inf:
         force = p.noise_of_range * limits[1]
         _judge_noise(p, checks, channels, 1, (force, force), began)
