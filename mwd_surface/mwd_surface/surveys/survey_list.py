@@ -158,9 +158,20 @@ class SurveyList:
         """
         replaced = {r.survey.uuid for r in at_same_depth(self, record) if _is_better(record, r)}
         rest = tuple(dataclasses.replace(r, in_use=r.in_use and r.survey.uuid not in replaced) for r in self.records)
-        accepted = self.rules.automatic and record.survey.verdict == Verdict.ACCEPT
-        used = accepted and not obstacles(dataclasses.replace(self, records=rest), record)
-        return (*(rest if used else self.records), dataclasses.replace(record, in_use=used))
+        if not dataclasses.replace(self, records=rest)._allows(record):
+            return (*self.records, dataclasses.replace(record, in_use=False))
+        whole = dataclasses.replace(self, records=(*rest, dataclasses.replace(record, in_use=True)))
+        # Only a replaced station may have kept a survey out of the path.
+        for waiting in whole.records if replaced else ():
+            if waiting.judgement == Judgement.NOT_JUDGED and not waiting.in_use and whole._allows(waiting):
+                used = dataclasses.replace(waiting, in_use=True)
+                whole = dataclasses.replace(whole, records=tuple(used if r is waiting else r for r in whole.records))
+        return whole.records
+
+    def _allows(self, record: SurveyRecord) -> bool:
+        """Return whether a survey that no person has judged goes into the path with the stations in use."""
+        accepted = record.survey.verdict == Verdict.ACCEPT
+        return self.rules.automatic and accepted and not obstacles(self, record)
 
     def _waits_at(self, record: SurveyRecord, revised: SurveyRecord) -> bool:
         """Return whether a survey at the depth of a revised one is not in use, and no person has judged it."""
