@@ -37,8 +37,8 @@ def finalize(
     Where two sources cover an interval, the one with the smaller position uncertainty at its end is used, and depths at
     which they disagree beyond their errors are named. Each magnetic run gets a multi-station analysis for comparison.
     Writes DIR/surveys.json and programme.yaml (for `mwd path`, `clearance`, `export`), definitive.csv, raw.csv,
-    definitive.las, trajectory.xml, report.html, differences.csv to the list as first decided, and certificate.json with
-    the SHA-256 of every input and output; with --key also certificate.sig.
+    definitive.las, trajectory.xml, report.html, report.pdf, differences.csv to the list as first decided, and
+    certificate.json with the SHA-256 of every input and output; with --key also certificate.sig.
 
     \b
     Examples:
@@ -116,6 +116,7 @@ _EXPORTS = {
     "definitive.las": "las",
     "trajectory.xml": "witsml",
     "report.html": "html",
+    "report.pdf": "pdf",
 }
 
 
