@@ -119,6 +119,7 @@ _EXPORTS = {
     "definitive.las": "las",
     "trajectory.xml": "witsml",
     "report.html": "html",
+    "report.pdf": "pdf",
 }
 
 

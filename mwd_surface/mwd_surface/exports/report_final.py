@@ -64,8 +64,10 @@ def final_sections(
     def along() -> Figure:
         return figure_of(changes, *names)
 
+    ends = [(table.path.positions[-1], _last(table)) for table in tables]
+    has_ellipses = any(covariance is not None for _, covariance in ends)
+
     def at_the_end() -> Figure:
-        ends = [(table.path.positions[-1], _last(table)) for table in tables]
         return end_ellipses(ends, ("as first decided", "final"))
 
     differences = Section(
@@ -73,7 +75,12 @@ def final_sections(
         sheets=(sheet_of("Changes by station", _titled(angles), rows),),
         drawings=(
             Drawing("Differences along the hole", along, wide=True),
-            Drawing("End of the path in plan view, ellipses at 2 sigma", at_the_end),
+            Drawing(
+                "End of the path in plan view, ellipses at 2 sigma"
+                if has_ellipses
+                else "End of the path in plan view, without position uncertainty",
+                at_the_end,
+            ),
         ),
         page=True,
     )

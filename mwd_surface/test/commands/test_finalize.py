@@ -58,6 +58,7 @@ def test_the_files_of_a_final_list_agree_and_its_certificate_is_of_them(tmp_path
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "Final list against the list as first decided" in report
     assert source["sha256"] in report
+    assert (out / "report.pdf").read_bytes().startswith(b"%PDF")
 
 
 # "endless" is a file of ten gigabytes.
