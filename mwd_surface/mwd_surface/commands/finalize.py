@@ -39,9 +39,9 @@ def finalize(
     current leg. Where two sources cover an interval, the source with the smaller position uncertainty at the end of the
     interval is used, and the depths at which the sources disagree beyond their errors are listed. Each magnetic run
     gets a multi-station analysis for comparison. Writes DIR/surveys.json and programme.yaml (for `mwd path`,
-    `clearance`, `export`), definitive.csv, raw.csv, definitive.las, trajectory.xml, report.html, differences.csv
-    (differences from the list as first decided), and certificate.json with the SHA-256 of every input and output; with
-    --key also certificate.sig.
+    `clearance`, `export`), definitive.csv, raw.csv, definitive.las, trajectory.xml, report.html, report.pdf,
+    differences.csv (differences from the list as first decided), and certificate.json with the SHA-256 of every input
+    and output; with --key also certificate.sig.
 
     \b
     Examples:
