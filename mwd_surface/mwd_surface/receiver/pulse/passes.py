@@ -196,8 +196,11 @@ def soft_words(
     """Return the words with the probabilities of their codes."""
     found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
     ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
-    fits = np.split(decision.fits, ends[:-1])
-    return [dataclasses.replace(soft, fits=float(fit.sum())) for soft, fit in zip(found, fits, strict=True)]
+    # A wrong table has the same kind of pulses in all packets of a word.
+    fits = [
+        -np.logaddexp.reduce(-fit.sum(axis=0)) + math.log(fit.shape[1]) for fit in np.split(decision.fits, ends[:-1])
+    ]
+    return [dataclasses.replace(soft, fits=float(fit)) for soft, fit in zip(found, fits, strict=True)]
 
 
 def _soft_values(

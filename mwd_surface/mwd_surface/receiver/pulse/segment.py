@@ -13,6 +13,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
@@ -135,8 +136,8 @@ class DecodedStretch:
         Probability of each packet value, using the parity.
     present : ndarray, shape (k, values)
         Probability that the pulse of each value is present, if the packet has that value.
-    fits : ndarray, shape (k,)
-        Log likelihood ratio of each packet: one pulse in its window, against one or two anywhere; as in `Soft`.
+    fits : ndarray, shape (k, 3)
+        Log likelihood ratio of each packet: one pulse in its window, against one, two, or two of half size anywhere.
     channel : Channel
         Channel estimated from the other pulses, with the noise model of this stretch.
     ebn0_db : float
@@ -224,7 +225,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS_AGAIN - 1):
             pumps = _new_noise(stretch, probability * present, state, weight)
-    fits = np.full(count, np.nan)
+    fits = np.full((count, 3), np.nan)
     if not packets[0, trellis.RISING]:
         pulses = _edges(stretch, span, len(common), probability * present)
         fits = _fits(packets, metric, sure, common, level, pulses, probability * present, stretch.missing)
@@ -263,7 +264,7 @@ def _any_pulses(packets: Indices, unary: Array, common: Array, level: Array, mis
     return total, np.exp(pulse - total)
 
 
-def _second(unary: Array, at: Indices, real: Array, common: Array, level: Array) -> Array:
+def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, level: Array) -> Array:
     """Return the log sum of the metrics of a second pulse, for each place of the first; at: places, TU."""
     gap = np.minimum(np.abs(at[:, :, None] - at[:, None, :]), len(common) - 1)
     both = unary[:, None, :] - level[:, None, None] * common[gap]
@@ -314,9 +315,8 @@ def _fits(
         first = share * unary + 0.5 * share * (1.0 - share) * common[0] * level[:, None]
         both = first + _second(first, at, here, share**2 * common, level)
         free.append(_log_sum(np.where(here, both, -np.inf)) - 2.0 * np.log(size[:, 0]))
-    anywhere = _log_sum(np.array(free).T) - math.log(len(free))
     sent, none = math.log(1.0 - missing), math.log(missing)
-    return np.asarray(np.logaddexp(sent + inside, none) - np.logaddexp(sent + anywhere, none))
+    return np.asarray((np.logaddexp(sent + inside, none) - np.logaddexp(sent + np.array(free), none)).T)
 
 
 def _log_sum(logs: Array) -> Array:
