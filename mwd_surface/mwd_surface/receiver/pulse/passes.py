@@ -196,11 +196,17 @@ def soft_words(
     """Return the words with the probabilities of their codes."""
     found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
     ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
-    # A wrong table has the same kind of pulses in all packets of a word.
-    fits = [
-        -np.logaddexp.reduce(-fit.sum(axis=0)) + math.log(fit.shape[1]) for fit in np.split(decision.fits, ends[:-1])
+    return [
+        dataclasses.replace(soft, fits=_worst(fit.sum(axis=0)))
+        for soft, fit in zip(found, np.split(decision.fits, ends[:-1]), strict=True)
     ]
-    return [dataclasses.replace(soft, fits=float(fit)) for soft, fit in zip(found, fits, strict=True)]
+
+
+def _worst(fits: Array) -> float:
+    """Return the log likelihood ratio of a word against all kinds of wrong tables, from that against each kind."""
+    # A wrong table has the same kind of pulses in all packets of a word.
+    least = np.min(fits)
+    return float(least - np.log(np.mean(np.exp(least - fits))))
 
 
 def _soft_values(
