@@ -3,26 +3,30 @@
 Probability that a decoded word is right, and that the tool configuration is the one the tool uses.
 
 With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time and pulses lie
-between the windows of the table. No word can be trusted then. The probability of this case is estimated from the
-parities that hold and the pulses that lie in their windows; the true words are not needed.
+between the windows of the table, or two in one window. No word can be trusted then. A table can also be right up to one
+word and wrong after it, because that word has another length. The probability of both cases is estimated from parities
+and pulses, by a Markov chain over the words (L. R. Rabiner, Proc. IEEE 77 (1989) 257); the true words are not needed.
 """
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
-from collections import deque
 
-# Prior probability that parities hold only by chance.
+# Prior probability that the table is wrong from the first word on.
 _FAILING = 0.06
-# Share of the prior with which the next transmission begins when the parities of the last one held. It is not smaller
+# Share of the prior with which the next transmission begins when the table of the last one was right. It is not smaller
 # because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
-_REMEMBERED = 32  # number of last words whose parities are used
+# Probability that the table becomes wrong at a word, because that word is longer or shorter than in the table, or that
+# a second tool begins; and that a wrong table becomes right again, for example after a disturbance of several words.
+_BECOMES_WRONG, _BECOMES_RIGHT = 0.002, 0.02
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
-# Bound on the likelihood of one word, so that one odd word in a hundred does not decide.
+# Probability that a word does not fit although the table is right, so that one odd word in a hundred does not decide.
 _SLIP = 0.01
+# Greatest log likelihood ratio by which the pulses of one word speak for the table: a table that is wrong in another
+# way, for example in its parities, has its pulses in the windows too.
+_MOST_FIT = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,12 +49,13 @@ class Soft:
         Probability that the parity of the word holds, computed without using the parity; None for a word without
         parity.
     fits : float
-        Log likelihood ratio of two cases: the table is right, or its windows hold pulses only by chance.
+        Log likelihood ratio of two cases: one pulse in each window of the table, or one or two pulses anywhere. NaN if
+        the code has no windows with gaps between them.
     """
 
     candidates: tuple[Candidate, ...]
     holds: float | None
-    fits: float = 0.0
+    fits: float = math.nan
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,11 +68,10 @@ class Judged:
 
 
 class Doubt:
-    """Probability of a wrong tool configuration, estimated from the last words: their parities and their pulses."""
+    """Probability that the table is wrong, after the words so far: their parities and their pulses."""
 
-    def __init__(self) -> None:
-        self._seen: deque[float] = deque(maxlen=_REMEMBERED)
-        self._prior = _FAILING
+    def __init__(self, prior: float = _FAILING) -> None:
+        self._odds = math.log(1.0 / prior - 1.0)
 
     def following(self) -> Doubt:
         """
@@ -76,32 +80,56 @@ class Doubt:
         Parities that held lower the prior of the next transmission. Parities that failed do not raise it, because one
         false sync says nothing about the next.
         """
-        proven = max(1.0 - self.failing / _FAILING, 0.0) * (1.0 - _ANEW)
-        after = copy.copy(self)
-        after._seen = deque(maxlen=_REMEMBERED)
-        after._prior = (1.0 - proven) * _FAILING
-        return after
-
-    def learn(self, words: list[Soft]) -> None:
-        """Add the parities and the pulses of more words."""
-        self._seen.extend(
-            math.log((_SLIP + (1.0 - 2.0 * _SLIP) * (0.5 if word.holds is None else word.holds)) / 0.5)
-            + max(word.fits, math.log(_SLIP))
-            for word in words
-            if word.holds is not None or word.fits
-        )
+        return Doubt(_FAILING * (_ANEW + (1.0 - _ANEW) * min(self.failing / _FAILING, 1.0)))
 
     @property
     def failing(self) -> float:
-        """Probability that the parities hold only by chance: wrong table, wrong pulse width, or no tool."""
-        odds = math.log(1.0 / self._prior - 1.0) + sum(self._seen)
-        return 1.0 / (1.0 + math.exp(min(odds, 500.0)))
+        """Probability that the table is wrong at the last word: another table, another pulse width, or no tool."""
+        return 1.0 - _probability(self._odds)
 
-    def judge(self, word: Soft) -> Judged:
-        """Return the most probable code of a word with its confidence, and up to three alternatives."""
-        meant = 1.0 - self.failing
-        found = sorted(
-            ((meant * one.probability, one.code) for one in word.candidates), key=lambda row: (-row[0], row[1])
-        )
-        best = found[0]
-        return Judged(best[1], best[0], tuple((code, p) for p, code in found[1:4]))
+    def learn(self, words: list[Soft]) -> list[float]:
+        """
+        Add more words; return for each the probability that the table is right there and that its pulses fit.
+
+        The words after a word count too: a word between words that do not fit is not trusted.
+        """
+        forward = []
+        evidence = [_evidence(word) for word in words]
+        for one in evidence:
+            right = _probability(self._odds)
+            right = right * (1.0 - _BECOMES_WRONG) + (1.0 - right) * _BECOMES_RIGHT
+            self._odds = math.log(right / (1.0 - right)) + one
+            forward.append(self._odds)
+        trusted, later = [], 0.0
+        for word, odds, one in zip(reversed(words), reversed(forward), reversed(evidence), strict=True):
+            fits = 1.0 if math.isnan(word.fits) else _probability(word.fits + math.log(1.0 / _SLIP - 1.0))
+            trusted.append(_probability(odds + later) * fits)
+            ahead = math.exp(one + later)
+            stays, turns = 1.0 - _BECOMES_WRONG, 1.0 - _BECOMES_RIGHT
+            later = math.log((stays * ahead + _BECOMES_WRONG) / (_BECOMES_RIGHT * ahead + turns))
+        return trusted[::-1]
+
+
+def _probability(odds: float) -> float:
+    """Return the probability with these logarithmic odds."""
+    return 1.0 / (1.0 + math.exp(-min(max(odds, -500.0), 500.0)))
+
+
+def _evidence(word: Soft) -> float:
+    """Return the log likelihood ratio of a word between a right and a wrong table."""
+    parity = 0.0 if word.holds is None else math.log((_SLIP + (1.0 - 2.0 * _SLIP) * word.holds) / 0.5)
+    fits = 0.0 if math.isnan(word.fits) else min(word.fits, _MOST_FIT)
+    return math.log((1.0 - _SLIP) * math.exp(parity + fits) + _SLIP)
+
+
+def judge(word: Soft, trusted: float) -> Judged:
+    """
+    Return the most probable code of a word with its confidence, and up to three alternatives.
+
+    trusted: probability from `Doubt.learn`.
+    """
+    found = sorted(
+        ((trusted * one.probability, one.code) for one in word.candidates), key=lambda row: (-row[0], row[1])
+    )
+    best = found[0]
+    return Judged(best[1], best[0], tuple((code, p) for p, code in found[1:4]))

@@ -27,11 +27,6 @@ _STRETCH_BITS = 12
 # Bits used to decide whether a sequence is present, and which one.
 LOOK_BITS = 30
 _BEAM = 16
-# Greatest log likelihood ratio that the pulses of one word can add in favour of the table, and Eb/N0 above which pulses
-# are clear, dB. In clear pulses 95 % of the words are sure with the right configuration, and about half of them with a
-# wrong table or clock; the last two numbers are the log ratios of a sure and of an unsure word.
-_MOST_FIT, _CLEAR_DB, _SURE, _UNSURE = 0.5, 9.0, math.log(0.95 / 0.5), math.log(0.05 / 0.5)
-_SILENT = 0.6  # a word with a larger share of missing pulses counts as silence
 # Likelihoods are raised to 1 / temperature (C. Guo et al., On Calibration of Modern Neural Networks, 2017): the first
 # in steady noise, the second in a disturbance. A disturbance is not just larger noise: it has a shape that may look
 # like a pulse. Against known words, the best temperature is 1 in undisturbed white noise and in wells, and 2 to 3 in
@@ -205,17 +200,17 @@ def soft_words(
     """Return the words with the probabilities of their codes."""
     found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
     ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
-    missing = 1.0 - np.sum(decision.probability * decision.present, axis=1)
-    softs = []
-    for soft, fit, away in zip(found, np.split(decision.fits, ends[:-1]), np.split(missing, ends[:-1]), strict=True):
-        # If most pulses of a word are missing, the tool is silent, and the word is not evidence about the table.
-        fits = 0.0
-        if away.mean() < _SILENT:
-            fits = min(float(fit.sum()), _MOST_FIT)
-            if decision.ebn0_db >= _CLEAR_DB and decision.disturbed < 0.5:
-                fits += _SURE if max(one.probability for one in soft.candidates) > 0.9 else _UNSURE
-        softs.append(dataclasses.replace(soft, fits=fits))
-    return softs
+    return [
+        dataclasses.replace(soft, fits=_worst(fit.sum(axis=0)))
+        for soft, fit in zip(found, np.split(decision.fits, ends[:-1]), strict=True)
+    ]
+
+
+def _worst(fits: Array) -> float:
+    """Return the log likelihood ratio of a word against all kinds of wrong tables, from that against each kind."""
+    # A wrong table has the same kind of pulses in all packets of a word.
+    least = np.min(fits)
+    return float(least - np.log(np.mean(np.exp(least - fits))))
 
 
 def _soft_values(

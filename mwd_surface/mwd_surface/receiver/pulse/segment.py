@@ -13,8 +13,10 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_surface.receiver.pulse import trellis
 from mwd_surface.receiver.pulse.channel_estimate import (
     BEFORE,
@@ -40,8 +42,6 @@ _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
 MISSING, _EXTRA = 0.003, 0.0005
-# Probability that a window of a wrong table contains a pulse at one of its places: 8 TU of 12.
-_BY_CHANCE = 2.0 / 3.0
 _ENOUGH = 20.0  # number of pulses that suffice to estimate a response without the response from before an interruption
 
 
@@ -136,8 +136,8 @@ class DecodedStretch:
         Probability of each packet value, using the parity.
     present : ndarray, shape (k, values)
         Probability that the pulse of each value is present, if the packet has that value.
-    fits : ndarray, shape (k,)
-        Log likelihood ratio of each packet against a table whose windows hold pulses only by chance.
+    fits : ndarray, shape (k, 3)
+        Log likelihood ratio of each packet: one pulse in its window, against one, two, or two of half size anywhere.
     channel : Channel
         Channel estimated from the other pulses, with the noise model of this stretch.
     ebn0_db : float
@@ -186,12 +186,12 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     reach = channel.components.shape[1] + _TAIL
     whitened, shapes = np.empty(n), np.empty((len(channel.components), reach))
     state = dataclasses.replace(channel)
-    span = int(packets[-1, 0]) + values
+    span = int(packets[-1, trellis.START] + packets[-1, trellis.COUNT]) + GAP_TU
     unary, level = np.zeros((count, values)), np.ones(count)
     common = np.zeros(1)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     even, evidence = np.empty(count), 0.0
-    present, fits = np.ones((count, values)), np.zeros(count)
+    present, metric, sure = np.ones((count, values)), np.zeros(span), np.ones(count)
     pumps = (
         _pumps(stretch, state, probability)
         if again
@@ -214,16 +214,21 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         near = (others > -len(common)) & (others < span + len(common))
         shared, beside, none = np.empty((count, values)), np.empty((count, values)), np.empty(0)
         trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, pulses, False, shared)
-        unary = sure[:, None] * (_unary(packets, out, energy) - shared)
+        metric = out - 0.5 * energy
+        unary = sure[:, None] * (metric[trellis.places_of(packets)] - shared)
         level = sure * level
         if not packets[0, trellis.RISING]:
             trellis.mean_interference(packets, none, none, common, level, pulses, True, beside)
-            unary, present, fits = _any_pulses(packets, unary - beside, common, level, stretch.missing)
+            unary, present = _any_pulses(packets, unary - beside, common, level, stretch.missing)
             unary += beside
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS_AGAIN - 1):
             pumps = _new_noise(stretch, probability * present, state, weight)
+    fits = np.full((count, 3), np.nan)
+    if not packets[0, trellis.RISING]:
+        pulses = _edges(stretch, span, len(common), probability * present)
+        fits = _fits(packets, metric, sure, common, level, pulses, probability * present, stretch.missing)
     g = _whitened(state.response, state.whitener)
     ways = trellis.log_ways(packets)
     own = slice(max(stretch.start - BEFORE, 0), stretch.end)
@@ -240,11 +245,9 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     )
 
 
-def _any_pulses(
-    packets: Indices, unary: Array, common: Array, level: Array, missing: float
-) -> tuple[Array, Array, Array]:
+def _any_pulses(packets: Indices, unary: Array, common: Array, level: Array, missing: float) -> tuple[Array, Array]:
     """
-    Return metrics that allow for missing and second pulses, and `present` and `fits` as in `DecodedStretch`.
+    Return metrics that allow for missing and second pulses, and `present` as in `DecodedStretch`.
 
     unary: metrics without the energy shared with any other packet. The windows of a combinatorial word overlap, so this
     does not apply to that code.
@@ -252,22 +255,68 @@ def _any_pulses(
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
     window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
     """
-    values = unary.shape[1]
-    real = np.arange(values)[None, :] < packets[:, trellis.COUNT, None]
     count = packets[:, trellis.COUNT].astype(float)
-    at = trellis.places_of(packets)
-    gap = np.minimum(np.abs(at[:, :, None] - at[:, None, :]), len(common) - 1)
-    both = unary[:, None, :] - level[:, None, None] * common[gap]
-    both = np.where(real[:, None, :] & (gap > 1), both, -np.inf)
-    second = unary + _log_sum(both) + np.log(_EXTRA / count)[:, None]
+    real = np.arange(unary.shape[1])[None, :] < packets[:, trellis.COUNT, None]
+    second = unary + _second(unary, trellis.places_of(packets), real, common, level) + np.log(_EXTRA / count)[:, None]
     alone = unary + math.log(1.0 - missing - _EXTRA)
     pulse = np.logaddexp(alone, second)
     total = np.logaddexp(pulse, math.log(missing))
-    hit = _log_sum(np.where(real, unary, -np.inf)) - np.log(count)
-    fits = np.logaddexp(hit + math.log(1.0 - missing), math.log(missing)) - np.logaddexp(
-        hit + math.log(_BY_CHANCE), math.log(1.0 - _BY_CHANCE)
-    )
-    return total, np.exp(pulse - total), fits
+    return total, np.exp(pulse - total)
+
+
+def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, level: Array) -> Array:
+    """Return the log sum of the metrics of a second pulse, for each place of the first; at: places, TU."""
+    gap = np.minimum(np.abs(at[:, :, None] - at[:, None, :]), len(common) - 1)
+    both = unary[:, None, :] - level[:, None, None] * common[gap]
+    return _log_sum(np.where(real[:, None, :] & (gap > 1), both, -np.inf))
+
+
+def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -> Array:
+    """Return the expected number of edges at each TU from `beyond` before the packets to `beyond` after their span."""
+    edges = np.zeros(span + 2 * beyond)
+    known = beyond + np.rint((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU).astype(np.int64)
+    inside = (known >= 0) & (known < len(edges))
+    np.add.at(edges, known[inside], stretch.pulses[inside, 1])
+    np.add.at(edges, beyond + trellis.places_of(stretch.packets), pulses)
+    return edges
+
+
+def _fits(
+    packets: Indices,
+    metric: Array,
+    sure: Array,
+    common: Array,
+    level: Array,
+    edges: Array,
+    pulses: Array,
+    missing: float,
+) -> Array:
+    """
+    Return `fits` of `DecodedStretch`.
+
+    The table has one pulse in a window. Another table, or a second tool, has one or two pulses at any place of a window
+    and the gap behind it; two of half the size if the response was estimated from syncs that two tools sent together.
+    Without any pulse both have the same likelihood, so silence says nothing about the table.
+
+    metric: of a pulse at each TU by itself; sure: share of it that counts, for each packet; edges: from `_edges`.
+    """
+    size = packets[:, trellis.COUNT, None] + GAP_TU
+    each = np.arange(int(size.max()))[None, :]
+    at = packets[:, trellis.START, None] + np.minimum(each, size - 1)
+    # Energy shared with all pulses, without those of the packet itself.
+    shared = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[len(common) :]
+    gap = np.minimum(np.abs(at[:, :, None] - trellis.places_of(packets)[:, None, :]), len(common) - 1)
+    own = np.sum(pulses[:, None, :] * common[gap], axis=2)
+    unary = sure[:, None] * metric[at] - level[:, None] * (shared[at] - own)
+    here = each < size
+    inside = _log_sum(np.where(each < size - GAP_TU, unary, -np.inf)) - np.log(size[:, 0] - GAP_TU)
+    free = [_log_sum(np.where(here, unary, -np.inf)) - np.log(size[:, 0])]
+    for share in (1.0, 0.5):
+        first = share * unary + 0.5 * share * (1.0 - share) * common[0] * level[:, None]
+        both = first + _second(first, at, here, share**2 * common, level)
+        free.append(_log_sum(np.where(here, both, -np.inf)) - 2.0 * np.log(size[:, 0]))
+    sent, none = math.log(1.0 - missing), math.log(missing)
+    return np.asarray((np.logaddexp(sent + inside, none) - np.logaddexp(sent + np.array(free), none)).T)
 
 
 def _log_sum(logs: Array) -> Array:
@@ -300,11 +349,6 @@ def _places(stretch: StretchOnToolClock, probability: Array) -> Array:
         for k, (one, p) in enumerate(zip(at, probability, strict=True))
     ]
     return np.concatenate([stretch.pulses, *own])
-
-
-def _unary(packets: Indices, out: Array, energy: Array) -> Array:
-    at = trellis.places_of(packets)
-    return np.asarray(out[at] - 0.5 * energy[at])
 
 
 def _levels(packets: Indices, energy: Array, whole: float) -> Array:

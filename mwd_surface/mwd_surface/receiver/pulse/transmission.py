@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.belief import Doubt
+from mwd_surface.receiver.belief import Doubt, judge
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse import passes, segment
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
@@ -32,8 +32,8 @@ from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Recept
 _HISTORY_TU = 400
 # Time after the last packet in which its response still carries energy.
 _AFTER_TU = 14
-# Probability that parities hold only by chance above which the transmission counts as lost.
-_LOST = 0.95
+# Probability of a wrong table above which the transmission counts as lost: at least three words in a row do not fit.
+_LOST = 0.999
 _DOUBTFUL = 0.2
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 _TWO_TOOLS = "two syncs overlap: two tools send at once; give them different pulse widths or transmit delays"
@@ -205,10 +205,10 @@ class ReceivedTransmission:
         self._channel = decision.channel
         self._missing[0] += float(len(rows) - np.sum(decision.probability * decision.present))
         self._missing[1] += len(rows)
-        self._at_once.learn(soft)
+        trusted = self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
             self.lost = _PARITIES_FAIL
-        provisional = self._held + self._words(now, now.done - len(items), self._at_once, 0)
+        provisional = self._held + self._words(now, now.done - len(items), trusted, 0)
         # Words after a doubtful sync are held back until it is confirmed.
         self._held = [] if presence.confirmed else provisional
         self._pending.provisional += provisional if presence.confirmed else []
@@ -248,8 +248,7 @@ class ReceivedTransmission:
             self._forget(now)
             return
         self._decode_again(now, heard)
-        self.doubt.learn([part.soft for part in heard])
-        words = self._words(now, 0, self.doubt, 1)
+        words = self._words(now, 0, self.doubt.learn([part.soft for part in now.parts]), 1)
         # Retract a word that was shown and then found to have no pulses.
         words = [
             word if part.pulses else dataclasses.replace(word, status=ERASED)
@@ -264,12 +263,12 @@ class ReceivedTransmission:
         self._forget(now)
         self._pending.add(Reception(words, [report]))
 
-    def _words(self, now: Pass, first: int, doubt: Doubt, revision: int) -> list[ReceivedWord]:
+    def _words(self, now: Pass, first: int, trusted: list[float], revision: int) -> list[ReceivedWord]:
         words = []
-        for k, part in enumerate(now.parts[first:], first):
+        for k, (part, sure) in enumerate(zip(now.parts[first:], trusted, strict=True), first):
             span = (self._seconds(part.at), self._seconds(part.at + SAMPLES_PER_TU * part.length))
             place = WordPlace(self.frames, k, now.kind, revision)
-            words.append(received(self._tool, part.item, doubt.judge(part.soft), span, place))
+            words.append(received(self._tool, part.item, judge(part.soft, sure), span, place))
         return words
 
     def _decode_again(self, now: Pass, parts: list[DecodedWord]) -> None:

@@ -183,6 +183,19 @@ def test_words_of_a_wrong_configuration_are_not_believed(wrong):
     assert sum(word.status == BELIEVED for word in words) <= 0.02 * len(words)
 
 
+@pytest.mark.parametrize("more", [2, -2])
+def test_a_word_of_another_length_in_the_table_makes_no_word_after_it_believed(more):
+    names = ["Inc:12:P", "Azm:12:P", "DipA:12:P", "Grav:12:P", "BatV:8:P", "Temp:8:P", "MagF:12:P", "Gama:8:P"]
+    tool = dataclasses.replace(FAST, survey_sequences=(" ".join(names),), toolface_sequences=())
+    names[3] = f"Grav:{12 + more}:P"
+    table = dataclasses.replace(tool, survey_sequences=(" ".join(names),))
+    for seed in range(3):
+        sent = transmit(tool, ((0.0, 200.0),), seed)
+        codes = [word.raw for word in sent.words]
+        for word in decode(table, *white(tool, sent, 10.0, seed=seed)).words:
+            assert word.status != BELIEVED or (word.index < 3 and word.raw == codes[word.index])
+
+
 @pytest.mark.slow
 def test_a_new_flow_on_is_a_new_survey():
     channel = MudChannel(well=WellGeometry(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
