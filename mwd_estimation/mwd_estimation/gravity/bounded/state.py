@@ -195,7 +195,7 @@ class Meaning:
 
 
 class Update:
-    """Trace of one update of the covariance, for the smoother and for the search for a jump (`bias_step`)."""
+    """Trace of one update of the covariance, for the smoother and for the search for a jump (`jumps`)."""
 
     sample: int
     """Index of the sample at which the update was made."""
@@ -212,7 +212,7 @@ class Update:
     spread: Annotated[Array, 3]
     """Variances of the innovations, m^2."""
     evidence: Annotated[Array, 3]
-    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `bias_step`."""
+    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `jumps`."""
     correction: Annotated[Array, 2]
     """Tilt applied to the attitude, rad."""
     tilt: Annotated[Array, 2, STEADY]
@@ -373,12 +373,18 @@ def forget(p: BoundedParams, s: BoundedRecord) -> None:
 
 
 @compiled
-def forget_density(s: BoundedRecord) -> None:
-    """Reset the statistics of the innovations, because new errors were just added to P."""
+def forget_innovations(s: BoundedRecord) -> None:
+    """Discard the last innovations, because the state was just corrected for the jump that they showed."""
     s.innovations.slow[:] = 0.0
-    s.innovations.density[:] = 1.0
     s.surprise = 0.0
     s.recent.length = 0
+
+
+@compiled
+def forget_density(s: BoundedRecord) -> None:
+    """Reset the statistics of the innovations, because new errors were just added to P."""
+    forget_innovations(s)
+    s.innovations.density[:] = 1.0
     s.meaning.effect[:] = 0.0
 
 
