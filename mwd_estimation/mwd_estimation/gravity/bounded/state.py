@@ -87,6 +87,10 @@ class MotionAverages:
     """Mean square displacement that white force of density `rough` causes, averaged like `folded_aside`, m^2."""
     rough: float
     """Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s."""
+    swing: Annotated[Array, 3]
+    """Sum of the x rates of point samples after one to three high-passes, rad."""
+    ripple: float
+    """Mean square of the last of them: the part of the roll that point samples may show wrongly, rad^2."""
 
 
 class CovarianceScale:

@@ -129,6 +129,22 @@ def test_vibration_that_passes_the_sampling_rate_is_not_taken_for_a_tilt(amplitu
     assert beyond < 0.03
 
 
+@pytest.mark.parametrize("frequency_hz", [137.0, 171.3, 110.5])
+@pytest.mark.parametrize("rate_deg_s", [100.0, 500.0])
+def test_sigma_of_the_toolface_covers_torsion_that_point_samples_alias(frequency_hz, rate_deg_s):
+    omega = 2.0 * np.pi * frequency_hz
+    t = np.arange(6000) / 100.0
+    roll = 0.7 + np.radians(rate_deg_s) / omega * np.sin(omega * t)
+    down = np.stack([np.full(len(t), 0.5), np.sqrt(0.75) * np.sin(roll), np.sqrt(0.75) * np.cos(roll)], axis=-1)
+    gyro = np.zeros((len(t), 3))
+    gyro[:, 0] = np.radians(rate_deg_s) * np.cos(omega * t)
+    rng = np.random.default_rng(4)
+    p = P._replace(sampled=True, coning=1.0)
+    accel = -p.gravity * down + 0.05 * rng.standard_normal((len(t), 3))
+    got = bounded.run(p, bounded.initial(p), (t * 1e9).astype(np.int64), gyro, accel)
+    assert beyond_three_sigma(got.part(t > 10.0), down[t > 10.0]) < 0.02
+
+
 def test_the_size_of_a_jump_is_the_posterior_mean_of_linear_regression():
     rng = np.random.default_rng(1)
     root = rng.normal(size=(17, 17))
