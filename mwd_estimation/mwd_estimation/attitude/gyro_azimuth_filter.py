@@ -23,7 +23,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     MagneticAzimuth,
 )
 from mwd_estimation.core.status import Status
-from mwd_estimation.gravity.bounded.bias_step import BIAS_STEP
+from mwd_estimation.gravity.bounded.jumps import BIAS_STEP
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle

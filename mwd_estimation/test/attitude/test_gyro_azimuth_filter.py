@@ -21,7 +21,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     gyro_unit,
     initial,
 )
-from mwd_estimation.gravity.bounded.bias_step import BIAS_STEP
+from mwd_estimation.gravity.bounded.jumps import BIAS_STEP
 
 PARAMS = at_latitude(
     GyroAzimuthParams(units=(gyro_unit(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5), gyro_unit(0.05, 5.0, 0.3))), 60.0

@@ -32,6 +32,7 @@ CLIP_SLOPE = 15.0  # rad/s^2, 1 sigma of the slope when clipping begins
 CLIP_BRIDGE = 4.0  # s, longest clipping after which the roll is not lost
 CLIP_TILT = 9.0  # rad^2, largest variance of the tilt at the end of clipping at which the roll is not lost
 CLIP_LOST = 3.0  # rad/s, largest missing rate at the end of clipping at which the roll is not lost
+SMALL_ROLL = 1e-3  # rad^2, largest variance of the roll at which its correction may be treated as a small tilt
 NEVER = 1e30  # gate that no innovation exceeds
 
 
@@ -82,7 +83,12 @@ def jump_gate(s: BoundedRecord) -> float:
     x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks are assumed to
     occur at random, and as frequently, n, as visible shocks less those that are vibration by chance: the probability of
     at least one shock within a time T is 1 - exp(-n T). Without shocks the gate is `FARTHEST`.
+
+    After rotation was lost, a large innovation shows a wrong roll as well as a shock. Then there is no gate: if the
+    filter took it for a shock, it would keep the wrong roll.
     """
+    if s.clipping.seen and _roll_variance(s) > SMALL_ROLL:
+        return NEVER
     expected = (s.shocks / SHOCK_MEMORY - CHANCE / max(s.period, 1e-4)) * s.sums.time
     if expected >= LEAST_EXPECTED:
         gate = -2.0 * math.log(-math.expm1(-expected))
@@ -91,6 +97,14 @@ def jump_gate(s: BoundedRecord) -> float:
     else:
         return NEVER
     return gate * max(s.innovations.usual, QUIET)
+
+
+@compiled
+def _roll_variance(s: BoundedRecord) -> float:
+    """Return the variance of the tilts as that of a rotation about the tool axis, rad^2."""
+    tilt = s.P[TILT, TILT] + s.P[TILT + 1, TILT + 1]
+    variance: float = tilt / max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)
+    return variance
 
 
 @compiled
@@ -164,6 +178,8 @@ def follow_rate(p: BoundedParams, s: BoundedRecord, dt: float, wx: float, flag: 
 def _begin_clipping(s: BoundedRecord) -> None:
     P, c = s.P, s.clipping
     c.seen = True
+    # The noise of the missing rate is not inflated, so a scale found before must not lower the variance of the roll.
+    s.innovations.across.power = max(s.innovations.across.power, 1.0)
     for j in range(MISSING - BIAS):
         for m in range(MISSING - BIAS):
             c.kept[j, m] = P[BIAS + j, BIAS + m]

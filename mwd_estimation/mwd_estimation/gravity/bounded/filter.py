@@ -22,10 +22,10 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import (
     accelerometer_errors,
     alignment,
-    bias_step,
     clipping,
     field_roll,
     gaps,
+    jumps,
     measurement,
     mechanisation,
     noise,
@@ -273,7 +273,7 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
     for axis in range(3):
         white = measurement.update(s, size, axis, p.displacement**2, gate)
         square += white * white / 3.0
-        bias_step.follow_innovation(s, axis, white)
+        jumps.follow_innovation(s, axis, white)
         entry.innovation[axis], entry.spread[axis] = s.innovation, s.spread
         measurement.log_measured(s, axis, entry.measured[axis], entry.gain[axis])
         sample_meaning.compare(s, axis, entry)
@@ -285,7 +285,7 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
     accelerometer_errors.follow(p, s)
     for j in range(2):
         entry.correction[j] = s.correction[TILT + j]
-    if size == STEADY and bias_step.follow(p, s):
+    if size == STEADY and jumps.follow(p, s):
         for j in range(2):
             entry.correction[j] += s.correction[TILT + j]
     if size == STEADY:

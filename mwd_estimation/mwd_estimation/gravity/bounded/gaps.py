@@ -10,7 +10,7 @@ kept.
 
 from __future__ import annotations
 
-from mwd_estimation.gravity.bounded import alignment, mechanisation
+from mwd_estimation.gravity.bounded import alignment, clipping, mechanisation
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, BoundedRecord
 from mwd_sensors.core.arrays import Array
@@ -19,7 +19,6 @@ from mwd_sensors.core.compiled import compiled
 GAP_NS = 250_000_000  # ns, a longer step is a gap
 STANDS_OUT = 4.0  # a step longer than this multiple of the usual step, and than half of GAP_NS, is a gap too
 MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a random walk
-SMALL_ROLL = 1e-3  # rad^2, largest variance of the roll at which its correction may be treated as a small tilt
 LOST_ROLL = 0.25  # rad^2, largest variance of the roll that does not count as lost
 CLOCK_SET = 0.005  # assumed probability that a long step comes from a clock that was set, so that no time has passed
 BACKWARD = 3  # number of samples in a row with earlier stamps after which the clock was set, as `time_jumps.CONFIRMED`
@@ -34,7 +33,7 @@ def stands_out(s: BoundedRecord, dt: float) -> bool:
 @compiled
 def widen_roll(s: BoundedRecord, variance: float) -> None:
     """Add a variance, rad^2, to the roll; if it is large, later corrections of the roll may be large angles."""
-    s.clipping.seen |= variance > SMALL_ROLL
+    s.clipping.seen |= variance > clipping.SMALL_ROLL
     for j in range(2):
         for m in range(2):
             s.P[TILT + j, TILT + m] += variance * s.C[j, 0] * s.C[m, 0]

@@ -3,7 +3,7 @@
 Information that later measurements of the bounded filter add about earlier errors, without inverses.
 
 The recursion is Bierman's (Fixed interval smoothing with discrete measurements, Int. J. Control 18, 1973). The smoother
-uses its result to correct earlier errors, and `bias_step` to find when an error has jumped.
+uses its result to correct earlier errors, and `jumps` to find when an error has jumped.
 """
 
 from __future__ import annotations

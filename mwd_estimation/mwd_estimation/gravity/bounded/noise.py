@@ -20,6 +20,7 @@ from mwd_sensors.core.compiled import compiled
 
 SWING_TIME = 0.5  # s, time constant of the three high-passes
 SWING_MEMORY = 2.1  # s, averaging time of the displacement
+RIPPLE_TIME = 0.03  # s, time constant of the three high-passes of the roll: stick-slip and rotation do not pass
 START_DISPLACEMENT = 0.1  # m, displacement assumed at a start
 ROTATING = 3.0  # rad/s, mean rate about the axis above which the circle of the lever arm is removed
 WALK_PER_DISPLACEMENT = 2.7  # ratio of the random walk of the resting point to the observed displacement, 1/sqrt(s)
@@ -55,6 +56,8 @@ def follow_rates(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Ve
     if flag or max(abs(w[1]), abs(w[2])) >= track.AT_RANGE * p.gyro_range:
         sums.turn += (CROSS_TURN * dt) ** 2
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
+    if s.meaning.sampled:
+        _follow_ripple(s, dt, w[0])
     if dt > 0.0:
         motion.rough += dt / (min(SWING_MEMORY, s.settled) + dt) * (df2 * dt / 6.0 - motion.rough)
     # If samples are missing, add noise for the unknown rates and forces in between.
@@ -63,6 +66,24 @@ def follow_rates(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Ve
         sums.turn += (0.5 * rate * dt) ** 2
         sums.jump += s.power * dt * dt / 3.0
     s.period += (0.05 if s.period > 0.0 else 1.0) * (dt - s.period)
+
+
+@compiled
+def _follow_ripple(s: BoundedRecord, dt: float, rate: float) -> None:
+    """
+    Update the fast part of the roll, equation (19); dt: step, s; rate: x rate, rad/s, of a point sample.
+
+    Torsion faster than half the sampling rate appears at a lower frequency, and its integral is then a roll that the
+    tool does not have. The sum of the rates, and not the integral by the trapezoid, is used: at half the sampling rate
+    the trapezoid shows nothing, although the tool moves.
+    """
+    motion, moved = s.motion, rate * dt
+    keep = RIPPLE_TIME / (RIPPLE_TIME + dt)
+    for n in range(3):
+        swing = keep * (motion.swing[n] + moved)
+        moved = swing - motion.swing[n]
+        motion.swing[n] = swing
+    motion.ripple += dt / (min(SWING_MEMORY, s.settled) + dt) * (motion.swing[2] ** 2 - motion.ripple)
 
 
 @compiled

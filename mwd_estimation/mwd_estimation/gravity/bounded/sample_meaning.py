@@ -8,7 +8,7 @@ interval. With the wrong assumption the roll is off by the rate about the axis t
 r/min and 100 Hz. While the rate is constant this angle is part of the initial roll; when the rate changes, it appears
 in the innovations. Integrated samples (the default of the settings) and points are two hypotheses. The errors that the
 state has if the samples are points are propagated together with the covariance, so each innovation updates the odds of
-the two (Willsky and Jones, 1976, see `bias_step`). Means and values at an instant cannot be distinguished in this way.
+the two (Willsky and Jones, 1976, see `jumps`). Means and values at an instant cannot be distinguished in this way.
 If the settings say points or means, this is not checked: aliased vibration in points can look like a wrong setting.
 """
 

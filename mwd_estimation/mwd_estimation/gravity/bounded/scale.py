@@ -34,6 +34,9 @@ SCALE_TIME, SCALE_OWN = 4.0, 3.0
 # it. The power must average several time constants of the filter: with only two, the reciprocal of the scale, and with
 # it the ratio of error to sigma, has no finite mean.
 SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
+# Share of the mean square force that may be in step with the torsion: vibration along one axis with a phase that nobody
+# knows.
+RECTIFIED = 0.5
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # s, averaging time of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis at which errors fixed in the tool have half of their full weight
@@ -159,16 +162,21 @@ def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
 
 
 @compiled
-def _doubt(s: BoundedRecord) -> tuple[float, float]:
+def _doubt(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     """
-    Return the variances of inclination and of tilt across the hole from the unknown kind of the samples, rad^2.
+    Return the variances of inclination and of tilt across the hole that point samples cause, rad^2.
 
-    If the samples are points with the probability w, and points change the tilt by e, the variance is w (1 - w) e^2.
+    If the samples are points with the probability w, and points change the tilt by e, the variance is w (1 - w) e^2. If
+    they are points for certain, torsion may be aliased: the fast part of the roll may be wrong, and it turns vibration
+    of the same frequency into a constant level force, equation (19).
     """
     dx, dy = hole_direction(s)
     share = 1.0 / (2.0 + 2.0 * math.cosh(min(s.meaning.odds, 0.0)))
     ex, ey = s.meaning.effect[TILT, 0], s.meaning.effect[TILT + 1, 0]
-    return share * (ex * dy - ey * dx) ** 2, share * (ex * dx + ey * dy) ** 2
+    along, across = share * (ex * dy - ey * dx) ** 2, share * (ex * dx + ey * dy) ** 2
+    rectified = RECTIFIED * s.motion.ripple * s.power / p.gravity**2
+    roll = s.motion.ripple * (s.C[0, 0] ** 2 + s.C[1, 0] ** 2)
+    return along + rectified, across + rectified + roll
 
 
 @compiled
@@ -177,7 +185,7 @@ def publish(p: BoundedParams, s: BoundedRecord) -> None:
     tilt, aside = tilts(s)
     along, across = s.innovations.along.power, s.innovations.across.power
     floor_along, floor_aside = floors(p, s)
-    doubt_along, doubt_aside = _doubt(s)
+    doubt_along, doubt_aside = _doubt(p, s)
     floor_along, floor_aside = floor_along + doubt_along, floor_aside + doubt_aside
     s.sigma_inclination = min(math.pi, math.sqrt(max(along * (tilt + s.clipping.tilt), 0.0) + floor_along))
     sine2 = max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)

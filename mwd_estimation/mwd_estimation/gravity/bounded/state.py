@@ -87,6 +87,10 @@ class MotionAverages:
     """Mean square displacement that white force of density `rough` causes, averaged like `folded_aside`, m^2."""
     rough: float
     """Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s."""
+    swing: Annotated[Array, 3]
+    """Sum of the x rates of point samples after one to three high-passes, rad."""
+    ripple: float
+    """Mean square of the last of them: the part of the roll that point samples may show wrongly, rad^2."""
 
 
 class CovarianceScale:
@@ -195,7 +199,7 @@ class Meaning:
 
 
 class Update:
-    """Trace of one update of the covariance, for the smoother and for the search for a jump (`bias_step`)."""
+    """Trace of one update of the covariance, for the smoother and for the search for a jump (`jumps`)."""
 
     sample: int
     """Index of the sample at which the update was made."""
@@ -212,7 +216,7 @@ class Update:
     spread: Annotated[Array, 3]
     """Variances of the innovations, m^2."""
     evidence: Annotated[Array, 3]
-    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `bias_step`."""
+    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `jumps`."""
     correction: Annotated[Array, 2]
     """Tilt applied to the attitude, rad."""
     tilt: Annotated[Array, 2, STEADY]
@@ -373,12 +377,18 @@ def forget(p: BoundedParams, s: BoundedRecord) -> None:
 
 
 @compiled
-def forget_density(s: BoundedRecord) -> None:
-    """Reset the statistics of the innovations, because new errors were just added to P."""
+def forget_innovations(s: BoundedRecord) -> None:
+    """Discard the last innovations, because the state was just corrected for the jump that they showed."""
     s.innovations.slow[:] = 0.0
-    s.innovations.density[:] = 1.0
     s.surprise = 0.0
     s.recent.length = 0
+
+
+@compiled
+def forget_density(s: BoundedRecord) -> None:
+    """Reset the statistics of the innovations, because new errors were just added to P."""
+    forget_innovations(s)
+    s.innovations.density[:] = 1.0
     s.meaning.effect[:] = 0.0
 
 

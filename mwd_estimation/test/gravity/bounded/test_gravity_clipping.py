@@ -9,6 +9,7 @@ import pytest
 from consistency import assert_consistent
 from mwd_estimation.gravity.bounded import alignment, clipping
 from mwd_estimation.gravity.bounded import filter as bounded
+from mwd_estimation.gravity.bounded.state import TILT
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import ROOT
@@ -125,3 +126,13 @@ def test_one_wrong_force_within_the_vibration_leaves_the_inclination_within_its_
         got = bounded.run(p, bounded.initial(p), stamps, gyro, wrong)
         error = np.abs(got.inclination - clean.inclination)
         assert (error <= 3.5 * got.sigma_inclination + 1e-12).all(), (axis, value)
+
+
+@pytest.mark.parametrize("roll_sigma_deg", [0.5, 10.0])
+def test_a_large_innovation_is_not_taken_for_a_shock_while_the_roll_is_uncertain(roll_sigma_deg):
+    s = bounded.initial(bounded.BoundedParams()).record[0]
+    s.since_shock, s.sums.time = 10.0, 0.03
+    s.P[TILT, TILT] = math.radians(roll_sigma_deg) ** 2
+    assert clipping.jump_gate(s) < clipping.NEVER
+    s.clipping.seen = True
+    assert (clipping.jump_gate(s) < clipping.NEVER) == (roll_sigma_deg < 1.0)

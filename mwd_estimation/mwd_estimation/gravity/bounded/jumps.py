@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Steps of the gyro bias, found from the innovations of the last seconds.
+Jumps of the gyro bias and of the velocity, found from the innovations of the last seconds.
 
-The filter assumes that biases walk slowly. A gyro whose bias steps (by a blow, or a fault of its supply) tilts the
-vertical for as long as the filter believes the walk. A step is a hypothesis about one time in the last seconds. Its
-probability follows from the innovations since then (Willsky and Jones, A generalized likelihood ratio approach to the
-detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The information that
-innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer, Diagnosing
-shocks in time series, J. Am. Stat. Assoc. 93, 1998). Other jumps explain innovations as well: a string that starts
-along its hole, and a knock that clips the accelerometers. If a step is much more probable than these and than no
-jump, the filter corrects the errors that the step has caused since, and adds the covariance of the estimate.
+The filter assumes that biases walk slowly and that the string stays in place. Three events contradict this: a gyro
+whose bias steps (by a blow, or a fault of its supply), a string that starts or stops along its hole, and a velocity
+that the accelerometers did not measure (a knock that clips them, or vibration that point samples alias to a slow
+force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about one time in the last
+seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized likelihood ratio
+approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The
+information that innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer,
+Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable than the
+others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance of the
+estimate.
 """
 
 from __future__ import annotations
@@ -21,7 +23,15 @@ import numpy as np
 from mwd_estimation.core import ring
 from mwd_estimation.gravity.bounded import information, measurement, mechanisation
 from mwd_estimation.gravity.bounded.params import BoundedParams
-from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, STEADY, VEL, BoundedRecord, forget_density
+from mwd_estimation.gravity.bounded.state import (
+    BIAS,
+    ERRORS,
+    STEADY,
+    VEL,
+    BoundedRecord,
+    forget_density,
+    forget_innovations,
+)
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
@@ -38,10 +48,15 @@ SURPRISE_TIME = 0.3  # s, memory of `BoundedRecord.surprise`
 SURPRISING = 10.0
 # Averaging times of the innovations and of their density, s, and the least density.
 SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
-# Kinds of jumps: a bias steps; the string starts or stops along its hole; a knock that clips the
-# accelerometers leaves an error of the velocity.
+# Kinds of jumps: a bias steps; the string starts or stops along its hole; the accelerometers miss a part of the
+# velocity.
 STEP, TRAVEL, KNOCK, KINDS = 0, 1, 2, 3
-SURE = 5.0  # a step is accepted if the logarithm of its odds exceeds that of every other jump by this
+# A jump is accepted if the logarithm of its odds exceeds this plus that of the competing jumps. Jumps of the velocity
+# do not compete with each other, because travel along the hole is a special knock.
+SURE = 5.0
+# Point samples of vibration near a multiple of the sampling rate show a slow force of the size of the vibration. Its
+# usual duration, s: a sweep of 1 Hz/s passes the rate within a second.
+BEAT = 0.5
 # Updates after which a step of the bias is accepted at the earliest, 1.2 s. A string that starts needs up to a second
 # to reach its speed, and until then its acceleration looks like the tilt that a wrong gyro bias causes.
 AFTER_STEP = 40
@@ -68,18 +83,18 @@ def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
 
 @compiled
 def follow(p: BoundedParams, s: BoundedRecord) -> bool:
-    """Search for a step, at most after every fourth update; if one is found, apply it and return True."""
+    """Search for a jump, at most after every fourth update; if one is found, apply it and return True."""
     if s.surprise < SURPRISING or s.recent.length < LEAST_AFTER or s.recent.head % APART != 0:
         return False
-    at = _search(p, s)
+    kind, at = _search(p, s)
     if at > 0:
-        _apply(p, s, at)
+        _apply(p, s, kind, at)
     return at > 0
 
 
 @compiled
-def _search(p: BoundedParams, s: BoundedRecord) -> int:
-    """Return the number of updates since a step of the bias; 0 if no step was found."""
+def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
+    """Return the kind of the most probable jump and the number of updates since then; 0 if no jump was found."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
     for back in range(1, s.recent.length + 1):
@@ -99,19 +114,24 @@ def _search(p: BoundedParams, s: BoundedRecord) -> int:
             found = 0.5 * (gain / unexplained - occam) - math.log(EVERY / row.sums.time)
             if found > odds[kind]:
                 odds[kind], at[kind] = found, back
-    certain = odds[STEP] >= max(odds[TRAVEL], odds[KNOCK]) + SURE
-    return at[STEP] if certain and at[STEP] >= AFTER_STEP else 0
+    moved = TRAVEL if odds[TRAVEL] >= odds[KNOCK] else KNOCK
+    # Integrated samples miss a velocity only where they clip, which `clipping` follows.
+    if s.meaning.sampled and odds[moved] >= odds[STEP] + SURE:
+        return moved, at[moved]
+    certain = odds[STEP] >= odds[moved] + SURE and at[STEP] >= AFTER_STEP
+    return STEP, at[STEP] if certain else 0
 
 
 @compiled
 def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
     """Return the change of each error by a jump of 1 sigma, for up to three directions, shape (STEADY, 3)."""
     moves = np.zeros((STEADY, 3))
+    missed = p.axial_speed + (BEAT * math.sqrt(s.power) if s.meaning.sampled else 0.0)
     for j in range(3):
         if kind == STEP:
             moves[BIAS + j, j] = BIAS_STEP
         elif kind == KNOCK:
-            moves[VEL + j, j] = p.axial_speed
+            moves[VEL + j, j] = missed
         else:
             moves[VEL + j, 0] = p.axial_speed * s.C[j, 0]
     return moves
@@ -156,13 +176,13 @@ def _inverse(M: Array) -> tuple[Array, float]:
 
 
 @compiled
-def _apply(p: BoundedParams, s: BoundedRecord, at: int) -> None:
-    """Correct the state for a step `at` updates ago, estimated with the variances that the filter assumes."""
+def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
+    """Correct the state for a jump `at` updates ago, estimated with the variances that the filter assumes."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     for back in range(1, at + 1):
         row = s.recent.rows[ring.place(s.recent, back)]
         information.carry_over(row, row.spread, A, B, w)
-    moves, since = _moves(p, s, STEP), 0.0
+    moves, since = _moves(p, s, kind), 0.0
     jump, covariance, _, _ = _explain(A, moves)
     for back in range(at, 0, -1):
         row = s.recent.rows[ring.place(s.recent, back)]
@@ -185,5 +205,8 @@ def _apply(p: BoundedParams, s: BoundedRecord, at: int) -> None:
                     s.P[i, j] += moves[i, a] * covariance[a, b] * moves[j, b]
     measurement.symmetrise(s.P, STEADY)
     measurement.correct(s, STEADY)
-    s.gyro_step = since
-    forget_density(s)
+    if kind == STEP:
+        s.gyro_step = since
+        forget_density(s)
+    else:
+        forget_innovations(s)
