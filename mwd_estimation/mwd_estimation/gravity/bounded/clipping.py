@@ -178,8 +178,6 @@ def follow_rate(p: BoundedParams, s: BoundedRecord, dt: float, wx: float, flag: 
 def _begin_clipping(s: BoundedRecord) -> None:
     P, c = s.P, s.clipping
     c.seen = True
-    # The noise of the missing rate is not inflated, so a scale found before must not lower the variance of the roll.
-    s.innovations.across.power = max(s.innovations.across.power, 1.0)
     for j in range(MISSING - BIAS):
         for m in range(MISSING - BIAS):
             c.kept[j, m] = P[BIAS + j, BIAS + m]
