@@ -89,7 +89,7 @@ class Rig:
         self.live()
         self.publish()
 
-    def publish(self):
+    def publish(self, **server):
         now = time.monotonic()
         reference = ReferenceFieldState(declination=-0.014, convergence=-0.0157, source="WMM2025 (pygeomag)")
         self.state.show(now, well=self.list.well, reference_given=reference, surveys=self.list)
@@ -100,7 +100,7 @@ class Rig:
         self.state.show(now, clearance=(near("A-3", 9.0), near(EVIL, 40.0)))
         self.state.show(now, alarms=AlarmState(self.book.alarms(), (), time.time() - now), events=self.book.events())
         self.state.show(now, diagnostics=(NodeDiagnostic(EVIL, DiagnosticLevel.WARNING, "slow", "look"),))
-        self.push()
+        self.push(**server)
 
     def live(self, inclination_deg=44.62, toolface_deg=127.0, status=65536):
         now = time.monotonic()
@@ -121,8 +121,9 @@ class Rig:
         self.state.on_recorder(RECORDING, now)
         self.push()
 
-    def push(self):
-        self.server.push(self.tables.snapshot(self.state.at(time.monotonic())))
+    def push(self, **server):
+        """Send the state; server: tables that the server says about itself."""
+        self.server.push({**self.tables.snapshot(self.state.at(time.monotonic())), "server": server})
 
 
 def survey(sequence, **changes):

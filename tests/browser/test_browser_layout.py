@@ -231,8 +231,7 @@ def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(brow
 
 def test_the_bar_of_a_replay_leaves_room_for_the_bit_and_the_last_survey(browser):
     with rig_on(browser) as rig:
-        rig.server.tell(replay={"at": 1.0, "length": 60.0, "playing": False, "rate": 1.0})
-        rig.push()
+        rig.push(replay={"at": 1.0, "length": 60.0, "playing": False, "rate": 1.0})
         wait(browser, lambda: browser.find_element(By.ID, "replay").is_displayed())
         bottom = box(browser, "#replay")[1]
         rows = browser.find_elements(By.CSS_SELECTOR, "table.surveys tbody tr")

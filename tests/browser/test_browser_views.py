@@ -214,8 +214,7 @@ def test_over_a_telemetry_link_the_first_screen_and_the_charts_show_the_rig_s_va
 
 def test_the_clock_shows_utc_and_the_time_at_the_rig(browser):
     with rig_on(browser) as rig:
-        rig.server.tell(time_zone="Asia/Shanghai")
-        rig.publish()
+        rig.publish(time_zone="Asia/Shanghai")
         wait(browser, lambda: "Shanghai" in text(browser, "#clock"))
         utc, there = (part.split()[0] for part in text(browser, "#clock").split(" · "))
         assert abs(int(there[:2]) - int(utc[:2])) % 24 in (8, 16)
