@@ -41,24 +41,7 @@ def installed(tmp_path_factory):
     versions.write_text("".join(f"{pin}\n" for lock in locks for pin in re.findall(r"^\S+==\S+", lock, re.MULTILINE)))
     python = environment / "bin" / "python"
     subprocess.run([python, "-m", "pip", *quiet, "install", "--no-compile", "-c", versions, *wheels], check=True)
-    (site,) = (environment / "lib").glob("python3.*/site-packages")
-    for package in PACKAGES:
-        _share_machine_code(ROOT / package, site, package)
     return environment
-
-
-def _share_machine_code(sources, site, package):
-    """Give installed modules the machine code of their sources, so that none is compiled that is compiled already."""
-    for module in (sources / package).rglob("*.py"):
-        # The cache knows a module by its size and time.
-        times = module.stat()
-        os.utime(site / module.relative_to(sources), ns=(times.st_atime_ns, times.st_mtime_ns))
-    for code in (sources / package).rglob("__pycache__/*.nb[ci]"):
-        target = site / code.relative_to(sources)
-        # A module that is gone may have left its own.
-        if target.parent.parent.is_dir():
-            target.parent.mkdir(exist_ok=True)
-            shutil.copyfile(code, target)
 
 
 def run(installed, folder, command, *words):

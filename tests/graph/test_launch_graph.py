@@ -51,7 +51,7 @@ def test_what_the_launch_file_starts_records_a_survey_and_ends_when_told(tmp_pat
     parameters = {
         "surface": {"folder": str(tmp_path / "data"), "page.port": 0, "record.name": "run"},
         "estimator": launch_plan.reference_parameters(read(STORY)),
-        "sonde": {"scenario": str(STORY), "rate": 4.0},
+        "sonde": {"scenario": str(STORY), "rate": 2.0},
     }
     file = tmp_path / "parameters.yaml"
     file.write_text(yaml.safe_dump({"/**": {node: {"ros__parameters": given} for node, given in parameters.items()}}))

@@ -78,6 +78,25 @@ def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
 
 
 @pytest.mark.slow
+def test_an_installation_by_links_uses_the_machine_code_of_the_sources(tmp_path):
+    (tmp_path / "sources").mkdir()
+    (tmp_path / "sources" / "mwd_twice.py").write_text(
+        "from mwd_sensors.core.compiled import compiled\n\n@compiled\ndef twice(x):\n    return 2 * x\n"
+    )
+    (tmp_path / "links").symlink_to("sources")
+    program = "import mwd_twice; print(mwd_twice.twice(4), len(mwd_twice.twice.stats.cache_hits))"
+
+    def run(folder):
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path / folder)}
+        command = [sys.executable, "-c", program]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    assert run("sources") == ["8", "0"]
+    assert run("links") == ["8", "1"]
+
+
+@pytest.mark.slow
 def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_places(tmp_path):
     params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    {}: float\n    {}: float\n"
     (tmp_path / "mwd_params.py").write_text(params.format("low", "top"))
