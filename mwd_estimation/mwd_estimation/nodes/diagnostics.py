@@ -91,7 +91,7 @@ def reference_diagnostic(reference: Reference | None) -> Diagnostic:
 
 def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnostic]:
     """
-    Return one entry for each sensor fault, or one entry with the undecided checks if there is no fault.
+    Return one entry for each sensor fault; without a fault, return one entry that lists the undecided checks.
 
     The level depends on the consequence for the driller (ISA-18.2): a faulty magnetometer or precision unit is only a
     warning as long as the other sensors still give an azimuth (`has_azimuth`).

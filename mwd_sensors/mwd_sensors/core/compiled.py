@@ -131,8 +131,8 @@ def compiled(function: F) -> F:
     of samples gives the same bits as the same samples one by one. The kernel releases the interpreter lock; other
     threads must not change the arrays of a call until it returns.
     """
-    # numba names a folder of its cache after the path of the source. With the real path, an installation by links uses
-    # the machine code of its sources.
+    # numba names its cache folder after the path of the source file. With the real path, an installation by symbolic
+    # links shares the cached machine code of the original files.
     code = function.__code__
     function.__code__ = code.replace(co_filename=os.path.realpath(code.co_filename))
     kind = Kernel if numba.version_info.short >= (0, 61) else OldKernel

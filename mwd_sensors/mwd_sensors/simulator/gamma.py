@@ -93,7 +93,7 @@ class Gamma:
     )
 
     def __post_init__(self) -> None:
-        """Raise ValueError if there is no layer, depths do not rise, or a layer has no valid gamma."""
+        """Raise ValueError if layers are missing, depths do not rise, or the gamma of a layer is not valid."""
         if not self.formation:
             raise ValueError("formation: at least one layer is needed")
         if any(b[0] <= a[0] for a, b in itertools.pairwise(self.formation)):

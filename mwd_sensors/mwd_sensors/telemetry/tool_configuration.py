@@ -132,9 +132,8 @@ class ToolConfiguration:
         Raises
         ------
         ValueError
-            A sequence cannot be read or is not possible in the code, there is no survey, the header has one bit or too
-            few bits to number the sequences, or the unit of a word does not fit the quantity of its name or log
-            channel.
+            The code cannot send a sequence, or a sequence cannot be read; the survey is missing; the header has one
+            bit, or too few bits to number the sequences; or the unit of a word is not a unit of its quantity.
         """
         for name, word in self.words.items():
             try:

@@ -85,7 +85,7 @@ def log(
     for line in gap_lines(found, which):
         terminal.warn(line)
     for name, count in found.unplaced.items():
-        terminal.warn(f"{name}: {count} samples have no depth, because there is no bit depth within 30 s of their time")
+        terminal.warn(f"{name}: {count} samples have no depth: the rig sent no bit depth within 30 s of them")
     for reason, count in found.unusable.items():
         terminal.warn(f"{count} samples or depths are left out: {reason}")
     if found.disordered:

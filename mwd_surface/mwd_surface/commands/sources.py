@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def recording_at(path: Path) -> Path:
-    """Return the recording from which the results in a folder were computed; any other path is returned unchanged."""
+    """Return the path of the recording from which a folder of results was computed; return any other path unchanged."""
     from mwd_surface.bags.bag_files import files_of, recording_of
     from mwd_surface.processing.run_config import processed_input
 
@@ -33,7 +33,9 @@ def recording_at(path: Path) -> Path:
 
 def survey_list_at(path: Path, given: Given | None = None) -> tuple[SurveyList, tuple[str, ...]]:
     """
-    Return the survey list at a path as `surveys_of` does; for a recording without a list, compute it.
+    Return the survey list at a path and notes on its origin, as `surveys_of` does.
+
+    If a recording has no list, compute one from its samples; it is not saved.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def survey_list_at(path: Path, given: Given | None = None) -> tuple[SurveyList, 
     try:
         return surveys_of(path, given)
     except NoSurveyListError:
-        terminal.remark(f"{path} has no survey list: it is computed from the samples, as by `mwd process {path}`")
+        terminal.remark(f"{path} has no survey list: computing one from the samples, as `mwd process {path}` does")
     with Bag(path) as bag, tempfile.TemporaryDirectory(prefix="mwd_surveys_") as folder:
         _process(bag, Path(folder))
         return surveys_of(Path(folder))

@@ -176,10 +176,10 @@ class PageServer:
 
     def push(self, snapshot: Mapping[str, Any]) -> None:
         """
-        Set a new state (`StateJson.snapshot`), from any thread; clients get the last state.
+        Replace the state (`StateJson.snapshot`); may be called from any thread.
 
-        A table `server` in the snapshot is added to the server's own table, and changes together with the state. The
-        snapshot is not copied and must not change afterwards.
+        If the snapshot has a dict `server`, its entries are sent with the server's own data, in the same message as the
+        state. The snapshot is not copied: do not change it afterwards.
         """
         self._feed.snapshot = snapshot
         loop = self._loop

@@ -78,8 +78,10 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
             ax.plot(other.bearing[worst], other.distance[worst], "o", color=mark, markeredgecolor="k", markersize=7)
     ax.set_rmax(most)
     ax.set_rlabel_position(135.0)
-    ax.set_title("angle: toolface to the other well + azimuth; radius: distance, m", fontsize=9)
-    ax.set_xlabel("numbers: measured depth, m; dot: smallest separation factor", fontsize=8)
+    ax.set_title(
+        "angle: toolface to the other well + azimuth of this well; radius: distance of the wells, m", fontsize=9
+    )
+    ax.set_xlabel("numbers: measured depth of this well, m; dot: smallest separation factor", fontsize=8)
     grid(ax)
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.12, -0.05), frameon=False)
     return figure
@@ -87,10 +89,10 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
 
 def plan_view(near: WellClearance) -> Figure:
     """
-    Draw the well and its offset wells from above, around the points with the smallest separation factors.
+    Draw the well and its offset wells from above, zoomed to the last survey and the smallest separation factors.
 
-    A dot marks the last survey; the hole below it is dashed. Where the separation factor of an offset well is smallest,
-    a line joins both wells, and each well has its error ellipse at 2 sigma.
+    A dot marks the last survey of the well; the hole ahead of it is dashed. Where the separation factor of an offset
+    well is smallest, a line joins both wells, and each well has its error ellipse at 2 sigma.
     """
     from matplotlib.figure import Figure
 

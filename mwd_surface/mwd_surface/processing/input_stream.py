@@ -99,7 +99,7 @@ class SampleStream:
         """Return sentences on unusual times of the topics, and on samples left out so far."""
         names = ", ".join(sorted(self.without_time))
         return [
-            *([f"{names}: there is no time in the headers; the times of recording are used"] if names else []),
+            *([f"{names}: the headers have no time, so the times of recording are used"] if names else []),
             *(
                 f"{name}: {_samples(count)} twice, as from two publishers; the copies were left out"
                 for name, count in self.repeated.items()

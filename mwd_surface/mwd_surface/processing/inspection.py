@@ -3,7 +3,7 @@
 Inspection of a recording: its contents, missing contents, and the options with which `mwd process` can read it.
 
 The samples pass the checks of the sensors repeatedly, each time with the findings so far (unit, sign, mount), until
-there is no new finding. The findings become the options of `mwd process`.
+nothing new is found. The findings become the options of `mwd process`.
 """
 
 from __future__ import annotations

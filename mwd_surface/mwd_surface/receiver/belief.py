@@ -89,9 +89,9 @@ class Doubt:
 
     def learn(self, words: list[Soft]) -> list[float]:
         """
-        Add more words; return for each the probability that the table is right there and that its pulses fit.
+        Add decoded words; return for each the probability that the word table is right at it and that its pulses fit.
 
-        The words after a word count too: a word between words that do not fit is not trusted.
+        The later words are used, too: a word between words with pulses that do not fit is not trusted.
         """
         forward = []
         evidence = [_evidence(word) for word in words]

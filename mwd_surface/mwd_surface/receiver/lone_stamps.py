@@ -22,10 +22,11 @@ _MOST = 1e-3  # largest share of lone stamps; more of them are two interleaved c
 
 def lone(times: Array) -> NDArray[np.bool_]:
     """
-    Return which of many times are single wrong stamps, shape (n,).
+    Return a mask of the times that are single wrong stamps, shape (n,). The times must be finite.
 
-    A lone time lies more than `STEP_S` outside the times before and after it, although these two are in order. The
-    first or the last time is lone if it lies on the wrong side of its two neighbours. The times are finite.
+    A time is lone if it is more than `STEP_S` below or above both of its neighbours, which are in order. The first time
+    is lone if it is more than `STEP_S` above the next two, the last time if it is more than `STEP_S` below the two
+    before it; each is lone, too, if it is more than `LONGEST_GAP_S` away from the others.
     """
     wrong = np.zeros(len(times), dtype=bool)
     if len(times) < 3:

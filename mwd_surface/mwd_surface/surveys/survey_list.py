@@ -161,7 +161,7 @@ class SurveyList:
         if not dataclasses.replace(self, records=rest)._allows(record):
             return (*self.records, dataclasses.replace(record, in_use=False))
         whole = dataclasses.replace(self, records=(*rest, dataclasses.replace(record, in_use=True)))
-        # Only a replaced station may have kept a survey out of the path.
+        # A survey that conflicted with a replaced station can go into the path now.
         for waiting in whole.records if replaced else ():
             if waiting.judgement == Judgement.NOT_JUDGED and not waiting.in_use and whole._allows(waiting):
                 used = dataclasses.replace(waiting, in_use=True)

@@ -420,7 +420,7 @@ def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
             copy.write(copy.topic(name, type_name), bytes(zeroed), log_ns)
     summary = run(tmp_path / "timeless", tmp_path / "again")
     (warning,) = summary.warnings
-    assert warning.startswith("/imu/data_raw, /imu/mag, /rig/state: there is no time in the headers")
+    assert warning.startswith("/imu/data_raw, /imu/mag, /rig/state: the headers have no time")
     for name in ("attitude.csv", "surveys.csv"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
 

@@ -84,8 +84,8 @@ def jump_gate(s: BoundedRecord) -> float:
     occur at random, and as frequently, n, as visible shocks less those that are vibration by chance: the probability of
     at least one shock within a time T is 1 - exp(-n T). Without shocks the gate is `FARTHEST`.
 
-    After rotation was lost, a large innovation shows a wrong roll as well as a shock. Then there is no gate: if the
-    filter took it for a shock, it would keep the wrong roll.
+    After a rotation was lost, a large innovation comes from a wrong roll more often than from a shock. The gate is then
+    `NEVER`, because a filter that takes the innovation for a shock keeps the wrong roll.
     """
     if s.clipping.seen and _roll_variance(s) > SMALL_ROLL:
         return NEVER

@@ -34,7 +34,7 @@ class AgeRules:
     toolface_max_age_s: float = setting(
         120.0,
         "Age above which a toolface is not shown or used. Raising it bridges longer losses of signal and shows older "
-        "angles; a controller stops when there is no toolface.",
+        "angles. Without a toolface, a toolface controller stops.",
         unit="s",
         low=1.0,
         high=3600.0,

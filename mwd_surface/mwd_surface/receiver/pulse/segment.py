@@ -225,14 +225,9 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS_AGAIN - 1):
             pumps = _new_noise(stretch, probability * present, state, weight)
-    fits = np.full((count, 3), np.nan)
-    if not packets[0, trellis.RISING]:
-        pulses = _edges(stretch, span, len(common), probability * present)
-        fits = _fits(packets, metric, sure, common, level, pulses, probability * present, stretch.missing)
+    fits = _fits(stretch, metric, sure, common, level, probability * present)
     g = _whitened(state.response, state.whitener)
     ways = trellis.log_ways(packets)
-    own = slice(max(stretch.start - BEFORE, 0), stretch.end)
-    disturbed = 1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own])))
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
     expected = 0.5 * float(g @ g * level.sum()) - ways
@@ -241,8 +236,14 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     )
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, float(ebn0), timing),
-        *(evidence - ways, expected, disturbed),
+        *(evidence - ways, expected, _disturbed(stretch, weight)),
     )
+
+
+def _disturbed(stretch: StretchOnToolClock, weight: Array) -> float:
+    """Return the probability that a disturbance affects the samples of the packets, by their weights."""
+    own = slice(max(stretch.start - BEFORE, 0), stretch.end)
+    return 1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own])))
 
 
 def _any_pulses(packets: Indices, unary: Array, common: Array, level: Array, missing: float) -> tuple[Array, Array]:
@@ -281,25 +282,21 @@ def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -
     return edges
 
 
-def _fits(
-    packets: Indices,
-    metric: Array,
-    sure: Array,
-    common: Array,
-    level: Array,
-    edges: Array,
-    pulses: Array,
-    missing: float,
-) -> Array:
+def _fits(stretch: StretchOnToolClock, metric: Array, sure: Array, common: Array, level: Array, pulses: Array) -> Array:
     """
-    Return `fits` of `DecodedStretch`.
+    Return `fits` of `DecodedStretch`; NaN for a combinatorial word, whose windows overlap.
 
     The table has one pulse in a window. Another table, or a second tool, has one or two pulses at any place of a window
     and the gap behind it; two of half the size if the response was estimated from syncs that two tools sent together.
     Without any pulse both have the same likelihood, so silence says nothing about the table.
 
-    metric: of a pulse at each TU by itself; sure: share of it that counts, for each packet; edges: from `_edges`.
+    metric: of a pulse at each TU by itself; sure: share of it that counts, for each packet; pulses: expected number of
+    pulses at each place of each packet.
     """
+    packets, missing = stretch.packets, stretch.missing
+    if packets[0, trellis.RISING]:
+        return np.full((len(packets), 3), np.nan)
+    edges = _edges(stretch, len(metric), len(common), pulses)
     size = packets[:, trellis.COUNT, None] + GAP_TU
     each = np.arange(int(size.max()))[None, :]
     at = packets[:, trellis.START, None] + np.minimum(each, size - 1)
