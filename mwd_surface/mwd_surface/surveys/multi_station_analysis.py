@@ -36,7 +36,7 @@ from mwd_surface.surveys.multi_station_problem import corrected as corrected_rea
 
 __all__ = ["Multistation", "analyse"]
 
-# Least number of stations for an estimate of their scatter.
+# Smallest number of stations from which the noise is estimated.
 _MANY = 8
 # Misfit, in sigma, above which a station is left out, and largest share of stations that may be left out. The analysis
 # is refused if there are more outliers.
@@ -124,7 +124,7 @@ def _readings(f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class _ErrorFit:
-    """Most probable normalised errors, the stations used, and the quality of the fit; as in `Multistation`."""
+    """Most probable errors (in prior sigmas), the stations used, and the quality of the fit as in `Multistation`."""
 
     solution: Array
     used: np.ndarray
@@ -135,7 +135,7 @@ class _ErrorFit:
 
 
 def _fitted(problem: StationsProblem) -> _ErrorFit:
-    """Solve, dropping one outlier after the other, and rescale the noise if there are enough stations."""
+    """Fit the errors without outliers, which are dropped one by one; scale the noise if there are enough stations."""
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
     while True:

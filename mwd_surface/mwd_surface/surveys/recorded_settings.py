@@ -4,7 +4,8 @@ Settings found in a recording, which are the defaults of every command that read
 
 The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
 /parameter_events. Changes of surface parameters apply to the whole list; changes of estimator parameters are only
-reported. If a recording has no parameters, its place is taken from fixes of a satellite receiver, if it has any.
+reported. If a recording has no estimator parameters, the place comes from a fix of a satellite receiver, if there is
+one in the recording.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ def recorded_settings(bag: Bag) -> Recorded:
 
 def recorded_sections(bag: Bag, usual: S) -> S | None:
     """
-    Return sections of the surface's settings in a recording; None if it has no surface settings.
+    Return sections of the surface's settings in a recording; None if the recording has none.
 
     usual: default sections. A parameter that changed during the recording has its last value.
     """
@@ -193,12 +194,16 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
 
 
 def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
-    """Parse the texts of parameters; names without a dot belong to every ROS node. usual: name -> default."""
+    """
+    Parse the texts of parameters, given by name.
+
+    Names without a dot are left out: every ROS node has these parameters. usual: default value by name.
+    """
     return {name: _value(text, usual.get(name)) for name, text in table.items() if "." in name}
 
 
 def _value(text: str, usual: Any) -> Any:
-    """Parse the written value of a parameter; it stays text if the usual value is text."""
+    """Parse the written value of a parameter; it stays a text if its usual value is a text."""
     if isinstance(usual, str):
         return text
     if text in ("inf", "-inf", "nan"):

@@ -91,7 +91,7 @@ def _read(path: Path, given: Given | None) -> StationList:
 
 def stretches_of(path: Path) -> tuple[tuple[DrilledStretch, ...], tuple[str, ...]]:
     """
-    Return the slide sheet of the same well as `surveys_of`, and notes for people; a recording has no slide sheet.
+    Return the slide sheet that belongs to the list of `surveys_of`, and notes for people; empty for a recording.
 
     Raises
     ------
