@@ -360,7 +360,7 @@ def serve_only(server: Any) -> None:
 
 def _refusal(data: bytes) -> bytes | None:
     """
-    Return the answer to a request that is refused for its function or its number of registers; None if it is not.
+    Return the refusal of a request with a wrong function or number of registers; None if the request is allowed.
 
     The protocol requires exception 1 or 3 with the requested function code, but pymodbus 3.16 answers exception 1
     with function code 0.
@@ -426,7 +426,11 @@ class ControlRegisters:
         return False
 
     def _ask(self, words: tuple[int, ...], connection: int) -> bool:
-        """Process a request: action (1 request, 2 release), controller number, priority, duration in s (0: longest)."""
+        """
+        Process a request for control; return whether it was valid.
+
+        words: action (1 request, 2 release), number of the controller, priority, duration, s (0: the longest allowed).
+        """
         action, number, priority, duration = words
         if action == _RELEASE:
             status = self._authority.status(self._clock())
@@ -448,7 +452,12 @@ class ControlRegisters:
         return done
 
     def _set(self, words: tuple[int, ...], connection: int) -> bool:
-        """Process a command: lease (u32), sequence, mode; then f32 speed r/min, turn deg, flow L/min, validity s."""
+        """
+        Process a set-point; return whether it was accepted.
+
+        words: lease (32-bit integer), sequence, mode, then four 32-bit floats: rotary speed, r/min; turn, deg; flow,
+        L/min; validity, s.
+        """
         speed, turn, flow, valid_for = (float_of(words[k : k + 2], self._form) for k in (4, 6, 8, 10))
         point = SetPoint(
             words[3],

@@ -192,7 +192,7 @@ class StreamWriter:
 
 
 class Peer:
-    """One conversation: packets waiting to be sent, decoder of received data, and counts."""
+    """One connection: packets waiting to be sent, decoder of received data, and counts."""
 
     def __init__(self, address: str, queue_bytes: int, since: float) -> None:
         self.address, self.since = address, since
