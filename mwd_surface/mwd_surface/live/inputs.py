@@ -52,7 +52,8 @@ class InputState(MessageRecord):
     """
     State of one input, with the fields of mwd_msgs/InputState; NaN if unknown.
 
-    clock_offset : the input's clock minus the surface's clock, s; offset_age, data_age : s; bit_depth : m.
+    clock_offset : the input's clock minus the surface's clock, s; offset_age : time since the message that gave the
+    offset, s; data_age : age of the newest data, s; bit_depth : m.
     """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputState"
@@ -85,12 +86,12 @@ class InputTable(MessageRecord):
     depth_difference: float = math.nan
 
     def named(self, name: str) -> InputState | None:
-        """Return the input with a name; None if it does not exist."""
+        """Return the input with a name; None if there is no such input."""
         return next((row for row in self.inputs if row.name == name), None)
 
 
 class InputClock:
-    """Offset and age of one input."""
+    """Clock offset and age of the data of one input."""
 
     def __init__(self) -> None:
         # Message with the shortest delay of each second: the second, time of arrival, s, and stamp minus arrival, s.
@@ -155,7 +156,7 @@ class DepthSources:
         self._block = None if bit_depth is None else (now, bit_depth)
 
     def of_source(self, now: float) -> float | None:
-        """Return the depth of the source in force, m, even if a depth by hand has precedence; None without one."""
+        """Return the depth of the source in force, m, even if a depth by hand has precedence; None if it sends none."""
         return self._live(now).get(short_name(self._selection.source or ""))
 
     def by_hand(self, now: float) -> float | None:

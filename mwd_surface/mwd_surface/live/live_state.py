@@ -163,7 +163,7 @@ class LiveState:
         self.show(now, link=link)
 
     def toolface_age(self, stamp_ns: int) -> float:
-        """Return the age of the word from which the toolface at a stamp, ns, was predicted, s; 0 without a link."""
+        """Return the age, s, of the word on which the toolface at a stamp, ns, is based; 0 without a link."""
         link = self.parts.link
         if link is None or math.isnan(link.toolface_age):
             return 0.0
@@ -221,7 +221,7 @@ class LiveState:
         self._readings.append(DialReading(value, reading.mode, now, reading.rotating, reading.stamp_ns))
 
     def on_gravity(self, samples: Samples, now: float) -> None:
-        """Accept samples of `wire.GRAVITY`: use the largest vibration of the block, and the last rotary speed."""
+        """Accept samples of `wire.GRAVITY`, of which the largest vibration and the last rotary speed are used."""
         known = samples[np.isfinite(samples["sigma"])]
         if len(known) == 0:
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decode sample streams of the graph for the live state, in blocks of messages that have arrived."""
+"""Decoding of the sample streams of the ROS nodes for the live state, in blocks of messages that have arrived."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _frame_of(message: bytes) -> str | None:
 
 class StreamDecoder:
     """
-    Decodes the topics of fixed layout, updates the live state with their samples, and publishes the toolface.
+    Decoder of the topics of fixed layout: updates the live state with their samples and publishes the toolface.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ class SurveyBook:
         Raises
         ------
         ValueError
-            See `DepthTrack.set_by_hand`.
+            The depth is not finite, negative, or larger than `DepthRules.deepest`.
         """
         self.depth.set_by_hand(stamp_ns, bit_depth)
         self.logs.add_depth(stamp_ns, bit_depth)
