@@ -170,7 +170,7 @@ def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Arra
 
 
 def _sideways(difference: Array) -> float:
-    """Return the largest horizontal distance, m; 0 if north and east are not known."""
+    """Return the largest horizontal part of position differences, m; 0 if north and east are not known."""
     return float(np.nanmax(np.hypot(difference[:, 0], difference[:, 1]), initial=0.0))
 
 

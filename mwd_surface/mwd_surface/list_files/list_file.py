@@ -203,7 +203,7 @@ def _missing(table: Table, columns: ListColumns) -> str:
 
 
 def _roughly(cell: number_cells.Cell) -> float:
-    """Return the number in a cell, read with the decimal mark that the cell itself reveals; nan if there is none."""
+    """Return the number in a cell, read with the decimal mark that the cell alone reveals; nan without a number."""
     found = number_cells.split(cell)
     try:
         return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
@@ -374,7 +374,7 @@ class _ListReader:
                 f" --columns {what}=NAME"
             )
 
-    # Numbers
+    # Reading of numbers and units.
 
     def _mark(self, column: ListColumn) -> str:
         """Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity."""
@@ -559,7 +559,7 @@ class _ListReader:
         if all(one.text != text for one in self.remarks):
             self._say(RemarkKind.UNIT_ASSUMED, text)
 
-    # Stations
+    # Conversion of rows to stations.
 
     def stations(self) -> list[_ListedStation]:
         """
@@ -647,7 +647,12 @@ class _ListReader:
             )
 
     def _from_horizontal(self, found: list[_ListedStation]) -> list[_ListedStation]:
-        """Convert angles from the horizontal to inclinations; the vertical depths or the caller decide their sign."""
+        """
+        Convert angles from the horizontal to inclinations.
+
+        The caller decides the sign of the angles, or else the vertical depths, the list, or the convention of the well.
+        A choice of the caller that contradicts the vertical depths is refused.
+        """
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])
         if np.any(np.abs(dips) > math.pi / 2.0 + 1e-9):
@@ -718,7 +723,7 @@ class _ListReader:
             kept.append(row)
         return kept
 
-    # The list
+    # Checks of the stations, and the resulting list.
 
     def list_of(self, rows: list[_ListedStation]) -> StationList:
         """Return the checked list of stations."""

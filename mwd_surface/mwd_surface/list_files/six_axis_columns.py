@@ -225,12 +225,12 @@ def _found(names: Sequence[str], quantity: _Quantity) -> list[str]:
 
 
 def _first(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """Return the first column of a quantity; None if there is none."""
+    """Return the first column of a quantity; None if the table has no such column."""
     return next(iter(_found(names, quantity)), None)
 
 
 def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """Return the only column of a quantity; None if there is none. Raises ValueError if there are several."""
+    """Return the only column of a quantity; None if the table has none. Raises ValueError if there are several."""
     found = _found(names, quantity)
     if len(found) > 1:
         raise ValueError(f"{quantity.words} is given twice: {' and '.join(found)}; leave one of them out")

@@ -137,7 +137,11 @@ def _dead(sensor: Sensor, values: Array) -> int | None:
 
 
 def _ways() -> tuple[Array, list[int]]:
-    """Return the 48 ways to order and sign three axes, shape (48, 3, 3), simplest first, and the mistakes in each."""
+    """
+    Return the 48 ways to order and sign three axes, simplest first, shape (48, 3, 3).
+
+    Return also the number of mistakes in each way.
+    """
     ways = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
