@@ -232,7 +232,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
 
 
 def printed_logo(path: str) -> tuple[bytes, str]:
-    """Return the bytes of a picture and its MIME type; both empty if it cannot be printed (a note says why)."""
+    """Return the bytes of a picture and its MIME type; both are empty if the picture cannot be printed."""
     try:
         return logo_of(path)
     except (OSError, ValueError):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mwd_surface.exports.report_content import Content
 
-# Field unit, and SI scale, of each quantity by the symbol of the metric unit in the report.
+# Conversions from SI to the field unit, and to the metric unit, by the symbol of the metric unit in the report.
 _FIELD: dict[str, UnitScale] = {unit.people.symbol: unit.fps for unit in UNITS.values() if unit.endings[1]}
 _SI: dict[str, UnitScale] = {unit.people.symbol: unit.people for unit in UNITS.values() if unit.endings[1]}
 # Symbols that the report writes with a space, by their form in data files.

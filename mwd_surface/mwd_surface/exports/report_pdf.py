@@ -255,10 +255,10 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
 
 
 def _row_height(pdf: Any, rows: int) -> float:
-    """Return the height of the rows of a table, mm: the smaller height if few rows would be alone on the last page."""
+    """Return the height of the rows of a table, mm: the first of `_ROWS` with which the last page has enough rows."""
 
     def last(height: float) -> int:
-        """Return the number of rows on the last page of the table, or of all rows if they fit on this page."""
+        """Return the number of rows on the last page of the table; the number of all rows if they fit on this page."""
         here, page = (int(room / height) - 2 for room in (pdf.page_break_trigger - pdf.get_y(), _room(pdf) + _HEADING))
         return rows if rows <= here else (rows - here) % page or page
 
