@@ -89,7 +89,7 @@ def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ..
 
 
 def _lineage(surveys: SurveyList, name: str) -> list[tuple[str, float]]:
-    """Return the legs from the main one down to a leg: name, and the measured depth at which each begins, m."""
+    """Return the legs from the main leg down to a given leg: name, and measured depth at which the leg begins, m."""
     legs = [surveys.find_leg(name)]
     while legs[-1].parent:
         legs.append(surveys.find_leg(legs[-1].parent))

@@ -29,8 +29,8 @@ SAME_DEPTH = 0.5
 # Curvature of the hole, rad/m, 1 sigma in each direction. At 1 sigma the hole turns by 0.1 deg in half a metre. Motors
 # build up to twice this curvature.
 _CURVATURE = math.radians(6.0) / 30.0
-# Repeatability of a reading at one attitude, m/s^2 and T: resolution of the telemetry and residual motion of the
-# string.
+# Repeatability of a reading at one attitude, 1 sigma, m/s^2 and T: resolution of the telemetry and residual motion of
+# the string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
 # Least inclination at which azimuths are compared, rad.
 _LEAST_INCLINATION = math.radians(3.0)

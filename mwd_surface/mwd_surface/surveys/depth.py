@@ -134,7 +134,12 @@ class DepthTrack:
 
     @property
     def clock_difference(self) -> float | None:
-        """Rig clock minus sonde clock, s, from the order in which data arrive; None if there are too few data."""
+        """
+        Rig clock minus sonde clock, s; None if there are too few data.
+
+        The stamp of each rig reading is compared with the newest sonde stamp at its arrival. The smallest difference
+        counts.
+        """
         return min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else None
 
     def note_sonde(self, stamp_ns: int) -> None:
@@ -251,9 +256,9 @@ class DepthTrack:
         """
         Return the depth of the sensor at a time: bit depth minus `sensor_to_bit`, m.
 
-        Between two readings at most `rules.bridge` apart, the bit depth is interpolated linearly; its age is that of
-        the nearer reading. Otherwise the last reading before the time is used, with its age. A time before all readings
-        gets the first reading if that reading is within `rules.bridge`.
+        Between two readings at most `rules.bridge` apart, the bit depth is interpolated linearly, and `depth_age` is
+        the time to the nearer reading. Otherwise the last reading before the time is used, and `depth_age` is the time
+        since that reading. A time before all readings gets the first reading if that reading is within `rules.bridge`.
 
         Raises
         ------
@@ -313,7 +318,7 @@ class DepthTrack:
         return f"the clock of the rig is {abs(apart):.0f} s {way} that of the sonde: set one of them, {_BY_HAND}"
 
     def _around(self, readings: Iterable[tuple[int, float]], stamp_ns: int) -> list[tuple[int, float]]:
-        """Return the readings within `rules.bridge` of a time, without 0 m, which is a placeholder of many rigs."""
+        """Return the readings at most `rules.bridge` before or after a time, except 0 m, a placeholder of many rigs."""
         return [r for r in readings if abs(r[0] - stamp_ns) * NS <= self.rules.bridge and r[1] > 0.0]
 
     def _leave_out(self) -> None:

@@ -57,7 +57,7 @@ class Deviation:
 
 def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> tuple[Deviation, ...]:
     """
-    Return the deviation of a path of the list from its plan; empty without a plan or a survey.
+    Return the deviation of a path of the list from the plan of the list; empty without a plan or a survey.
 
     records: record of each station of the path; None for tie-ons and the projection to the bit.
     """

@@ -191,7 +191,11 @@ def _result(problem: StationsProblem, fit: _ErrorFit) -> Multistation:
 
 
 def _refusal(fit: _ErrorFit, sigma: Array, sigma_raw: Array) -> Reason | None:
-    """Return why corrected azimuths with these 1 sigma, rad, must not be used; None if they may be used."""
+    """
+    Return why the corrected azimuths must not be used; None if they may be used.
+
+    sigma, sigma_raw: 1 sigma of the corrected and of the uncorrected azimuths, rad.
+    """
     used, n = fit.used, float(len(fit.used))
     share = float(np.mean(~used))
     if share > _MAX_OUTLIERS or (np.where(used, fit.misfit, 0.0).max() > _OUTLIER_SIGMA):

@@ -27,7 +27,7 @@ SENSORS = 12
 _AXIAL = interference_state.InterferenceParams().axial / (SensorErrors.axial_interference_nt * 1e-9)
 # Cross-axial bias from a hot spot in the collar, in addition to the sensors' own bias, 1 sigma, nT.
 _CROSS_AXIAL = 150.0
-# Noise of a station's mean field, T, and specific force, m/s^2, per axis.
+# Noise of a station's mean field, T, and mean specific force, m/s^2, per axis, 1 sigma.
 _FIELD_NOISE = 20e-9
 _FORCE_NOISE = 0.002
 # Random variation of the Earth's field between stations, 1 sigma (MFIR, MDIR): strength, T, and dip, rad.
@@ -127,7 +127,7 @@ class StationsProblem:
         return slope
 
     def solve(self, used: np.ndarray) -> Array:
-        """Return the most probable normalised errors, shape (15,), from the used stations and the priors."""
+        """Return the most probable errors (in prior sigmas) from the used stations and the priors, shape (15,)."""
         found = least_squares(self.residual, np.zeros(15), self.slope, args=(used,), method="lm")
         return np.asarray(found.x, dtype=float)
 

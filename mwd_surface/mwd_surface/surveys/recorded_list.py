@@ -187,6 +187,6 @@ def _change_of(log_ns: int, event: Any) -> list[Change]:
 
 
 def _decision_in(record: SurveyRecord, log_ns: int) -> Decided:
-    """Return the decision in a record of a list."""
+    """Return the last decision on a survey, from its record in a survey list."""
     who = (record.operator_name, record.reason, record.judged_ns)
     return Decided(log_ns, record.survey.uuid, record.judgement, *who, record.measured_depth, as_listed=True)

@@ -31,7 +31,7 @@ _MOST_BYTES = 2 * 1024 * 1024  # largest number of bytes of a log that are read;
 
 @dataclasses.dataclass(frozen=True)
 class RodSettings:
-    """Rods by which the depth is counted."""
+    """Settings for counting the bit depth by rods."""
 
     length_m: float | None = setting(
         None, "Length of a rod. nan: the depth is not counted by rods.", unit="m", low=0.1, high=30.0
@@ -84,7 +84,7 @@ class RodTally:
 
     def add(self, stamp_ns: int, length: float, operator: str, reason: str = "") -> RodTally:
         """
-        Return the tally with one rod more.
+        Return the tally with another rod of a length, m.
 
         Raises
         ------

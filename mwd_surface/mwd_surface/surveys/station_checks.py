@@ -101,7 +101,11 @@ def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 
 def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int] | None) -> SurveyRecord:
-    """Return the record with its place on the path (path and index, or None) and its flags."""
+    """
+    Return the record with its flags and its place on the path.
+
+    place: path, and index of the station on it; None if the record is not on the path.
+    """
     if place is None or not record.in_use:
         nowhere: dict[str, Any] = dict.fromkeys(PLACE, math.nan)
         bare = dataclasses.replace(record, in_use=False, flags=(), **nowhere)
@@ -200,7 +204,7 @@ def _value(survey: Survey, north: North) -> str:
 
 
 def withdrawal(record: SurveyRecord) -> str:
-    """Return a sentence that a survey is withdrawn, with the reason."""
+    """Return a sentence which states that a survey is withdrawn, and why."""
     place = f" at {record.measured_depth:.1f} m" if math.isfinite(record.measured_depth) else ""
     return f"survey {record.survey.sequence}{place} is withdrawn from the path: {record.survey.action}"
 

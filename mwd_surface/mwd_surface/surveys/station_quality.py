@@ -79,7 +79,7 @@ class Total:
 
 
 def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
-    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has none."""
+    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has no limits of its own."""
     s, usual = survey, limits or QualityLimits()
     magnetic = math.isfinite(s.b_total)
     reference = magnetic and s.has_reference

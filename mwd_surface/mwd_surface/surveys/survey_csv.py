@@ -117,7 +117,7 @@ class Line:
 
     @property
     def verdict(self) -> str:
-        """Automatic verdict."""
+        """Automatic verdict on the whole survey, in a word."""
         return _word(self.survey.verdict)
 
     @property
@@ -163,7 +163,7 @@ class Line:
 
     @property
     def coordinates(self) -> str:
-        """Text "assumed" if the position of the station rests on an assumption; otherwise empty."""
+        """Text "assumed" if the position of the station is based on an assumption; otherwise empty."""
         return "assumed" if self.record.assumed else ""
 
     @property

@@ -179,7 +179,7 @@ class SurveyList:
         return self.rules.automatic and accepted and not obstacles(self, record)
 
     def _waits_at(self, record: SurveyRecord, revised: SurveyRecord) -> bool:
-        """Return whether a survey at the depth of a revised one is not in use, and no person has judged it."""
+        """Return whether a survey is at the depth of a revised one, is not in use, and was not judged by a person."""
         waits = record is not revised and record.judgement == Judgement.NOT_JUDGED and not record.in_use
         apart = abs(record.measured_depth - revised.measured_depth)
         return waits and record.leg == revised.leg and apart < self.rules.same_depth
@@ -196,7 +196,7 @@ class SurveyList:
         value: Value = Value.DEFINITIVE,
     ) -> SurveyList:
         """
-        Put a survey into the path by a person's decision, whatever its automatic verdict; the list keeps both.
+        Put a survey into the path by a person's decision; the automatic verdict stays in the list.
 
         Parameters
         ----------
@@ -296,7 +296,11 @@ class SurveyList:
         return self._with(whole.records)
 
     def as_first_decided(self) -> SurveyList:
-        """Return the list with each survey as first decided; the rules decide on surveys that no person has judged."""
+        """
+        Return the list with the first value of each survey, before all revisions.
+
+        The rules decide again on surveys that no person has judged.
+        """
         bare = self._with(())
         for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
             first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
@@ -376,7 +380,7 @@ class SurveyList:
         return changed._with(self.records)
 
     def along(self, plan: Plan | None) -> SurveyList:
-        """Return the list with another plan; None: without a plan."""
+        """Return the list with another plan, or without a plan (None)."""
         return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
 
     def to_mapping(self) -> dict[str, Any]:

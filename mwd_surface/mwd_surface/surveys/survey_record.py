@@ -30,7 +30,7 @@ class Judgement(enum.IntEnum):
 
 
 class Value(enum.IntEnum):
-    """Value of a survey that a person accepts, with the numbers of the JudgeSurvey request."""
+    """Kind of value of a survey that a person can accept, with the numbers of the JudgeSurvey request."""
 
     DEFINITIVE = 0
     REVISED = 1

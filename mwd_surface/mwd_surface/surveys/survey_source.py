@@ -43,7 +43,7 @@ class NoSurveyListError(BagError):
 
 def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tuple[str, ...]]:
     """
-    Return the list, and notes for people on its origin.
+    Return a survey list, and notes for people on the origin of the list.
 
     Parameters
     ----------

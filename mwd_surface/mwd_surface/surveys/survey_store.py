@@ -74,7 +74,7 @@ class SurveyStore:
             raise StoreError(f"another process ({error.owner}) keeps its survey list in {self.folder}") from None
 
     def close(self) -> None:
-        """Release the folder."""
+        """Release the folder for other processes."""
         self._lock.free()
 
     def __enter__(self) -> SurveyStore:
