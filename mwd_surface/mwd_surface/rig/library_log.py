@@ -58,7 +58,7 @@ class LibraryLog(logging.Handler):
 
 
 def bound_log(library: str) -> None:
-    """Bound the log of a library; does nothing if the log is bounded already."""
+    """Limit length and rate of the log of a library; does nothing if the log is limited already."""
     logger = logging.getLogger(library)
     if not any(isinstance(handler, LibraryLog) for handler in logger.handlers):
         logger.addHandler(LibraryLog())

@@ -235,7 +235,7 @@ class RigPort:
                 interface.publish(self._values)
 
     def _watch(self) -> None:
-        """Retry interfaces that are down, and send stale values when no new ones come."""
+        """Start again interfaces that are down, and publish the last values as stale when no new values come."""
         tried = self._clock()
         while not self._ended.wait(min(_LOOK, self.settings.retry_period)):
             now = self._clock()

@@ -187,7 +187,7 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
-    """Return whether data of the sonde arrive now, and whether any ever arrived."""
+    """Return whether data of the sonde arrive now, and whether data have ever arrived."""
     for stream in ("sonde", "estimator"):
         state = links[stream].state
         if state != Freshness.NO_DATA:
