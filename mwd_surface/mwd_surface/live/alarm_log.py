@@ -44,7 +44,7 @@ class AlarmLog:
         self._stamp = stamp or (lambda: clock.now_ns)
 
     def now_ns(self) -> int:
-        """Return the time for stamps, ns."""
+        """Return the time with which alarms and events are stamped, ns."""
         return self._stamp()
 
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:

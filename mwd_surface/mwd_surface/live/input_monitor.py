@@ -62,7 +62,7 @@ class InputMonitor:
         self._depths.set_by_hand(bit_depth, self._clock.now - age)
 
     def depth_of_rig(self) -> float | None:
-        """Return the bit depth of the source of rig data, m, even if a depth by hand is in force; None without one."""
+        """Return the bit depth of the source of rig data, m, even if a depth by hand is in force; None if unknown."""
         return self._depths.of_source(self._clock.now)
 
     def in_force(self, samples: Samples) -> tuple[Samples, Samples]:

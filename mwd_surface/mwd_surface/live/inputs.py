@@ -111,7 +111,11 @@ class InputClock:
             self._best.popleft()
 
     def measured_at(self, stamp_ns: int, well: WellClock, now: float) -> float:
-        """Return the time at which data with a stamp were measured, s, by the offset; now: time of their arrival, s."""
+        """
+        Return the time at which data with a stamp were measured, s, computed with the clock offset.
+
+        now: time of arrival of the data, s; the result is not later.
+        """
         offset = max((row[2] for row in self._best), default=0.0)
         return min(now, well.seconds(stamp_ns) - offset) if self._best else now
 
@@ -152,11 +156,11 @@ class DepthSources:
         self._hand = (now, bit_depth)
 
     def take_block(self, bit_depth: float | None, now: float) -> None:
-        """Accept the depth that follows the block, m; None if the source in force gives a depth itself."""
+        """Accept the depth computed from the block, m; None if the source in force gives a depth itself."""
         self._block = None if bit_depth is None else (now, bit_depth)
 
     def of_source(self, now: float) -> float | None:
-        """Return the depth of the source in force, m, even if a depth by hand has precedence; None if it sends none."""
+        """Return the depth of the source in force, m, even if a depth by hand has precedence; None if unknown."""
         return self._live(now).get(short_name(self._selection.source or ""))
 
     def by_hand(self, now: float) -> float | None:

@@ -33,7 +33,7 @@ class WordStatus(enum.IntEnum):
 
 
 class LinkSequence(enum.IntEnum):
-    """Sequence in which a word came, as in mwd_msgs/LinkWord."""
+    """Sequence to which a word belongs, as in mwd_msgs/LinkWord."""
 
     SURVEY = 2
     TOOLFACE = 3

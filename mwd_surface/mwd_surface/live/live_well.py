@@ -216,7 +216,7 @@ class LiveWell:
         self.slides.on_depth_by_hand()
 
     def put(self, topic: str, data: bytes, arrived_ns: int) -> None:
-        """Pass a serialised message of a topic, relative to the well, with its time of arrival, ns."""
+        """Add a message that waits to be processed: topic relative to the well, bytes, and time of arrival, ns."""
         self._waiting.append((arrived_ns, topic, data))
 
     @property
@@ -510,7 +510,11 @@ class SlideRecorder:
             self._live.show(self._clock.now, quill=float(message.position[0]) % math.tau)
 
     def update(self, now: float, surveys: SurveyList) -> None:
-        """Show a changed sheet with the yields between stations; called once a second. now: steady time, s."""
+        """
+        Show the slide sheet and the yields between stations if they have changed; called once a second.
+
+        now: steady time, s.
+        """
         stretches = self._sheet.stretches
         state = (len(stretches), stretches[-1:], surveys.changed_ns, len(surveys.records))
         if state == self._shown:

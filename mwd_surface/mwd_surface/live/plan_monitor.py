@@ -20,7 +20,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 class PlanMonitor:
     """
-    Plan of one well.
+    Monitor of the plan of one well: reads the plan and shows it on the page.
 
     Attributes
     ----------

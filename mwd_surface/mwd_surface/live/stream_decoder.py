@@ -129,7 +129,11 @@ class StreamDecoder:
         return [message for message, frame in zip(messages, frames, strict=True) if frame in (source, None)]
 
     def update(self, now: float) -> None:
-        """Raise an alarm for each topic that two sources publish; called once a second. now: steady time, s."""
+        """
+        Raise an alarm for each topic with a second source that the order of priority does not name.
+
+        Called once a second. now: steady time, s.
+        """
         causes: dict[str, tuple[int, str, str]] = {}
         for topic, selection in self._sources.items():
             if others := selection.uninvited(now):

@@ -313,5 +313,5 @@ def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Arr
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:
-    """Return the outcome of a survey in words."""
+    """Return number and verdict of a survey in words."""
     return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"

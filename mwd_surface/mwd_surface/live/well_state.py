@@ -58,7 +58,7 @@ class Angle:
 @dataclasses.dataclass(frozen=True)
 class AttitudeState:
     """
-    Continuous attitude.
+    Present attitude of the tool.
 
     Attributes
     ----------
