@@ -166,7 +166,11 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
 
 def _are_units(cells: Sequence[str]) -> int:
-    """Return 1 if a row has words only, and one of them is a unit, datum or north, or each cell has a word; else 0."""
+    """
+    Return 1 if the cells may be a row of units below the column names; else 0.
+
+    Such a row has no number. It has a unit, datum or north, or it has a word in each cell.
+    """
     if any(number_cells.looks_like_number(cell) for cell in cells):
         return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
@@ -606,7 +610,7 @@ class _ListReader:
 
     def _of_one_leg(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """
-        Return the stations; sort those of a raw log that this program exported by depth.
+        Return the stations, sorted by depth if the list is a raw log that this program exported.
 
         A raw log lists surveys in the order in which they were taken. It is refused if it has surveys of several legs.
         """
@@ -789,7 +793,11 @@ class _ListReader:
         return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
 
     def _in_own_north(self, azimuth: Array, north: str, column: Callable[[str], Array]) -> tuple[Array, str]:
-        """Return azimuths from the north of an exported well; nan if declination or convergence is missing."""
+        """
+        Return azimuths and their north; in an export of this program, converted to the north of the exported well.
+
+        An azimuth is nan if the declination or convergence for the conversion is missing.
+        """
         own = str(self.provenance.well.get("north_reference", "")) if self.provenance is not None else ""
         if not own or self.given.north or north in ("", own):
             return azimuth, self.given.north or own or north

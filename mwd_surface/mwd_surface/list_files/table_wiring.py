@@ -109,7 +109,11 @@ def wiring_faults(force: Sensor, field: Sensor, expected: ExpectedRows) -> tuple
 
 
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
-    """Return the unit with which the readings have the expected total; None if it is the unit that was read."""
+    """
+    Return the unit with which the total of the readings is as expected.
+
+    None if the unit that was read fits, if no unit fits, or if the expected total is unknown.
+    """
     ratio = float(np.median(np.linalg.norm(values, axis=1))) / sensor.total
     # Units differ by more than a factor of two: a smaller ratio has another cause, such as a wrong reference.
     if not math.isfinite(ratio) or 0.5 < ratio < 2.0:
