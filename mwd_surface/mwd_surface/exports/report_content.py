@@ -79,7 +79,7 @@ def positions(table: SurveyTable) -> Section | None:
 
 
 def programme(table: SurveyTable) -> Section | None:
-    """Return the section with the survey programme, from which position uncertainty is computed; None without one."""
+    """Return the section with the survey programme that gives the position uncertainty; None without a programme."""
     try:
         found = programme_of(table.surveys.well)
     except ProgrammeError:

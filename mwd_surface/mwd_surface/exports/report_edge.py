@@ -82,7 +82,7 @@ class Edge(NamedTuple):
 
 
 def for_people(content: Content, language: Language, units: str) -> Content:
-    """Return a content in a language and in metric or field units."""
+    """Return the content of a report in a language, and in metric or field units."""
     edge = Edge(language, units == FIELD, frozenset(str(one) for one in content.words() if isinstance(one, Typed)))
     return dataclasses.replace(
         content,
