@@ -32,7 +32,7 @@ _CURVATURE = math.radians(6.0) / 30.0
 # Repeatability of a reading at one attitude, 1 sigma, m/s^2 and T: resolution of the telemetry and residual motion of
 # the string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
-# Least inclination at which azimuths are compared, rad.
+# Smallest inclination at which azimuths are compared, rad.
 _LEAST_INCLINATION = math.radians(3.0)
 # Limits of the probability of a larger chi-square by chance. Below the first limit shots are doubtful, below the second
 # they fail. The verdict of a survey uses the same limits.

@@ -26,7 +26,7 @@ NS = 1e-9
 _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey
 # number of latest readings used to compare the clocks of rig and sonde; the difference of smallest magnitude counts
 _COMPARED = 60
-_FEWEST = 10  # least number of readings for a comparison of the clocks
+_FEWEST = 10  # smallest number of readings with which the clocks are compared
 _BY_HAND = "or give the depth by hand"
 _NEW_START_NS = 60_000_000_000  # ns; a sonde whose time goes back by more than this has restarted
 
@@ -113,7 +113,7 @@ class DepthTrack:
         self.refused_null = 0
         self.refused_jump = 0
         self.refused_order = 0
-        # Packed: 17 bytes per reading instead of 70 in lists of numbers.
+        # These arrays take 17 bytes per reading; lists of numbers would take 70.
         self._stamps = array.array("q")
         self._depths = array.array("d")
         self._by_hand = array.array("b")

@@ -32,7 +32,7 @@ from mwd_surface.trajectory.list_comparison import covariance_between
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.programme import Interval, SurveyProgramme
 
-# Least number of stations for a multi-station analysis.
+# Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
 
 

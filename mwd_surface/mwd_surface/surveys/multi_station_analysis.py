@@ -44,7 +44,8 @@ _OUTLIER_SIGMA = 4.5
 _MAX_OUTLIERS = 0.25
 # Ratio of an error's sigma to its prior sigma above which the error counts as not observable.
 _OBSERVABLE = 0.7
-# Limits for a refusal: least probability of chi-square, and largest median sigma of the azimuth, deg.
+# Limits: the analysis is refused below this probability of a larger chi-square, and above this median sigma of the
+# azimuth, deg.
 _MIN_PROBABILITY = 0.001
 _MAX_SIGMA_DEG = 1.5
 

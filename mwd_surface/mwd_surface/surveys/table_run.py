@@ -30,10 +30,10 @@ from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.survey_record import SurveyRecord
 
-# Assumed time between two rows if times are missing, h: the time to drill one stand. It scales the drift of an external
-# field.
+# Assumed time between two rows if times are missing, h: the time to drill one stand. The drift of an external field is
+# computed from this time.
 _STAND = 0.5
-# Least number of stations for a multi-station analysis.
+# Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
 
 
