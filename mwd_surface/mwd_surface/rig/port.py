@@ -41,7 +41,7 @@ from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings
 
-_LOOK = 0.5  # s between checks for new values and for interfaces that ended
+_LOOK = 0.5  # time between checks for new values and for interfaces that ended, s
 
 
 @dataclasses.dataclass(frozen=True)

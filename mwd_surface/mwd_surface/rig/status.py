@@ -49,7 +49,7 @@ class RigStatus:
 
 def write_status(path: Path, status: RigStatus) -> None:
     """
-    Write the file, replacing it as a whole.
+    Write a status file; an existing file is replaced as a whole.
 
     Raises
     ------

@@ -48,8 +48,8 @@ NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
 _READ_S = 1.0  # time between two readings of the rig's depths, s
 _FIND_S = 10.0  # time between two searches for depths that were not found, s
 _SHOWN = 300  # largest number of characters of an error in the status
-_BAD = 0x80000000  # status codes of this value and above are bad
-_LAST_NAMESPACE = 0xFFFF  # an index is 16 bits on the wire
+_BAD = 0x80000000  # lowest OPC UA status code that means bad
+_LAST_NAMESPACE = 0xFFFF  # largest namespace index: an index has 16 bits in OPC UA
 
 
 class BlackboardError(RuntimeError):

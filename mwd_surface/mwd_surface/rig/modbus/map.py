@@ -28,8 +28,8 @@ VERSION = 3  # version of the register map, register 0
 COUNT = 80  # number of input registers
 WRITABLE, WRITABLE_COUNT = 100, 2  # address and number of the holding registers for the bit depth
 WORD_ORDERS = ("ABCD", "CDAB")
-# Age sent while there is no toolface yet.
-NEVER = 1e9  # s
+# Age sent while there is no toolface yet, s.
+NEVER = 1e9
 _LARGEST = 3.4e38  # largest magnitude that a 32-bit float holds
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)  # words of a 32-bit float NaN
 # By address of the first register of a float: name of the value, factor from SI to the unit of the register, and the

@@ -52,15 +52,15 @@ from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.signals.units import UNITS
 
-_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16  # function codes
+_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16  # function codes of Modbus
 # Largest number of bits or registers in one request, by function (Modbus application protocol 1.1b3, section 6).
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
-_WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write
+_WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write to coils or registers
 # Functions that are answered: reads, writes, and reading the identification (43). To other functions pymodbus would
 # answer with example values (24, a queue of registers that does not exist) or a false confirmation (8).
 _SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
-_LOOK = 1.0  # s between checks for idle connections
-_PYMODBUS = 3, 13  # first version with the simulator devices that this server uses
+_LOOK = 1.0  # time between checks for idle connections, s
+_PYMODBUS = 3, 13  # first version of pymodbus with the simulator devices that this server uses
 
 
 @dataclasses.dataclass
@@ -382,7 +382,7 @@ def _refusal(data: bytes) -> bytes | None:
 
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4  # address of the request; numbers of registers
 COMMAND, COMMAND_COUNT = 120, 12  # address and number of registers of a set-point
-_ASK, _RELEASE = 1, 2  # actions of a request
+_ASK, _RELEASE = 1, 2  # action codes in a request for control
 _INTERFACE = "Modbus"
 
 

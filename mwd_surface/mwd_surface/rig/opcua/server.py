@@ -561,7 +561,7 @@ _SEVERITY: Mapping[int, int] = {Severity.INFO: 200, Severity.WARNING: 500, Sever
 
 class Conditions:
     """
-    Sender of the alarms: an event is sent when an alarm is raised, changes, is acknowledged or ends.
+    Sender of alarms as OPC UA events: when an alarm is raised, changes, is acknowledged or ends.
 
     Parameters
     ----------

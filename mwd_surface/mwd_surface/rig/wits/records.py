@@ -44,8 +44,9 @@ _LIVE_ITEMS = {
 }
 _SAME_TIME_NS = 600 * NANOSECONDS  # longest time between a survey and a hole depth that is sent with the survey
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7  # codes of the rig activity
-# Sequence numbers count seconds from this time, so that they continue to grow after a restart without being stored.
-_SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
+# Sequence numbers count seconds from 2020-01-01 (here in s since the epoch), so that they continue to grow after a
+# restart without being stored.
+_SEQUENCE_EPOCH = 1_577_836_800
 
 
 @dataclasses.dataclass(frozen=True)
