@@ -230,7 +230,7 @@ class LiveState:
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
 
     def on_dynamics(self, samples: Samples, now: float) -> None:
-        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; use the last one."""
+        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; only the last one is used."""
         if len(samples) == 0:
             return
         self.on_stream("dynamics", len(samples), now)
@@ -265,7 +265,7 @@ class LiveState:
             self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
-        """Accept magnetic fields, `wire.MAG`; use the mean of their strengths."""
+        """Accept magnetic fields, `wire.MAG`; the mean of their strengths is shown."""
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -278,7 +278,7 @@ class LiveState:
             self._put("total_field", float(np.mean(totals)), None, now)
 
     def on_interference(self, samples: Samples, now: float) -> None:
-        """Accept estimates of magnetic interference, `wire.INTERFERENCE`; use the last one."""
+        """Accept estimates of magnetic interference, `wire.INTERFERENCE`; only the last one is used."""
         if len(samples) == 0:
             return
         self.on_stream("interference", len(samples), now)
@@ -318,7 +318,7 @@ class LiveState:
             self._touch("toolface")
 
     def at(self, now: float) -> WellState:
-        """Return the state at `now`."""
+        """Return the state of the well at a time; now: steady time, s."""
         for strip in (self._history, self._trend):
             strip.advance(now)
         history, trend, depth_log = (

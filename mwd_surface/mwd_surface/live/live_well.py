@@ -222,10 +222,10 @@ class LiveWell:
     @property
     def next_arrival_ns(self) -> int:
         """
-        Earliest time of arrival, ns, of a message whose cell is not processed yet.
+        Earliest time of arrival, ns, with which a message can still be processed.
 
-        It is the time of arrival of messages that the surface node itself publishes now. While a cell is processed, it
-        is the end of that cell; between two cells, the first instant of the next cell.
+        Messages that the surface node itself publishes now get this time. While a cell is processed, this is the end of
+        that cell; between two cells, the first instant of the next cell.
         """
         return self.clock.now_ns + (0 if self._in_cell else 1)
 

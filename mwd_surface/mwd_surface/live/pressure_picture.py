@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-LINE_HZ = 10.0  # points of the line per second
+LINE_HZ = 10.0  # rate of the points of the line, Hz
 LINE_S = 120.0  # length of the line, s
 RATE_HZ = 25.0  # approximate rate of the samples after averaging, Hz
 WINDOW = 512  # number of samples in a spectrum: 20 s

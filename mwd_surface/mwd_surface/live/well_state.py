@@ -42,9 +42,10 @@ from mwd_surface.trajectory.slide_sheet import DrilledStretch, Yield
 from mwd_surface.trajectory.well_path import Definitive
 
 NO_STATUS = Status(0)
-# Flow and pressure above which the pumps count as on: far below drilling, far above readings of mud at rest.
-LEAST_FLOW = 100e-3 / 60.0  # m^3/s
-_LEAST_PRESSURE = 1e6  # Pa
+# Flow, m^3/s, and pressure, Pa, above which the pumps count as on: far below drilling, far above readings of mud at
+# rest.
+LEAST_FLOW = 100e-3 / 60.0
+_LEAST_PRESSURE = 1e6
 
 
 @dataclasses.dataclass(frozen=True)
