@@ -108,7 +108,7 @@ ANGLE_UNITS = {
     **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
     **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
 }
-# Datums of depths, and words after a unit or a depth that change neither.
+# Names of depth datums, and other words after a unit or depth that do not change its meaning.
 _DATUMS = frozenset(
     [
         "kb",

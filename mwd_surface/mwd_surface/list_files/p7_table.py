@@ -89,7 +89,11 @@ def p7_table(text: str, name: str) -> Table:
 
 
 def _exchanged(rows: list[Row]) -> bool:
-    """Return whether the records give the easting first: then the steps of the swapped coordinates fit the offsets."""
+    """
+    Return whether the records give the easting before the northing.
+
+    Then the differences between first and last record fit the offsets better if the two coordinates are exchanged.
+    """
     try:
         first, last = ([float(rows[k].cells[j]) for j in (3, 4, 6, 7)] for k in (0, -1))
     except ValueError:

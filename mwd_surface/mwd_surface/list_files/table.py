@@ -48,7 +48,7 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-# Function that returns a score for some texts as column names; 0 if they are not column names.
+# Function that returns a score of texts as column names, higher for more likely names; 0 if they are not names.
 Header = Callable[[Sequence[str]], int]
 
 

@@ -24,10 +24,10 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import inclination, wrap_pi
 
-# Largest number of rows that are examined; of a longer run, rows at equal intervals.
+# Largest number of rows that are examined; in a longer run, rows at equal intervals are examined.
 _LOOKED_AT = 60
-# Largest difference between the total of correct readings and its reference, as a share: gravity; field, which
-# interference disturbs.
+# Largest relative difference between the total of correct readings and its reference: for gravity, and for the field,
+# which interference disturbs.
 _GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
 # Limits of angle differences, rad. A dip fits the reference below _DIP_FITS. Another wiring is considered if the hole
 # direction differs from the table by more than _DIRECTION_OFF, because interference moves an azimuth by several
