@@ -33,7 +33,7 @@ NORTHS = ("", "magnetic", "true", "grid")
 # Time for which a row waits for samples of other topics and for late samples, s.
 _OPEN_S = 30
 _BATCH = 3600  # number of rows that are written to a Parquet file at a time
-_S = 10**9  # ns in a second
+_S = 10**9  # number of ns in a second
 
 
 class SeriesQuantity(NamedTuple):
