@@ -29,8 +29,8 @@ class AzimuthSource:
     Attributes
     ----------
     known : bool
-        Whether the sensors are known; false if the survey has no azimuth, or only an angle (imported list, telemetry
-        link).
+        Whether the sensors are known; false if the survey has no azimuth, or has the angle only (imported list,
+        telemetry link).
     gyro_share : float
         Share of the gyro (north seeking) in the information about the azimuth, 0 to 1.
     without_axial : bool

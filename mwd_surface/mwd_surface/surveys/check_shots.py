@@ -143,8 +143,8 @@ def _compared(
     first = float(azimuths[0])
     differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])
     with_azimuth = math.sin(float(np.mean(inclinations))) >= math.sin(_LEAST_INCLINATION)
-    # Along a curve the angles change in proportion to the depth; a change of azimuth is larger by the inverse sine of
-    # the inclination.
+    # Along a curve the angles change in proportion to the depth; a change of azimuth is larger by the factor 1 /
+    # sin(inclination).
     turned = np.outer(md - md.mean(), md - md.mean()) * _CURVATURE**2
     covariance = _covariance(force, field, errors, tools)
     covariance[0, 0] += turned

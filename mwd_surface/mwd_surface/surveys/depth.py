@@ -24,7 +24,7 @@ from mwd_surface.list_files.list_checks import DEEPEST
 
 NS = 1e-9
 _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey
-# number of latest readings used to compare the clocks of rig and sonde; the difference of smallest magnitude counts
+# Number of latest readings used to compare the clocks of rig and sonde; the difference of smallest magnitude counts
 _COMPARED = 60
 _FEWEST = 10  # smallest number of readings with which the clocks are compared
 _BY_HAND = "or give the depth by hand"

@@ -139,7 +139,7 @@ def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
 
 
 def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
-    """Return the stations of a source that are not yet in a list, with new numbers, for its current leg."""
+    """Return the stations of a source that are not yet in a list, with new numbers and the current leg of the list."""
     known = {record.survey.uuid for record in surveys.records}
     above = surveys.find_leg().tie_on.measured_depth
     fresh = [r for r in source.surveys.records if r.survey.uuid not in known and math.isfinite(r.measured_depth)]

@@ -62,7 +62,7 @@ def survey_list(
     reference : Reference, optional
         Field and norths of the site; without it no magnetic error model can be evaluated.
     every : bool
-        Whether to use all stations, also those with another verdict than "accept".
+        Whether to use all stations, including those whose verdict is not "accept".
 
     Raises
     ------

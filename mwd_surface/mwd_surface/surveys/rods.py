@@ -84,7 +84,7 @@ class RodTally:
 
     def add(self, stamp_ns: int, length: float, operator: str, reason: str = "") -> RodTally:
         """
-        Return the tally with another rod of a length, m.
+        Return the tally with one more rod; length: length of the rod, m.
 
         Raises
         ------

@@ -39,7 +39,7 @@ FLOATS: dict[int, tuple[str, float, float]] = {
     for signal in TO_RIG
     if signal.modbus is not None
 }
-# first registers of toolface age, time of the survey, control, and inputs
+# First registers of toolface age, time of the survey, control, and inputs
 _AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
 # Values of register 78 by name of the depth source; 0: no source, 9: a source that is not in this table.
 DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5, BLOCK: 6}

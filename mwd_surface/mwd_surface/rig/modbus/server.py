@@ -427,7 +427,7 @@ class ControlRegisters:
 
     def _ask(self, words: tuple[int, ...], connection: int) -> bool:
         """
-        Process a request for control; return whether it was valid.
+        Process a request for control; return whether it was valid and, for a release, whether it was carried out.
 
         words: action (1 request, 2 release), number of the controller, priority, duration, s (0: the longest allowed).
         """

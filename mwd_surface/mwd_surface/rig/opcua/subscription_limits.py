@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-# largest number of monitored items on the server; a client that watches every variable has about a hundred
+# Largest number of monitored items on the server; a client that watches every variable has about a hundred
 MOST_ITEMS = 4000
 LONGEST_QUEUE = 100  # largest number of values in the queue of one item; the variables change once per second
 SHORTEST_MS, LONGEST_MS = 100.0, 3_600_000.0  # limits of the publishing interval, ms
