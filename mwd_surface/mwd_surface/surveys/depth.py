@@ -297,7 +297,7 @@ class DepthTrack:
         return DepthReading(depth, age, bit, "", hand)
 
     def _doubt(self, stamp_ns: int, bit: float) -> str:
-        """Return why the readings around a time give no reliable depth for a survey; empty if they do."""
+        """Return the reason why the readings around a time give no reliable depth; empty if the depth is reliable."""
         if clock := self._clock_doubt():
             return clock
         jumps = self._around(self._jumps, stamp_ns)
