@@ -25,7 +25,7 @@ COLUMNS = (
 
 
 def clearance_csv(found: Sequence[Clearance]) -> str:
-    """Return the text of the file, the offset well with the smallest separation factor first."""
+    """Return the clearances as CSV text; the offset well with the smallest separation factor comes first."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -28,7 +28,7 @@ POINT = "SURVEYED_POINT"
 # AutoCAD colour index: green, blue, cyan, red, black or white, magenta.
 _COLOURS = {DESIGN: 3, HOLE: 5, BRANCHES: 4, STATIONS: 1, TEXT: 7, POINT: 6}
 _METRES = 6  # value of the DXF variable $INSUNITS for metres
-_STEP = 10.0  # m between two points of a drawn line
+_STEP = 10.0  # distance between two points of a drawn line, m
 
 
 def dxf(table: SurveyTable) -> bytes:

@@ -29,7 +29,7 @@ _VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.item
 
 def las(table: SurveyTable) -> str:
     """
-    Return the file as text (UTF-8 when encoded).
+    Return the definitive survey as the text of a LAS file (UTF-8 when encoded).
 
     VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO give the
     composition of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed

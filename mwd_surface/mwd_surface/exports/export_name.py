@@ -13,7 +13,7 @@ RESERVED = {"con", "prn", "aux", "nul", *(f"com{k}" for k in range(1, 10)), *(f"
 
 def safe_name(*parts: str, longest: int = LONGEST) -> str:
     """
-    Return one file name without folder or ending.
+    Return one file name made of the parts, without folder and ending.
 
     Latin letters lose their diacritical marks (Å -> A). Letters and digits of other scripts are kept. Every other
     character except dot, minus and underscore becomes an underscore. The name is never empty, hidden, reserved or

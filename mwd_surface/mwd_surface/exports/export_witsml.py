@@ -38,7 +38,7 @@ PLACE = ("dispNs", "dispEw", "vertSect", "dls", "rateTurn", "rateBuild")
 
 def witsml(table: SurveyTable, uid: str = "") -> str:
     """
-    Return the document as text (UTF-8 when encoded).
+    Return the definitive survey as the text of a WITSML document (UTF-8 when encoded).
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ _DEG = 180.0 / math.pi
 
 
 def forecast_csv(found: Forecast) -> str:
-    """Return the text of the file; unknown values are empty."""
+    """Return the forecast as CSV text; unknown values are empty."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -27,7 +27,7 @@ def path_csv(table: SurveyTable) -> str:
     """
     Return the path as text: one line per station, from the tie-on down; the projection to the bit, if any, last.
 
-    Sigmas and the horizontal ellipse (half axes; azimuth of the major one) are at 1 sigma, empty if unknown.
+    Sigmas and the horizontal error ellipse (half axes, azimuth of the major axis) are at 1 sigma, empty if unknown.
     """
     path = table.path
     lines: list[dict[str, Any]] = []

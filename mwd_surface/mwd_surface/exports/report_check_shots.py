@@ -30,7 +30,7 @@ _TINTS = {check_shots.PASS: GOOD, check_shots.DOUBTFUL: DOUBTFUL, check_shots.FA
 
 
 def repeated(table: SurveyTable) -> Section | None:
-    """Return rotation shots and check shots of the list; None if no survey was repeated."""
+    """Return the section with rotation shots and check shots; None if no survey was repeated."""
     rows: list[tuple[str, ...]] = []
     tints, convention = {}, table.surveys.well.angles
     for shot, numbers in shots_of(table.surveys.records, table.surveys.well.error_model):

@@ -27,7 +27,8 @@ _AHEAD = (
     *(("MD", "m"), ("TVD", "m"), ("N/S", "m"), ("E/W", "m"), ("1σ N", "m"), ("1σ E", "m"), ("1σ V", "m")),
     *(("Ellipse 2σ", "m"), ("by", "m"), ("axis", "deg"), ("", "")),
 )
-_MOST = 40  # about the largest number of printed stations ahead; the last station is always printed
+# Approximate largest number of printed stations ahead of the last survey; the last station is always printed
+_MOST = 40
 
 
 def clearance_sections(

@@ -79,7 +79,7 @@ def positions(table: SurveyTable) -> Section | None:
 
 
 def programme(table: SurveyTable) -> Section | None:
-    """Return the section with the survey programme, from which position uncertainty is computed; None without one."""
+    """Return the section with the survey programme that gives the position uncertainty; None without a programme."""
     try:
         found = programme_of(table.surveys.well)
     except ProgrammeError:
@@ -232,7 +232,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
 
 
 def printed_logo(path: str) -> tuple[bytes, str]:
-    """Return the bytes of a picture and its MIME type; both empty if it cannot be printed (a note says why)."""
+    """Return the bytes of a picture and its MIME type; both are empty if the picture cannot be printed."""
     try:
         return logo_of(path)
     except (OSError, ValueError):

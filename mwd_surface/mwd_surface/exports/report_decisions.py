@@ -18,7 +18,12 @@ _VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May 
 
 
 def verdicts(table: SurveyTable) -> Section | None:
-    """Return surveys with an automatic verdict other than "accept", with the main reason and possible disturbances."""
+    """
+    Return the section on surveys whose automatic verdict needs attention; None if there are none.
+
+    These are surveys with a verdict other than "accept", or with a doubtful or rejected angle. Each has its main reason
+    and its possible disturbances.
+    """
     rows: list[tuple[str, ...]] = []
     marks, tints = [], {}
     for record in numbered(table):
@@ -87,7 +92,7 @@ def decisions(table: SurveyTable) -> Section | None:
 
 
 def _by_the_run(record: SurveyRecord) -> list[tuple[str, ...]]:
-    """Return the line of a survey whose values later surveys of the run have changed; empty if they are unchanged."""
+    """Return the line on the change of a survey by later surveys of the run; an empty list without a change."""
     now = record.survey if record.replaced is not None else record.proposal
     if now is None:
         return []

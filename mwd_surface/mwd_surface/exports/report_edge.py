@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mwd_surface.exports.report_content import Content
 
-# Field unit, and SI scale, of each quantity by the symbol of the metric unit in the report.
+# Conversions from SI to the field unit, and to the metric unit, by the symbol of the metric unit in the report.
 _FIELD: dict[str, UnitScale] = {unit.people.symbol: unit.fps for unit in UNITS.values() if unit.endings[1]}
 _SI: dict[str, UnitScale] = {unit.people.symbol: unit.people for unit in UNITS.values() if unit.endings[1]}
 # Symbols that the report writes with a space, by their form in data files.
@@ -82,7 +82,7 @@ class Edge(NamedTuple):
 
 
 def for_people(content: Content, language: Language, units: str) -> Content:
-    """Return a content in a language and in metric or field units."""
+    """Return the content of a report in a language, and in metric or field units."""
     edge = Edge(language, units == FIELD, frozenset(str(one) for one in content.words() if isinstance(one, Typed)))
     return dataclasses.replace(
         content,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FONT, _SPARE = "text", "spare"
-_GAP = 18.0  # mm between two signatures
+_GAP = 18.0  # distance between two signatures, mm
 _CERTIFICATE = 28.0  # height of the certificate with its signatures, mm
 _MARK = (255, 243, 224)  # colour of a highlighted row, RGB
 _STROKE = 0.03  # width of the outline that makes a text bold without a bold font, as a share of the font size
@@ -36,7 +36,7 @@ _SHEET, _BEGINNING = 7.0, 21.0
 # last page.
 _ROWS = (4.2, 4.0, 3.7, 4.6, 5.0, 5.4)
 _ALONE = 12  # largest number of rows that count as few
-_SMALLER = 0.6  # smallest scale of a drawing with which it is kept on the page of its heading
+_SMALLER = 0.6  # smallest scale to which a drawing is reduced to keep it on the page of its heading
 _SENTENCE = 9.2  # height of a sentence of two lines, mm
 _NARROW = 134.0  # width of one of two drawings side by side, mm
 
@@ -255,10 +255,10 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
 
 
 def _row_height(pdf: Any, rows: int) -> float:
-    """Return the height of the rows of a table, mm: the smaller height if few rows would be alone on the last page."""
+    """Return the height of the rows of a table, mm: the first of `_ROWS` with which the last page has enough rows."""
 
     def last(height: float) -> int:
-        """Return the number of rows on the last page of the table, or of all rows if they fit on this page."""
+        """Return the number of rows on the last page of the table; the number of all rows if they fit on this page."""
         here, page = (int(room / height) - 2 for room in (pdf.page_break_trigger - pdf.get_y(), _room(pdf) + _HEADING))
         return rows if rows <= here else (rows - here) % page or page
 

@@ -36,7 +36,7 @@ def _new(width: float, height: float) -> tuple[Figure, Any]:
 
 
 def plan_view(table: SurveyTable) -> Figure:
-    """Return the path in plan view, with the ellipses of some stations and the plan."""
+    """Return the figure of the path in plan view, with error ellipses of some stations and the planned path."""
     figure, ax = _new(6.2, 5.6)
     if table.plan is not None:
         line = interpolated(table.plan, 10.0).positions
@@ -55,7 +55,11 @@ def plan_view(table: SurveyTable) -> Figure:
 
 
 def section_view(table: SurveyTable) -> Figure:
-    """Return the path in the plane of the vertical section, with the ellipses of some stations and the plan."""
+    """
+    Return the figure of the path in the plane of the vertical section.
+
+    It shows also the error ellipses of some stations and the planned path.
+    """
     figure, ax = _new(6.2, 5.6)
     azimuth = table.path.section_azimuth
     along = np.array([math.cos(azimuth), math.sin(azimuth)])
@@ -74,7 +78,7 @@ def section_view(table: SurveyTable) -> Figure:
 
 
 def quality_view(table: SurveyTable) -> Figure:
-    """Return the deviations of gravity, field and dip of every survey over depth, with the limits as a band."""
+    """Return the figure of the deviations of gravity, field and dip over depth, with the limits as a band."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")

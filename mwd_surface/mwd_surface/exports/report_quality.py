@@ -178,7 +178,11 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
 
 
 def azimuths(table: SurveyTable) -> Section | None:
-    """Return the section with the azimuth of every survey by each method, all from the same north; None without any."""
+    """
+    Return the section with the azimuth of every survey by each method, all from the same north.
+
+    The result is None if no survey has an azimuth.
+    """
     records = numbered(table)
     methods = list(dict.fromkeys(a.method for r in records for a in r.survey.azimuths if math.isfinite(a.sigma)))
     if not methods:

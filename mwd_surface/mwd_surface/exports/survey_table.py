@@ -158,7 +158,7 @@ def survey_table(
         Plan to use instead of the plan of the list. With a plan the table has distance from and direction to the plan.
     software : str
         Name and version for the head block.
-    stretches : sequence of Stretch
+    stretches : sequence of DrilledStretch
         Slide sheet, for reports.
     sections : sequence of Section
         Further sections of the report.
@@ -363,7 +363,11 @@ def _counted(own: Sequence[SurveyRecord]) -> str:
 
 
 def _telemetry(used: Sequence[Survey]) -> str:
-    """Return the number of surveys in use by telemetry link or other source; empty if none came over a link."""
+    """
+    Return the number of surveys in use from each telemetry link or other source, as text.
+
+    The text is empty if no survey came over a link.
+    """
     if not any(one.link for one in used):
         return ""
     ways = Counter(one.link or ("tool's own topics" if one.has_readings else "imported list") for one in used)

@@ -32,8 +32,8 @@ NORTHS = ("", "magnetic", "true", "grid")
 
 # Time for which a row waits for samples of other topics and for late samples, s.
 _OPEN_S = 30
-_BATCH = 3600  # rows that are written to a Parquet file at a time
-_S = 10**9  # ns in a second
+_BATCH = 3600  # number of rows that are written to a Parquet file at a time
+_S = 10**9  # number of ns in a second
 
 
 class SeriesQuantity(NamedTuple):
@@ -71,7 +71,7 @@ class SeriesRow:
 
     @property
     def time(self) -> str:
-        """The second as UTC text."""
+        """Time of the row as UTC text."""
         return utc(self.second * _S)
 
 

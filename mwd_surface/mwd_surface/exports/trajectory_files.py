@@ -48,7 +48,9 @@ def trajectory_csv(found: DenseTrajectory, path: Definitive) -> str:
 
 def trajectory_las(found: DenseTrajectory, surveys: SurveyList) -> str:
     """
-    Return the trajectory as a LAS 2.0 file; SRC: 0 station, 1 continuous, 2 slide sheet, 3 arc.
+    Return the trajectory as the text of a LAS 2.0 file.
+
+    Curve SRC is the source of a point: 0 station, 1 continuous, 2 slide sheet, 3 arc.
 
     surveys: list of the stations, with its well and remarks.
     """

@@ -141,7 +141,7 @@ def _too_much(archive: zipfile.ZipFile) -> str:
 
 def html_sheets(text: str, name: str) -> Sheets:
     """
-    Return the rows of each table of an HTML document that contains no other table.
+    Return the rows of each table of an HTML document, except tables that contain other tables.
 
     Raises
     ------

@@ -23,7 +23,7 @@ from mwd_surface.list_files.station_list import POSITION
 # Largest measured depth of a survey, m; a list with a greater depth must be confirmed. The longest hole so far has
 # 15.2 km.
 DEEPEST = 20_000.0
-_ARC = 60.0  # m; between stations farther apart than this, stations are missing from the list
+_ARC = 60.0  # m; if two stations are farther apart, the list lacks stations between them
 _IMPOSSIBLE = 100_000.0  # m; the caller cannot confirm a greater depth
 _FARTHEST = 4.1e7  # m; no coordinate of a map is larger than the circumference of the Earth
 # Largest dogleg of a usual hole, rad/m. After short radius drilling, the caller confirms a larger dogleg.
@@ -170,7 +170,7 @@ def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Arra
 
 
 def _sideways(difference: Array) -> float:
-    """Return the largest horizontal distance, m; 0 if north and east are not known."""
+    """Return the largest horizontal part of position differences, m; 0 if north and east are not known."""
     return float(np.nanmax(np.hypot(difference[:, 0], difference[:, 1]), initial=0.0))
 
 

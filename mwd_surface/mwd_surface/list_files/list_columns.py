@@ -34,7 +34,7 @@ _POINTS = {
 }
 CONFIRMABLE = ("dogleg", "wellhead", "depth")
 
-# The US survey foot is 1200/3937 m.
+# Units of length by their names, with factors to m. The US survey foot is 1200/3937 m.
 LENGTH_UNITS = {
     **dict.fromkeys(
         ("m", "meter", "metre", "meters", "metres", "mtr", "mtrs", "米", "м", "метр", "метры", "metros", "metri"), 1.0
@@ -108,7 +108,7 @@ ANGLE_UNITS = {
     **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
     **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
 }
-# Datums of depths, and words after a unit or a depth that change neither.
+# Names of depth datums, and other words after a unit or depth that do not change its meaning.
 _DATUMS = frozenset(
     [
         "kb",
@@ -331,7 +331,7 @@ class Given:
     usual_dip: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse an unknown quantity, unit, north or word."""
+        """Raise ValueError for an unknown quantity, unit, north, decimal mark, direction of dip or confirmed word."""
         for value, known, what in (
             *((name, tuple(_WORDS), "columns") for name in self.columns),
             (self.length_unit, tuple(LENGTH_UNITS), "length unit"),
@@ -371,9 +371,9 @@ def columns_of(text: str) -> dict[str, str]:
 @dataclasses.dataclass(frozen=True)
 class ListColumn:
     """
-    One column: its index, its name, and its quantity, "" if the quantity is not one that is read.
+    One column: its index, its name, and its quantity ("" if the list reader does not read this quantity).
 
-    unit, north: as the name states, else "". strange: words that were not understood.
+    unit, north: as the name states, else "". strange: words of the name that were not understood.
     """
 
     number: int
@@ -504,7 +504,7 @@ def north_of(text: str) -> str:
     """
     Return the north that a text names, one of NORTHS; "" if it names none.
 
-    If the text names two norths, as in "from magnetic to true north", the one after "to" counts. A denial, as in "not
+    If the text names two norths, as in "from magnetic to true north", the north after "to" counts. A denial, as in "not
     corrected to true north", names no north.
     """
     words = _words(text).split()

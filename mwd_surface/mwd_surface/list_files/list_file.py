@@ -166,7 +166,11 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
 
 def _are_units(cells: Sequence[str]) -> int:
-    """Return 1 if a row has words only, and one of them is a unit, datum or north, or each cell has a word; else 0."""
+    """
+    Return 1 if the cells may be a row of units below the column names; else 0.
+
+    Such a row has no number. It has a unit, datum or north, or it has a word in each cell.
+    """
     if any(number_cells.looks_like_number(cell) for cell in cells):
         return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
@@ -203,7 +207,7 @@ def _missing(table: Table, columns: ListColumns) -> str:
 
 
 def _roughly(cell: number_cells.Cell) -> float:
-    """Return the number in a cell, read with the decimal mark that the cell itself reveals; nan if there is none."""
+    """Return the number in a cell, read with the decimal mark that the cell alone reveals; nan without a number."""
     found = number_cells.split(cell)
     try:
         return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
@@ -374,7 +378,7 @@ class _ListReader:
                 f" --columns {what}=NAME"
             )
 
-    # Numbers
+    # Reading of numbers and units.
 
     def _mark(self, column: ListColumn) -> str:
         """Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity."""
@@ -559,7 +563,7 @@ class _ListReader:
         if all(one.text != text for one in self.remarks):
             self._say(RemarkKind.UNIT_ASSUMED, text)
 
-    # Stations
+    # Conversion of rows to stations.
 
     def stations(self) -> list[_ListedStation]:
         """
@@ -606,7 +610,7 @@ class _ListReader:
 
     def _of_one_leg(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """
-        Return the stations; sort those of a raw log that this program exported by depth.
+        Return the stations, sorted by depth if the list is a raw log that this program exported.
 
         A raw log lists surveys in the order in which they were taken. It is refused if it has surveys of several legs.
         """
@@ -647,7 +651,12 @@ class _ListReader:
             )
 
     def _from_horizontal(self, found: list[_ListedStation]) -> list[_ListedStation]:
-        """Convert angles from the horizontal to inclinations; the vertical depths or the caller decide their sign."""
+        """
+        Convert angles from the horizontal to inclinations.
+
+        The caller decides the sign of the angles, or else the vertical depths, the list, or the convention of the well.
+        A choice of the caller that contradicts the vertical depths is refused.
+        """
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])
         if np.any(np.abs(dips) > math.pi / 2.0 + 1e-9):
@@ -718,7 +727,7 @@ class _ListReader:
             kept.append(row)
         return kept
 
-    # The list
+    # Checks of the stations, and the resulting list.
 
     def list_of(self, rows: list[_ListedStation]) -> StationList:
         """Return the checked list of stations."""
@@ -784,7 +793,11 @@ class _ListReader:
         return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
 
     def _in_own_north(self, azimuth: Array, north: str, column: Callable[[str], Array]) -> tuple[Array, str]:
-        """Return azimuths from the north of an exported well; nan if declination or convergence is missing."""
+        """
+        Return azimuths and their north; in an export of this program, converted to the north of the exported well.
+
+        An azimuth is nan if the declination or convergence for the conversion is missing.
+        """
         own = str(self.provenance.well.get("north_reference", "")) if self.provenance is not None else ""
         if not own or self.given.north or north in ("", own):
             return azimuth, self.given.north or own or north

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Read the head of a list: north, units, whether angles are measured from the horizontal, and the wellhead.
+Reading of the head of a list: north, units, whether angles are measured from the horizontal, and the wellhead.
 
 The head consists of the lines above the column names and of comments: "North Reference: Grid", "Depth Unit: ft",
 "# WELL HEAD X-COORDINATE: 431200.000 (m)". A north or unit that is stated in unknown words is kept and quoted, never

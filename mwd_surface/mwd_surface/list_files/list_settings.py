@@ -65,7 +65,7 @@ class ListSettings:
 
     def given(self) -> Given:
         """
-        Return the settings for the reader.
+        Return the settings as facts for the list reader.
 
         Raises
         ------

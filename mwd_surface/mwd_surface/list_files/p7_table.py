@@ -20,7 +20,7 @@ _SURVEY, _TYPE, _STATUS, _FIRST = 3, 7, 8, 10
 _NAMES = ("MD", "INC", "AZI", "NS", "EW", "TVD", "NORTHING", "EASTING")
 _PROJECTED = "6"  # status of a projected station
 _NORTHS = {"AZ_GRID": "grid", "AZ_TRUE": "true", "AZ_MAGN": "magnetic", "AZ_MAG": "magnetic"}
-_UNIT_FIELD = 16  # field of the record "Survey Definition" that holds the unit of its measured depths
+_UNIT_FIELD = 16  # index of the field with the unit of measured depths, in the record "Survey Definition"
 
 
 def is_p7(text: str) -> bool:
@@ -33,7 +33,7 @@ def is_p7(text: str) -> bool:
 
 def p7_table(text: str, name: str) -> Table:
     """
-    Return the stations of a P7/17 file: those of its first table, in order of the surveys.
+    Return the stations of the first table of a P7/17 file, in the order of its surveys.
 
     Raises
     ------
@@ -89,7 +89,11 @@ def p7_table(text: str, name: str) -> Table:
 
 
 def _exchanged(rows: list[Row]) -> bool:
-    """Return whether the records give the easting first: then the steps of the swapped coordinates fit the offsets."""
+    """
+    Return whether the records give the easting before the northing.
+
+    Then the differences between first and last record fit the offsets better if the two coordinates are exchanged.
+    """
     try:
         first, last = ([float(rows[k].cells[j]) for j in (3, 4, 6, 7)] for k in (0, -1))
     except ValueError:

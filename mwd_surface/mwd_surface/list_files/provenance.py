@@ -36,7 +36,7 @@ class Provenance:
     well : dict
         Settings of the well by name, see `surveys.well.Well`.
     start : Start
-        Point where the path starts; azimuth in the north of the well. `remarks` contains its remarks.
+        Point where the path starts; azimuth from the north of the well. Remarks on the start are in `remarks`.
     reference : dict of float
         Reference values of the last survey in use, by the names of `list_columns.FIGURES`: T, m/s^2, rad.
     remarks : tuple of Remark

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 
 
 class RemarkKind(enum.StrEnum):
-    """Kind of an assumption; its value is the word written to files."""
+    """Kind of a remark; the value of each member is the word written to files."""
 
     HOLE_ABOVE_ASSUMED = "hole_above_assumed"  #: the list begins below the wellhead; the path above is assumed
     TIE_ON_ASSUMED = "tie_on_assumed"  #: the path starts at a tie-on that is assumed
@@ -44,10 +44,9 @@ class RemarkKind(enum.StrEnum):
 @dataclasses.dataclass(frozen=True)
 class Remark:
     """
-    One assumption about a list.
+    One remark on a list: an assumption of the reader, or something that the reader left out.
 
-    kind: kind of the assumption. text: a sentence for people that names the list. values: numbers of the sentence by
-    name, in SI and rad, finite.
+    text: a sentence for people that names the list. values: numbers of the sentence by name, in SI and rad, finite.
     """
 
     kind: RemarkKind

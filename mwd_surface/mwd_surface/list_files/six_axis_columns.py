@@ -42,7 +42,11 @@ class _Quantity:
 
 
 def _sensor_names(stems: Sequence[str], axis: str, letter: str) -> tuple[str, ...]:
-    """Return the names of one axis: by its role in the hole, and by its letter, whose meaning the caller chooses."""
+    """
+    Return the possible column names of one axis of a sensor: by its role in the tool, and by its letter.
+
+    The caller decides which letter has which role.
+    """
     roles = {"axial": ("axial", "ax", "long"), "tran1": ("tran1", "trans1", "t1"), "tran2": ("tran2", "trans2", "t2")}
     by_role = [f"{stem}_{role}" for stem in stems for role in roles[axis]]
     return (*by_role, *(f"{stem}{join}{letter}" for stem in stems for join in ("_", "")))
@@ -168,7 +172,7 @@ def _triad(
     names: Sequence[str], stems: Sequence[str], units: Mapping[str, float], axial: str | None
 ) -> tuple[str, str, str] | None:
     """Return the columns of the axial and the two transverse axes of one sensor; None if one of them is missing."""
-    # The letters form a right-handed permutation, whichever of them runs down-hole.
+    # The letters are in right-handed order, with the letter of the axis that runs down-hole first.
     letters = {"x": ("x", "y", "z"), "z": ("z", "x", "y"), None: ("", "", "")}[axial]
     found = []
     for axis, letter in zip(_AXES, letters, strict=True):
@@ -225,12 +229,12 @@ def _found(names: Sequence[str], quantity: _Quantity) -> list[str]:
 
 
 def _first(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """Return the first column of a quantity; None if there is none."""
+    """Return the first column of a quantity; None if the table has no such column."""
     return next(iter(_found(names, quantity)), None)
 
 
 def _match(names: Sequence[str], quantity: _Quantity) -> str | None:
-    """Return the only column of a quantity; None if there is none. Raises ValueError if there are several."""
+    """Return the only column of a quantity; None if the table has none. Raises ValueError if there are several."""
     found = _found(names, quantity)
     if len(found) > 1:
         raise ValueError(f"{quantity.words} is given twice: {' and '.join(found)}; leave one of them out")
@@ -255,7 +259,7 @@ def _missing(names: Sequence[str], words: str, stems: Sequence[str], axial: str 
 
 
 def _guess(table: Mapping[str, Sequence[Any]], three: Sequence[str], kind: str) -> tuple[float, str]:
-    """Return the unit of a triad, as factor and words, inferred from the median of its total."""
+    """Return the unit of a triad, as factor to SI and as name, inferred from the median of the total."""
     rows = len(table[three[0]])
     total = float(np.nanmedian(np.linalg.norm([numbers(table, name, rows, 1.0) for name in three], axis=0)))
     ranges = {

@@ -48,7 +48,7 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-# Function that returns a score for some texts as column names; 0 if they are not column names.
+# Function that returns a score of texts as column names, higher for more likely names; 0 if they are not names.
 Header = Callable[[Sequence[str]], int]
 
 
@@ -211,7 +211,7 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
         Returns a score for some texts as column names, 0 if they are not. By default the first line that is not a
         comment has the names.
     is_unit : callable, optional
-        Nonzero if the cells of the line below the names are units; by default such a line is a row.
+        Returns a number other than 0 if the cells of the line below the names are units. By default this line is a row.
 
     Raises
     ------

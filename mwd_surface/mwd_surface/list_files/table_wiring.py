@@ -24,10 +24,10 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import inclination, wrap_pi
 
-# Largest number of rows that are examined; of a longer run, rows at equal intervals.
+# Largest number of rows that are examined; in a longer run, rows at equal intervals are examined.
 _LOOKED_AT = 60
-# Largest difference between the total of correct readings and its reference, as a share: gravity; field, which
-# interference disturbs.
+# Largest relative difference between the total of correct readings and its reference: for gravity, and for the field,
+# which interference disturbs.
 _GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
 # Limits of angle differences, rad. A dip fits the reference below _DIP_FITS. Another wiring is considered if the hole
 # direction differs from the table by more than _DIRECTION_OFF, because interference moves an azimuth by several
@@ -109,7 +109,11 @@ def wiring_faults(force: Sensor, field: Sensor, expected: ExpectedRows) -> tuple
 
 
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
-    """Return the unit with which the readings have the expected total; None if it is the unit that was read."""
+    """
+    Return the unit with which the total of the readings is as expected.
+
+    None if the unit that was read fits, if no unit fits, or if the expected total is unknown.
+    """
     ratio = float(np.median(np.linalg.norm(values, axis=1))) / sensor.total
     # Units differ by more than a factor of two: a smaller ratio has another cause, such as a wrong reference.
     if not math.isfinite(ratio) or 0.5 < ratio < 2.0:
@@ -137,7 +141,11 @@ def _dead(sensor: Sensor, values: Array) -> int | None:
 
 
 def _ways() -> tuple[Array, list[int]]:
-    """Return the 48 ways to order and sign three axes, shape (48, 3, 3), simplest first, and the mistakes in each."""
+    """
+    Return the 48 ways to order and sign three axes, simplest first, shape (48, 3, 3).
+
+    Return also the number of mistakes in each way.
+    """
     ways = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):

@@ -20,7 +20,7 @@ from mwd_surface.list_files.number_cells import Cell, is_null
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.table import Table
 
-# Quantity -> element name in lower case; version 1.x begins it with a small letter, 2.x with a capital.
+# Quantity -> element name in lower case; the name begins with a small letter in versions 1.x, with a capital in 2.x.
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispns", "east": "dispew"}
 _PROJECTIONS = ("hold to md", "dls and toolface to md")
 

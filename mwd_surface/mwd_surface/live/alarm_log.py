@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Alarms and events of one well: kept in an `AlarmBook` and passed on to the log of the process."""
+"""Alarms and events of one well: kept in an `AlarmBook`, and in part passed on to the log of the process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mwd_surface.live.well_clock import WellClock
 
 
 def _untold(_text: str, _severity: Severity) -> None:
-    """Ignore a text."""
+    """Ignore an event or alarm; the default of `AlarmLog`."""
 
 
 class AlarmLog:
@@ -22,10 +22,11 @@ class AlarmLog:
     ----------
     clock : WellClock
     tell : callable, optional
-        `tell(text, severity)`, called with each event and alarm.
+        `tell(text, severity)`, called with each event, as INFO, and with each alarm of `raise_alarm`, as CRITICAL,
+        whatever the severity of the event or alarm. Alarms of `set_alarms` are not passed on.
     stamp : callable, optional
-        Returns the time with which alarms and events are stamped, ns; by default the time of `clock`. A graph with
-        simulated time stamps with the simulated time.
+        Returns the time with which alarms and events are stamped, ns; by default the time of `clock`. With simulated
+        time, this is the simulated time.
 
     Attributes
     ----------
@@ -43,7 +44,7 @@ class AlarmLog:
         self._stamp = stamp or (lambda: clock.now_ns)
 
     def now_ns(self) -> int:
-        """Return the time for stamps, ns."""
+        """Return the time with which alarms and events are stamped, ns."""
         return self._stamp()
 
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:

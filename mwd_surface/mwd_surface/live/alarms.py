@@ -204,7 +204,7 @@ class AlarmBook:
         return alarm
 
     def events_after(self, logged: int) -> tuple[Event, ...]:
-        """Return the events since the number of logged events was `logged`, oldest first, if they are still kept."""
+        """Return the events after the first `logged` events, oldest first; events no longer stored are left out."""
         return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
 
     def _log(self, event: Event) -> None:

@@ -26,7 +26,7 @@ _REMEDIES = {
 
 class ClearanceMonitor:
     """
-    Compares the well with its offset wells in the background, whenever list, plan or bit have changed.
+    Monitor that compares the well with its offset wells in the background when list, plan or bit have changed.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors the graph: diagnostics of the nodes, and the progress of a survey."""
+"""Monitor of the ROS nodes of a well: their diagnostics, and the progress of a survey."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import DiagnosticLevel, NodeDiagnostic, ReferenceFieldState, SurveyProgress
 from mwd_surface.surveys.well import Well
 
-_TIMEOUT_S = 2.0  # time without feedback or progress after which its source counts as silent
+_TIMEOUT_S = 2.0  # time without feedback or progress after which the sender counts as silent, s
 _SUPERVISED = {row.alarm for row in TABLE}
 _WARN, _ERROR = 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
-_DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
+_DIAGNOSTICS_AGE_S = 5.0  # age above which diagnostics are no longer shown, s
 _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
 
 
 class DiagnosticsMonitor:
     """
-    Monitor of the ROS nodes of one well. Errors of the surface node itself raise their alarms where they happen.
+    Monitor of the ROS nodes of one well; the parts of the surface node raise the alarms for their own errors.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class DiagnosticsMonitor:
 
     Attributes
     ----------
-    reference : ReferenceField or None
+    reference : ReferenceFieldState or None
         Reference field that the estimator or receiver reports in its diagnostics.
     over_at : float or None
         Time of the first report that a simulation or replay has ended, s; None without a report, and again after the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measure clock offset and age of all inputs, and choose the source of the depth; publish and show both each second."""
+"""Monitor of the inputs of a well: clock offset and age of each input, and the source of the bit depth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _OURS = (OPCUA, WITS, MODBUS)
 
 class InputMonitor:
     """
-    The inputs of one well.
+    Monitor of the inputs of one well; publishes and shows their table each second.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class InputMonitor:
         self._depths.set_by_hand(bit_depth, self._clock.now - age)
 
     def depth_of_rig(self) -> float | None:
-        """Return the bit depth of the source of rig data, m, even if a depth by hand is in force; None without one."""
+        """Return the bit depth of the source of rig data, m, even if a depth by hand is in force; None if unknown."""
         return self._depths.of_source(self._clock.now)
 
     def in_force(self, samples: Samples) -> tuple[Samples, Samples]:
@@ -138,7 +138,7 @@ _FASTEST, _SLACK = 3.0, 0.5
 
 class BlockTrack:
     """
-    Bit depth that starts at the last depth from rig or person and follows the block.
+    Bit depth that starts at the last depth from rig or person and follows the travelling block.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class BlockTrack:
 
     def carry(self, samples: Samples) -> Samples:
         """
-        Return rig data, `wire.RIG_STATE`; where the source sends no bit depth, block and slips give one, marked valid.
+        Return rig data, `wire.RIG_STATE`, with missing bit depths computed from block and slips and marked valid.
 
         The data are in order of time, from one source at a time; they are not changed in place.
         """
@@ -182,7 +182,11 @@ class BlockTrack:
         return filled
 
     def _moved(self, depth: float, reading: tuple[int, float, bool]) -> float | None:
-        """Return the depth at a reading from the depth at the reading before; None if the block was lost in between."""
+        """
+        Return the depth at a reading, from the depth at the reading before.
+
+        The result is None if the movement of the block between the two readings is unknown.
+        """
         if self._begins:
             return depth
         if self._last is None:

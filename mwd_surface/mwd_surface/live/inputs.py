@@ -52,7 +52,8 @@ class InputState(MessageRecord):
     """
     State of one input, with the fields of mwd_msgs/InputState; NaN if unknown.
 
-    clock_offset : the input's clock minus the surface's clock, s; offset_age, data_age : s; bit_depth : m.
+    clock_offset : the input's clock minus the surface's clock, s; offset_age : time since the message that gave the
+    offset, s; data_age : age of the newest data, s; bit_depth : m.
     """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputState"
@@ -85,12 +86,12 @@ class InputTable(MessageRecord):
     depth_difference: float = math.nan
 
     def named(self, name: str) -> InputState | None:
-        """Return the input with a name; None if it does not exist."""
+        """Return the input with a name; None if there is no such input."""
         return next((row for row in self.inputs if row.name == name), None)
 
 
 class InputClock:
-    """Offset and age of one input."""
+    """Clock offset and age of the data of one input."""
 
     def __init__(self) -> None:
         # Message with the shortest delay of each second: the second, time of arrival, s, and stamp minus arrival, s.
@@ -110,7 +111,11 @@ class InputClock:
             self._best.popleft()
 
     def measured_at(self, stamp_ns: int, well: WellClock, now: float) -> float:
-        """Return the time at which data with a stamp were measured, s, by the offset; now: time of their arrival, s."""
+        """
+        Return the time at which data with a stamp were measured, s, computed with the clock offset.
+
+        now: time of arrival of the data, s; the result is not later.
+        """
         offset = max((row[2] for row in self._best), default=0.0)
         return min(now, well.seconds(stamp_ns) - offset) if self._best else now
 
@@ -151,11 +156,11 @@ class DepthSources:
         self._hand = (now, bit_depth)
 
     def take_block(self, bit_depth: float | None, now: float) -> None:
-        """Accept the depth that follows the block, m; None if the source in force gives a depth itself."""
+        """Accept the depth computed from the block, m; None if the source in force gives a depth itself."""
         self._block = None if bit_depth is None else (now, bit_depth)
 
     def of_source(self, now: float) -> float | None:
-        """Return the depth of the source in force, m, even if a depth by hand has precedence; None without one."""
+        """Return the depth of the source in force, m, even if a depth by hand has precedence; None if unknown."""
         return self._live(now).get(short_name(self._selection.source or ""))
 
     def by_hand(self, now: float) -> float | None:

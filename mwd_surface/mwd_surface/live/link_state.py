@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of the telemetry link for page and rig interfaces: words of the last survey, passes, quality."""
+"""State of the telemetry link for page and rig interfaces: words of the last survey, received frames, quality."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class WordStatus(enum.IntEnum):
 
 
 class LinkSequence(enum.IntEnum):
-    """Sequence in which a word came, as in mwd_msgs/LinkWord."""
+    """Sequence to which a word belongs, as in mwd_msgs/LinkWord."""
 
     SURVEY = 2
     TOOLFACE = 3
@@ -41,7 +41,7 @@ class LinkSequence(enum.IntEnum):
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = LinkHealth
 SURVEY, TOOLFACE = LinkSequence
-_FRAMES, _WORDS = 20, 40
+_FRAMES, _WORDS = 20, 40  # largest numbers of frames and of words that are kept for the page
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

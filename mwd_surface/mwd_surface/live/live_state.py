@@ -163,7 +163,7 @@ class LiveState:
         self.show(now, link=link)
 
     def toolface_age(self, stamp_ns: int) -> float:
-        """Return the age of the word from which the toolface at a stamp, ns, was predicted, s; 0 without a link."""
+        """Return the age, s, of the word on which the toolface at a stamp, ns, is based; 0 without a link."""
         link = self.parts.link
         if link is None or math.isnan(link.toolface_age):
             return 0.0
@@ -221,7 +221,7 @@ class LiveState:
         self._readings.append(DialReading(value, reading.mode, now, reading.rotating, reading.stamp_ns))
 
     def on_gravity(self, samples: Samples, now: float) -> None:
-        """Accept samples of `wire.GRAVITY`: use the largest vibration of the block, and the last rotary speed."""
+        """Accept samples of `wire.GRAVITY`, of which the largest vibration and the last rotary speed are used."""
         known = samples[np.isfinite(samples["sigma"])]
         if len(known) == 0:
             return
@@ -230,7 +230,7 @@ class LiveState:
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
 
     def on_dynamics(self, samples: Samples, now: float) -> None:
-        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; use the last one."""
+        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; only the last one is used."""
         if len(samples) == 0:
             return
         self.on_stream("dynamics", len(samples), now)
@@ -265,7 +265,7 @@ class LiveState:
             self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
-        """Accept magnetic fields, `wire.MAG`; use the mean of their strengths."""
+        """Accept magnetic fields, `wire.MAG`; the mean of their strengths is shown."""
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -278,7 +278,7 @@ class LiveState:
             self._put("total_field", float(np.mean(totals)), None, now)
 
     def on_interference(self, samples: Samples, now: float) -> None:
-        """Accept estimates of magnetic interference, `wire.INTERFERENCE`; use the last one."""
+        """Accept estimates of magnetic interference, `wire.INTERFERENCE`; only the last one is used."""
         if len(samples) == 0:
             return
         self.on_stream("interference", len(samples), now)
@@ -318,7 +318,7 @@ class LiveState:
             self._touch("toolface")
 
     def at(self, now: float) -> WellState:
-        """Return the state at `now`."""
+        """Return the state of the well at a time; now: steady time, s."""
         for strip in (self._history, self._trend):
             strip.advance(now)
         history, trend, depth_log = (

@@ -110,7 +110,7 @@ class LiveWell:
         The planned path, of the same context.
     full_name : str
         Full name of the surface node, with the namespace of the well.
-    stretches : iterable of Stretch
+    stretches : iterable of DrilledStretch
         Intervals of the slide sheet so far.
     said : collection of str
         Topics of the surface node that come as messages; the content of its other topics is computed here.
@@ -197,10 +197,14 @@ class LiveWell:
         return handlers
 
     def begin(self, now_ns: int) -> None:
-        """Continue at a later time, ns, if no message arrived before it; skip the updates of the seconds in between."""
+        """
+        Continue at a later time, ns, before which no message arrived.
+
+        The updates of the whole seconds in between are skipped.
+        """
         self.clock.now_ns = max(self.clock.now_ns, now_ns - now_ns % CELL_NS)
 
-    # Inputs.
+    # Messages, and depths by hand.
 
     def on_depth_by_hand(self, bit_depth: float, age: float) -> None:
         """Accept a bit depth, m, that a person set `age` seconds ago; publish and show the inputs at once."""
@@ -212,16 +216,16 @@ class LiveWell:
         self.slides.on_depth_by_hand()
 
     def put(self, topic: str, data: bytes, arrived_ns: int) -> None:
-        """Pass a serialised message of a topic, relative to the well, with its time of arrival, ns."""
+        """Add a message that waits to be processed: topic relative to the well, bytes, and time of arrival, ns."""
         self._waiting.append((arrived_ns, topic, data))
 
     @property
     def next_arrival_ns(self) -> int:
         """
-        Earliest time of arrival, ns, of a message whose cell is not processed yet.
+        Earliest time of arrival, ns, with which a message can still be processed.
 
-        It is the time of arrival of messages that the surface node itself publishes now. While a cell is processed, it
-        is the end of that cell; between two cells, the first instant of the next cell.
+        Messages that the surface node itself publishes now get this time. While a cell is processed, this is the end of
+        that cell; between two cells, the first instant of the next cell.
         """
         return self.clock.now_ns + (0 if self._in_cell else 1)
 
@@ -386,7 +390,7 @@ def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link:
 
 
 class AdviceMonitor:
-    """Computes the advice on steering of one well, and publishes and shows it when it changes."""
+    """Monitor of the advice on steering of one well: computes, publishes and shows the advice when it changes."""
 
     def __init__(self, context: WellContext) -> None:
         self._live, self._outlet, self._clock = context.live, context.outlet, context.clock
@@ -435,14 +439,14 @@ _DEPTHS = RIG_VALID["bit_depth"] | RIG_VALID["hole_depth"]
 
 class SlideRecorder:
     """
-    Makes the slide sheet of one well.
+    Recorder of the slide sheet of one well.
 
     Parameters
     ----------
     context : WellContext
     rules : SlideRules
         Rules by which an interval counts as sliding.
-    earlier : iterable of Stretch
+    earlier : iterable of DrilledStretch
         Intervals from earlier runs of the surface, oldest first.
     """
 
@@ -506,7 +510,11 @@ class SlideRecorder:
             self._live.show(self._clock.now, quill=float(message.position[0]) % math.tau)
 
     def update(self, now: float, surveys: SurveyList) -> None:
-        """Show a changed sheet with the yields between stations; called once a second. now: steady time, s."""
+        """
+        Show the slide sheet and the yields between stations if they have changed; called once a second.
+
+        now: steady time, s.
+        """
         stretches = self._sheet.stretches
         state = (len(stretches), stretches[-1:], surveys.changed_ns, len(surveys.records))
         if state == self._shown:
@@ -515,7 +523,7 @@ class SlideRecorder:
         self._live.show(now, stretches=tuple(stretches), yields=tuple(yields(stretches, surveys.definitive())))
 
 
-# Gathers the readings of the supervision table: silent topics, clocks, heartbeats, disk and queue.
+# Readings for the supervision table: silent topics, clocks, heartbeats, disk and queue.
 
 # Time after the end of a simulation or replay in which the last results still arrive, s. A topic or node that is heard
 # later is supervised for silence as before.
@@ -524,7 +532,7 @@ _TRAILING = 2.0
 
 class SupervisionMonitor:
     """
-    Supervises the nodes of one well by the table of `live.supervision`, and raises its alarms.
+    Monitor of the nodes of one well by the table of `live.supervision`, whose alarms it raises.
 
     Attributes
     ----------

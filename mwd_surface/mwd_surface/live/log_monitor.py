@@ -25,7 +25,7 @@ _REMEDY = "compare the tool configuration with the tool, and see that the rig se
 
 class LogMonitor:
     """
-    Merges the log samples of a well by the depths of its survey book, and updates the account of the tool's health.
+    Monitor of the logs of a well: assigns depths to log samples, and updates the account of the tool's health.
 
     Parameters
     ----------

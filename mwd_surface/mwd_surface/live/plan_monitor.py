@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planned path of a well: read by the settings, shown on the page, compared with the surveyed path."""
+"""Planned path of a well: read as the settings say, shown on the page, compared with the surveyed path."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 class PlanMonitor:
     """
-    Plan of one well.
+    Monitor of the plan of one well: reads the plan and shows it on the page.
 
     Attributes
     ----------
@@ -72,18 +72,18 @@ class PlanMonitor:
         self._alarm_log.clear_alarm("plan.file")
 
     def show_plan(self) -> None:
-        """Show the plan."""
+        """Show the plan on the page."""
         drawn = None if self.plan is None else interpolated(self.plan, DRAWN_STEP)
         self._live.show(self._clock.now, plan=drawn)
 
     def show_offset(self, path: Definitive) -> None:
-        """Show the offset of the end of the path from the plan."""
+        """Show the offset of the end of the path from the plan on the page."""
         self._live.show(self._clock.now, offset=offset_of_end(self.plan, path))
 
 
 def _straight(settings: PlanSettings, well: Well) -> Plan | None:
     """
-    Return the straight plan that the settings describe; None if they describe none.
+    Return the straight plan that the settings describe; None if the settings describe no straight plan.
 
     Raises
     ------

@@ -10,12 +10,12 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-LINE_HZ = 10.0  # points of the line per second
-LINE_S = 120.0  # length of the line
-RATE_HZ = 25.0  # rate of the samples after averaging
+LINE_HZ = 10.0  # rate of the points of the line, Hz
+LINE_S = 120.0  # length of the line, s
+RATE_HZ = 25.0  # approximate rate of the samples after averaging, Hz
 WINDOW = 512  # number of samples in a spectrum: 20 s
 BINS = 120  # number of bins of a spectrum, each of 2 RATE_HZ / WINDOW = 0.098 Hz, so that it ends near 11.7 Hz
-STEP_S = 4.0  # time between two spectra
+STEP_S = 4.0  # time between two spectra, s
 COLUMNS = 45  # number of spectra in the picture
 # The line is drawn relative to the median over this time, s. Pulses of 2 s, which fill at most a quarter of the time,
 # stand out from it, and pumps that start or change their strokes do not hide them.
@@ -25,7 +25,7 @@ _BASE_S = 10.0
 @dataclasses.dataclass(frozen=True)
 class PressurePicture:
     """
-    Pressure to be drawn.
+    Pressure as a line and a spectrogram.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class PressureHistory:
         return True
 
     def picture(self) -> PressurePicture:
-        """Return the pictures up to the newest sample."""
+        """Return line and spectrogram up to the newest sample."""
         many = max(round(self._rate / LINE_HZ), 1)
         recent = self._samples[-round(LINE_S * self._rate) :]
         whole = recent[len(recent) % many :].reshape(-1, many).mean(axis=1) if len(recent) >= many else recent

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Show recorded messages of the surface node itself: alarms, events, survey list, inputs, advice, and states."""
+"""Display of recorded messages of the surface node: alarms, events, survey list, inputs, advice, and states."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _AGAIN_NS = 1_500_000_000
 
 class SaidByTheSurface:
     """
-    Show the messages that a surface node published while it was recorded.
+    Display of the messages that a surface node published while it was recorded.
 
     Parameters
     ----------

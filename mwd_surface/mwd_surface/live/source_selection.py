@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choose one of several sources of a topic: the source of the highest priority that is not silent."""
+"""Selection of one of several sources of a topic: the source of the highest priority that is not silent."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class SourceSelection:
         return priority.index(name) if name in priority else len(priority)
 
     def others(self, now: float) -> list[str]:
-        """Return the sources that send at `now`, without the source in force."""
+        """Return the sources that send at `now`, except the source in force."""
         silent = self.rules.silent_after
         return sorted(name for name, at in self._heard.items() if name != self.source and now - at <= silent)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decode sample streams of the graph for the live state, in blocks of messages that have arrived."""
+"""Decoding of the sample streams of the ROS nodes for the live state, in blocks of messages that have arrived."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _frame_of(message: bytes) -> str | None:
 
 class StreamDecoder:
     """
-    Decodes the topics of fixed layout, updates the live state with their samples, and publishes the toolface.
+    Decoder of the topics of fixed layout: updates the live state with their samples and publishes the toolface.
 
     Parameters
     ----------
@@ -129,7 +129,11 @@ class StreamDecoder:
         return [message for message, frame in zip(messages, frames, strict=True) if frame in (source, None)]
 
     def update(self, now: float) -> None:
-        """Raise an alarm for each topic that two sources publish; called once a second. now: steady time, s."""
+        """
+        Raise an alarm for each topic with a second source that the order of priority does not name.
+
+        Called once a second. now: steady time, s.
+        """
         causes: dict[str, tuple[int, str, str]] = {}
         for topic, selection in self._sources.items():
             if others := selection.uninvited(now):

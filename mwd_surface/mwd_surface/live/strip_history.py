@@ -42,11 +42,11 @@ class StripHistory:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of a row's members."""
+        """Names of the values in a row."""
         return ("at", *self.channels)
 
     def add(self, channel: str, value: float, now: float) -> None:
-        """Add a value to the interval of `now`, s or m; ignore a value that is not finite, or for a closed interval."""
+        """Add a value to the interval of `now`, s or m, unless the value is not finite or the interval is closed."""
         self.advance(now)
         if not math.isfinite(value) or self._bin is None or math.floor(now / self.interval) < self._bin:
             return

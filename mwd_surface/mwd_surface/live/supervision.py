@@ -217,7 +217,11 @@ TABLE = (
 
 
 class Supervision:
-    """Judges readings by the table; `prefixes` are the first parts of all alarm ids, for `AlarmLog.set_alarms`."""
+    """
+    Evaluation of readings by the table of supervision.
+
+    prefixes: first parts of all alarm ids, for `AlarmLog.set_alarms`.
+    """
 
     def __init__(self, table: Iterable[SupervisionRow] = TABLE) -> None:
         self._table = tuple(table)

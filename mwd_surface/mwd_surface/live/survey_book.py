@@ -131,7 +131,7 @@ class SurveyBook:
         Raises
         ------
         ValueError
-            See `DepthTrack.set_by_hand`.
+            The depth is not finite, negative, or larger than `DepthRules.deepest`.
         """
         self.depth.set_by_hand(stamp_ns, bit_depth)
         self.logs.add_depth(stamp_ns, bit_depth)
@@ -313,5 +313,5 @@ def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Arr
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:
-    """Return the outcome of a survey in words."""
+    """Return number and verdict of a survey in words."""
     return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"

@@ -42,7 +42,7 @@ class ToolfaceReading:
 
 class ToolfaceSelector:
     """
-    Selects the gravity or the magnetic toolface by the status of the attitude.
+    Selector of the gravity or the magnetic toolface, by the status of the attitude.
 
     Before the first inclination the mode is gravity. The mode is the only state.
     """

@@ -42,9 +42,10 @@ from mwd_surface.trajectory.slide_sheet import DrilledStretch, Yield
 from mwd_surface.trajectory.well_path import Definitive
 
 NO_STATUS = Status(0)
-# Flow and pressure above which the pumps count as on: far below drilling, far above readings of mud at rest.
-LEAST_FLOW = 100e-3 / 60.0  # m^3/s
-_LEAST_PRESSURE = 1e6  # Pa
+# Flow, m^3/s, and pressure, Pa, above which the pumps count as on: far below drilling, far above readings of mud at
+# rest.
+LEAST_FLOW = 100e-3 / 60.0
+_LEAST_PRESSURE = 1e6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Angle:
 @dataclasses.dataclass(frozen=True)
 class AttitudeState:
     """
-    Continuous attitude.
+    Present attitude of the tool.
 
     Attributes
     ----------
@@ -207,10 +208,10 @@ class ReferenceFieldState:
 @dataclasses.dataclass(frozen=True)
 class SurveyProgress:
     """
-    Progress of a survey or north seek: elapsed and remaining time, s, NaN if unknown; result: outcome of the last one.
+    Progress of a survey or north seek.
 
-    waits_for: reason why a survey that has averaged enough samples is not issued yet; elapsed and remaining then are
-    times of that wait.
+    elapsed, remaining: s; NaN if unknown. result: outcome of the last survey. waits_for: reason why a survey that has
+    averaged enough samples is not issued yet; elapsed and remaining are then the times of this wait.
     """
 
     active: bool = False
@@ -272,7 +273,7 @@ class Chart:
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """Number of times that a part of the state was set, and time of the last one, s of the steady clock."""
+    """Number of times that a part of the state was set, and the last time at which it was set, s (steady clock)."""
 
     count: int = 0
     at: float | None = None
@@ -280,7 +281,7 @@ class Change:
 
 @dataclasses.dataclass(frozen=True)
 class RodCount:
-    """Rods in the hole by the tally: number of rods, bit depth that follows, m, and usual length of a rod, m."""
+    """Rods in the hole by the tally: number of rods, bit depth computed from them, m, and usual rod length, m."""
 
     rods: int
     bit_depth: float
@@ -298,7 +299,7 @@ class WellState:
         Time of this state, s of the steady clock.
     streams : mapping of str to StreamState
         State of each stream by name.
-    reference_given : ReferenceField or None
+    reference_given : ReferenceFieldState or None
         The field that the estimator or the receiver reports.
     surveys : SurveyList
         The survey list in force.
@@ -351,8 +352,8 @@ class WellState:
     tool_health : ToolHealth
         Battery, run time, exposures, self-tests and parts of the tool.
     changes : mapping of str to Change
-        Number of times that each part was set, and the last time, by name of the part (a field of this class). A part
-        that was never set is missing.
+        Number of times that each part was set, and the last time at which it was set, by name of the part (a field of
+        this class). A part that was never set is missing.
     """
 
     now: float = 0.0
@@ -400,7 +401,7 @@ class WellState:
 
     @property
     def reference(self) -> ReferenceFieldState:
-        """Reference field in force: `reference_given`, else the reference of the latest survey that has one."""
+        """Reference field in force: `reference_given`, else the reference of the latest survey that has a reference."""
         if self.reference_given is not None:
             return self.reference_given
         known = (record.survey for record in self.surveys.records if record.survey.has_reference)
@@ -417,7 +418,7 @@ class WellState:
         return 0.0 if self.plan is None else self.plan.section_azimuth
 
     def change(self, part: str) -> Change:
-        """Return the number of times that a part was set, and the last time."""
+        """Return the number of times that a part was set, and the last time at which it was set."""
         return self.changes.get(part, Change())
 
     def age(self, part: str) -> float | None:

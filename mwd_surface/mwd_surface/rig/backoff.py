@@ -34,7 +34,7 @@ class Backoff:
         """
         Return the wait before the next attempt, s.
 
-        failures: number of further failures in a row after the first. chance: random number, 0 to 1; the wait is
-        multiplied by 0.5 + chance.
+        failures: number of consecutive failures minus 1. chance: random number, 0 to 1; the wait is multiplied by 0.5 +
+        chance, so that several units do not retry at the same time.
         """
         return float(min(self.longest, self.first * 2.0 ** min(failures, 30)) * (0.5 + chance))

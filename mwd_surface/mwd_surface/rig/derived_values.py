@@ -19,7 +19,8 @@ from mwd_surface.signals.table import FROM_ADVICE, FROM_CONTROL, FROM_LOG, FROM_
 from mwd_surface.trajectory.advice import AdviceMode
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, TIE_ON
 
-# Age above which a gamma value is stale, s: over mud pulses a value may take a minute, and two if a word is lost.
+# Age above which a gamma value is stale, s: over mud pulses a value takes up to one minute, or two minutes if a word is
+# lost.
 _LOG_STALE_S = 120.0
 # Quality flags of a gamma sample whose value is not the mean gamma around the hole, with the sentence for the rig.
 _DOUBTS = {
@@ -29,7 +30,11 @@ _DOUBTS = {
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return the values derived from path and plan, by name, with the age of the path or of the plan's offset."""
+    """
+    Return the values at the bit that are derived from path and plan, by name.
+
+    The age of a value is the age of the path or of the offset from the plan.
+    """
     path, values = state.path, {}
     beyond = path is not None and len(path.kind) > 0 and path.kind[-1] not in (TIE_ON, ASSUMED)
     for name in ("inclination", "azimuth"):
@@ -49,7 +54,11 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def _doubt(state: WellState) -> tuple[Condition, str] | None:
-    """Return condition and reason of values at the bit if bit depth is old or the path's start assumed; else None."""
+    """
+    Return condition and reason of values at the bit that are not good; None if nothing makes them doubtful.
+
+    Values are stale if the bit depth is old, and doubtful if the start of the path is assumed.
+    """
     bit = state.rig.bit_depth
     if state.path is not None and state.path.kind[-1] == PROJECTED and bit.state == Freshness.STALE:
         return Condition.STALE, "projected to an old depth of the bit"
@@ -88,9 +97,9 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 def rig_input(inputs: InputTable) -> InputState | None:
     """
-    Return the input of the rig data source in force; None if no rig source sends.
+    Return the state of the rig data source in force, or else of the source with the highest priority that sends.
 
-    A depth that is set by hand is not a rig source, even if it takes precedence.
+    The result is None if no source sends. A depth set by hand is not a rig source, even if it takes precedence.
     """
     rig = [row for row in inputs.inputs if row.priority > 0 and row.name != HAND and row.role != Role.SILENT]
     return min(rig, key=lambda row: (row.role != Role.IN_FORCE, row.priority), default=None)
@@ -124,7 +133,7 @@ def log_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     Return the newest natural gamma and the depth of its detector, with the age of the measurement.
 
     A gamma channel is recognized by its unit, which no other kind of log has. If several channels have this unit, the
-    channel named `gamma` is returned, or the newest.
+    channel named `gamma` is used, or else the channel with the newest value.
     """
     unit = SOURCES[GAMMA].unit
     found = [(name == GAMMA, one.stamp_ns, name, one) for name, one in state.newest_logs.items() if one.unit == unit]

@@ -83,7 +83,12 @@ class RigInputSettings:
 
 @dataclasses.dataclass
 class RigInputCounts:
-    """Counts. taken: samples returned; refused: impossible values; held: unconfirmed depths; hurried: too early."""
+    """
+    Counts of rig data.
+
+    taken: samples returned. refused: impossible values. held: depths that no later reading has confirmed yet. hurried:
+    sets of readings dropped because of their stamp, which is too soon after the last sample or earlier than it.
+    """
 
     taken: int = 0
     refused: int = 0
@@ -92,7 +97,7 @@ class RigInputCounts:
 
 
 class RigInput:
-    """Checker of readings that makes samples of the accepted ones; the last accepted depths are stored."""
+    """Checker of rig data: makes a sample from the accepted readings, and stores the last accepted depths."""
 
     def __init__(self, settings: RigInputSettings | None = None) -> None:
         self.settings = settings or RigInputSettings()

@@ -39,7 +39,12 @@ class MissingPackageError(InterfaceError):
 
 @dataclasses.dataclass(frozen=True)
 class PeerStatus:
-    """One connection, with message counts since it began; rate: messages sent per second; last: last message."""
+    """
+    State of one connection.
+
+    since: steady time at which the connection began, s. sent, received, dropped: numbers of messages since then. rate:
+    messages sent per second. last: text of the last message.
+    """
 
     address: str
     since: float
@@ -55,8 +60,8 @@ class InterfaceStatus:
     """
     State of one interface: its state as a word such as LISTENING, its address, and the reason if it is not running.
 
-    sent, received: messages. dropped: messages not delivered to a slow peer. refused: connections.
-    counts: further counters by name. last: names and texts of the last values sent.
+    sent, received: numbers of messages. dropped: number of messages not delivered to a slow peer. refused: number of
+    refused connections. counts: further counters by name. last: names and texts of the last values sent.
     """
 
     name: str
@@ -90,7 +95,7 @@ class RigInterface(abc.ABC):
 
     @abc.abstractmethod
     def publish(self, values: RigValues) -> None:
-        """Store the newest values for sending; never blocks, and newer values replace waiting ones."""
+        """Store the newest values for sending, in place of values that still wait; never blocks."""
 
     @abc.abstractmethod
     def status(self) -> InterfaceStatus:
@@ -128,7 +133,7 @@ class LoopInterface(RigInterface):
 
     @property
     def wake(self) -> asyncio.Event:
-        """Event that is set for new values and for stopping; the coroutine clears it."""
+        """Event that is set when new values arrive and when the interface must stop; the coroutine clears it."""
         if self._wake is None:
             raise RuntimeError(f"{self.name} is not running")
         return self._wake
@@ -218,6 +223,8 @@ class LoopInterface(RigInterface):
 def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 0)) -> ModuleType:
     """
     Import a module of an optional package, and check that the package has at least version `floor` (major, minor).
+
+    what: name of the feature that needs the package, for messages.
 
     Raises
     ------

@@ -41,7 +41,7 @@ class LibraryLog(logging.Handler):
         self._lines = self._left_out = 0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one record, or count it."""
+        """Write a record, or only count it if the period already has its largest number of lines."""
         now = self._clock()
         if now - self._since >= _PERIOD_S:
             if self._left_out:
@@ -58,7 +58,7 @@ class LibraryLog(logging.Handler):
 
 
 def bound_log(library: str) -> None:
-    """Bound the log of a library; does nothing if the log is bounded already."""
+    """Limit length and rate of the log of a library; does nothing if the log is limited already."""
     logger = logging.getLogger(library)
     if not any(isinstance(handler, LibraryLog) for handler in logger.handlers):
         logger.addHandler(LibraryLog())

@@ -41,7 +41,7 @@ from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings
 
-_LOOK = 0.5  # s between checks for new values and for interfaces that ended
+_LOOK = 0.5  # time between checks for new values and for interfaces that ended, s
 
 
 @dataclasses.dataclass(frozen=True)
@@ -235,7 +235,7 @@ class RigPort:
                 interface.publish(self._values)
 
     def _watch(self) -> None:
-        """Retry interfaces that are down, and send stale values when no new ones come."""
+        """Start again interfaces that are down, and publish the last values as stale when no new values come."""
         tried = self._clock()
         while not self._ended.wait(min(_LOOK, self.settings.retry_period)):
             now = self._clock()

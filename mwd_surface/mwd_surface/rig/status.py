@@ -20,7 +20,7 @@ from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
 FILE_NAME = "rig_status.json"
-LASTS = 5.0  # s; a status older than this is from a ROS graph that hangs or was killed
+LASTS = 5.0  # s; a status older than this is from a surface node that hangs or was killed
 _VERSION = 1  # version of the format of the file
 
 
@@ -43,13 +43,13 @@ class RigStatus:
     interfaces: tuple[InterfaceStatus, ...]
 
     def alive(self, now: float) -> bool:
-        """Return whether the status was written by a running graph; now: s since the epoch."""
+        """Return whether the status was written by a surface node that still runs; now: s since the epoch."""
         return -LASTS < now - self.written < LASTS
 
 
 def write_status(path: Path, status: RigStatus) -> None:
     """
-    Write the file, replacing it as a whole.
+    Write a status file; an existing file is replaced as a whole.
 
     Raises
     ------

@@ -78,7 +78,7 @@ class RigValues:
 
     @property
     def toolface(self) -> RigValue:
-        """Toolface in force."""
+        """Toolface in force: gravity or magnetic toolface, by `mode`."""
         return self.values["gravity_toolface" if self.mode == GRAVITY else "magnetic_toolface"]
 
 
@@ -146,7 +146,7 @@ def rig_values(
 
 
 def silenced(values: RigValues, age: float, reason: str) -> RigValues:
-    """Return the values, marked as unusable after `age` s without new ones; the heartbeat does not advance."""
+    """Return the values marked as unusable, because no new values came for `age` s; the heartbeat does not advance."""
     old = {
         name: dataclasses.replace(
             v,
@@ -160,7 +160,7 @@ def silenced(values: RigValues, age: float, reason: str) -> RigValues:
 
 
 def nothing_yet(now_ns: int = 0) -> RigValues:
-    """Return the values before any data."""
+    """Return the table of values before any data have arrived."""
     return RigValues(now_ns, 0, {signal.name: RigValue() for signal in TO_RIG}, active=False)
 
 
@@ -187,7 +187,7 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
-    """Return whether data of the sonde arrive now, and whether any ever arrived."""
+    """Return whether data of the sonde arrive now, and whether data have ever arrived."""
     for stream in ("sonde", "estimator"):
         state = links[stream].state
         if state != Freshness.NO_DATA:
@@ -232,7 +232,7 @@ def _of_angle(angle: Angle | None, stamp_ns: int | None, stream: StreamState, no
 
 
 def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
-    """Return the value, or its last defined value if it is undefined now."""
+    """Return the value; if it is undefined now, return the last defined value (`before`), marked as stale."""
     if value.condition != Condition.WAITING or before is None or before.stamp_ns == 0:
         return value
     age = max(0.0, (now_ns - before.stamp_ns) / NANOSECONDS)
@@ -240,7 +240,7 @@ def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
 
 
 def _judged(signal: Signal, value: RigValue, status: Status, *, lost: bool) -> RigValue:
-    """Return the value with the condition that follows from the sonde link and the estimator status."""
+    """Return the value with its condition, lowered if the sonde link is lost or the estimator status shows a doubt."""
     if lost:
         return dataclasses.replace(value, condition=Condition.NO_LINK, reason="no data from the sonde")
     if status & Status.SENSOR_FAULT:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Composition of a survey's azimuth, as every interface, export and page states it.
+Composition of a survey's azimuth: the sensors and corrections that every interface, export and page states.
 
-The estimator determines every azimuth by one posterior, so the name of the method does not show which sensors
-contributed. They follow from the survey: the weight of the gyro among its azimuths, and whether an axial field of the
-string was estimated.
+The estimator computes every azimuth from one posterior, so the name of the method does not show which sensors
+contributed. The sensors are derived from the survey: from the weight of the gyro among its azimuths, and from whether
+an axial field of the drill string was estimated.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import math
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import Survey
 
-# A sensor whose share in the azimuth is smaller than this is not named; the estimator ignores a gyro with such a share.
+# Smallest share of a sensor in the azimuth, 0 to 1, at which the sensor is named; the same value as in
+# `mwd_estimation.survey.decision`.
 _NAMED = 0.01
 _UNCORRECTED = (AzimuthMethod.RAW, AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAGATED, AzimuthMethod.NONE)
 
@@ -28,9 +29,10 @@ class AzimuthSource:
     Attributes
     ----------
     known : bool
-        False if there is no azimuth, or if only the angle is known (imported list, telemetry link).
+        Whether the sensors are known; false if the survey has no azimuth, or has the angle only (imported list,
+        telemetry link).
     gyro_share : float
-        Share of the north seek in the information about the azimuth, 0 to 1.
+        Share of the gyro (north seeking) in the information about the azimuth, 0 to 1.
     without_axial : bool
         Whether the estimated axial field of the string was subtracted from the magnetometer reading.
     multi_station : bool or None
@@ -45,17 +47,17 @@ class AzimuthSource:
 
     @property
     def by_gyro(self) -> bool:
-        """Whether a gyro contributed."""
+        """Whether a gyro contributed to the azimuth."""
         return self.known and self.gyro_share >= _NAMED
 
     @property
     def magnetic(self) -> bool:
-        """Whether a magnetometer contributed."""
+        """Whether a magnetometer contributed to the azimuth."""
         return self.known and self.gyro_share <= 1.0 - _NAMED
 
     @property
     def mostly_gyro(self) -> bool:
-        """Whether the gyro has the larger share."""
+        """Whether the gyro has the larger share in the azimuth."""
         return self.known and self.gyro_share > 0.5
 
     @property
@@ -65,12 +67,16 @@ class AzimuthSource:
 
     @property
     def corrected(self) -> bool:
-        """Whether the axial field of the string has no effect: it was subtracted, or no magnetometer contributed."""
+        """
+        Whether the axial field of the string has no effect on the azimuth.
+
+        Either the field was subtracted, or no magnetometer contributed.
+        """
         return self.axial_corrected or (self.known and not self.magnetic)
 
     @property
     def words(self) -> str:
-        """Description for people; empty if unknown."""
+        """Composition of the azimuth as a text for people; empty if it is unknown."""
         if not self.known:
             return ""
         if not self.magnetic:
@@ -81,7 +87,11 @@ class AzimuthSource:
 
 
 def azimuth_source(survey: Survey) -> AzimuthSource:
-    """Return the composition of a survey's azimuth; in older lists it is derived from the name of the method."""
+    """
+    Return the composition of a survey's azimuth.
+
+    In older lists, an azimuth is from a single method, and the name of the method shows the sensors.
+    """
     method = survey.azimuth_method
     if not survey.has_azimuth or method not in set(AzimuthMethod) - {AzimuthMethod.NONE}:
         return AzimuthSource(known=False)

@@ -15,10 +15,12 @@ from mwd_surface.trajectory.well_path import Definitive
 @dataclasses.dataclass(frozen=True)
 class Branch:
     """
-    A branch of the hole: name, the leg that it leaves, and whether the next surveys belong to it.
+    A branch of the hole.
 
+    parent: name of the leg that the branch leaves. current: whether the next surveys belong to the branch.
     measured_depth, inclination, azimuth, position: depth, m, direction, rad, and position (north, east, down from the
-    opening, m) of the point where the branch leaves its parent. end: measured depth of its last station, m.
+    opening, m) of the point where the branch leaves its parent. end: measured depth of the last station of the branch,
+    m.
     """
 
     name: str
@@ -55,17 +57,17 @@ def branches(surveys: SurveyList) -> tuple[Branch, ...]:
 
 
 def legs_of(surveys: SurveyList, path: Definitive) -> tuple[str, ...]:
-    """Return the name of the leg to which each station of a path of the list belongs."""
+    """Return, for each station of a path of the list, the name of the leg to which the station belongs."""
     lineage = _lineage(surveys, path.leg)
     return tuple(next((name for name, start in reversed(lineage) if depth > start), lineage[0][0]) for depth in path.md)
 
 
 def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ...]:
     """
-    Return the parts of the hole that do not lie on a path of the list: name of the leg, and positions.
+    Return the parts of the hole that are not on the given path: name of the leg, and positions.
 
-    positions: shape (n, 3), north, east, down from the opening, m. The first is the point where the part leaves the
-    path or its own parent. Parts without a station of their own are left out.
+    positions: shape (n, 3), north, east, down from the opening, m. The first position is the point where the part
+    leaves the path or its own parent. Parts without a station of their own are left out.
     """
     lineage = _lineage(surveys, path.leg)
     # A leg may leave its parent above the point where the parent itself begins: then the path contains no part of the
@@ -87,7 +89,7 @@ def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ..
 
 
 def _lineage(surveys: SurveyList, name: str) -> list[tuple[str, float]]:
-    """Return the legs from the main one down to a leg: name, and the measured depth at which each begins, m."""
+    """Return the legs from the main leg down to a given leg: name, and measured depth at which the leg begins, m."""
     legs = [surveys.find_leg(name)]
     while legs[-1].parent:
         legs.append(surveys.find_leg(legs[-1].parent))

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Comparison of several surveys at one depth: whether they agree within the tool code, and the sensor biases found.
+Comparison of several surveys at one depth: test for agreement within the tool code, and sensor biases.
 
 A *rotation shot* repeats a survey with another toolface, a *check shot* with another tool or on another run. The hole
 is the same, so the angles may differ only by errors that rotate with the tool, by errors that the tools do not share,
 and by noise. The test is a chi-square of the differences against the covariance of the tool code's errors (R. Ekseth et
 al., "The reliability problem related to directional survey data", IADC/SPE 103734, 2006, internal tests of magnetic
-surveys, and SPE/IADC 105558, 2007, external ones).
+surveys, and SPE/IADC 105558, 2007, external tests).
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 
-# Largest difference of measured depth, m, to the shallowest of the surveys that count as taken at one depth.
+# Surveys count as taken at one depth if they are at most this much deeper than the shallowest of them, m.
 SAME_DEPTH = 0.5
-# Curvature of the hole, rad/m, 1 sigma in each direction. It turns the hole by 0.1 deg between shots half a metre
-# apart. Motors build up to twice as much.
+# Curvature of the hole, rad/m, 1 sigma in each direction. At 1 sigma the hole turns by 0.1 deg in half a metre. Motors
+# build up to twice this curvature.
 _CURVATURE = math.radians(6.0) / 30.0
-# Repeatability of a reading at one attitude, m/s^2 and T: resolution of the telemetry and residual motion of the
-# string.
+# Repeatability of a reading at one attitude, 1 sigma, m/s^2 and T: resolution of the telemetry and residual motion of
+# the string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
-# Least inclination at which azimuths are compared, rad.
+# Smallest inclination at which azimuths are compared, rad.
 _LEAST_INCLINATION = math.radians(3.0)
-# Probability of a larger chi-square by chance below which shots are doubtful, and below which they fail; the verdict of
-# a survey uses the same values.
+# Limits of the probability of a larger chi-square by chance. Below the first limit shots are doubtful, below the second
+# they fail. The verdict of a survey uses the same limits.
 _DOUBTFUL, _FAIL = 0.01, 0.001
 # Biases are estimated only if every gap between the toolfaces of the shots is smaller than this, rad.
 _WIDEST_GAP = math.pi
-# Number of sigma of the tool code above which a bias is out of specification.
+# Number of sigmas (of tool code and estimate, combined) above which a bias is out of specification.
 _BIAS_SIGMAS = 3.0
 
 PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
@@ -57,7 +57,7 @@ class Bias:
 
     @property
     def excessive(self) -> bool:
-        """Whether the bias exceeds the tool code, allowing for the uncertainty of the bias."""
+        """Whether the bias is larger than the tool code allows, taking the uncertainty of the estimate into account."""
         return abs(self.value) > _BIAS_SIGMAS * math.hypot(self.expected, self.sigma)
 
 
@@ -134,12 +134,17 @@ def check_shots(
 def _compared(
     md: Array, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
-    """Compare the shots at one depth. md, shape (n,), m: their measured depths; the hole may turn between them."""
+    """
+    Compare the shots at one depth.
+
+    md: measured depth of each shot, m, shape (n,); the direction of the hole may change between the shots.
+    """
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])
     differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])
     with_azimuth = math.sin(float(np.mean(inclinations))) >= math.sin(_LEAST_INCLINATION)
-    # Along one curve the angles change in proportion to the depth, azimuths with the inverse sine of the inclination.
+    # Along a curve the angles change in proportion to the depth; a change of azimuth is larger by the factor 1 /
+    # sin(inclination).
     turned = np.outer(md - md.mean(), md - md.mean()) * _CURVATURE**2
     covariance = _covariance(force, field, errors, tools)
     covariance[0, 0] += turned
@@ -211,7 +216,11 @@ def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[st
 
 
 def _biases(force: Array, field: Array, errors: SensorErrors) -> tuple[Bias, ...]:
-    """Return the transverse biases from the circle of a rotated tool's readings; empty if they cannot be estimated."""
+    """
+    Return the biases of the transverse sensors of one rotated tool; empty if they cannot be estimated.
+
+    The transverse readings at several toolfaces lie on a circle, whose centre is the pair of biases.
+    """
     faces = np.sort(np.asarray(gravity_toolface(force)))
     gaps = np.diff([*faces, faces[0] + math.tau])
     if len(faces) < 3 or gaps.max() >= _WIDEST_GAP:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Closure of a hole on a surveyed point: the distance between the computed path and a point of known coordinates.
+Closure of a hole on a surveyed point: comparison of the computed path with a point of known coordinates.
 
 Such a point is, for example, the place where the hole breaks through into a roadway. The closure error is the position
 of the path minus the position of the point, seen looking along the hole: right or left, up or down, and along. A
@@ -26,10 +26,10 @@ from mwd_surface.trajectory.plan import azimuth_at
 from mwd_surface.trajectory.well_path import Definitive, path_of
 
 CONSISTENT, DOUBTFUL, INCONSISTENT, UNKNOWN = "consistent", "doubtful", "not consistent", "not known"
-# Probability of a larger closure error by chance below which the closure is doubtful, and below which it is not
-# consistent; the verdict of a survey uses the same values.
+# Limits of the probability of a larger closure error by chance. Below the first limit the closure is doubtful, below
+# the second it is not consistent. The verdict of a survey uses the same limits.
 _DOUBTFUL, _INCONSISTENT = 0.01, 0.001
-_SAME = 1e-3  # m; largest difference in measured depth between the surveyed point and a station that lies on it
+_SAME = 1e-3  # m; largest difference in measured depth at which a station counts as lying at the surveyed point
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Closure:
     components of the closure error, looking along the hole, m; negative if the path is to the left of the point, below
     it, or short of it. sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m. sigma_point: 1
     sigma of the point in each direction, m. distance: length of the closure error, m. probability: probability of an
-    error at least as large by chance. verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: why a
-    number is not known, and the remedy; else empty.
+    error at least as large by chance. verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: reason and
+    remedy if a number is unknown; otherwise empty.
     """
 
     leg: str
@@ -122,7 +122,7 @@ def _verdict(probability: float) -> str:
 
 
 def _looking_along(inclination: float, azimuth: float) -> Array:
-    """Return the directions to the right, up and along the hole as rows, shape (3, 3), north, east, down."""
+    """Return unit vectors to the right, up and along the hole as rows of a matrix (north, east, down), shape (3, 3)."""
     mat = mat_nt(inclination, azimuth_at(inclination, azimuth), 0.0)
     # At toolface 0 the scribe line is the high side, and the right side is minus the second axis.
     return np.stack([-mat[:, 1], mat[:, 2], mat[:, 0]])
@@ -131,7 +131,11 @@ def _looking_along(inclination: float, azimuth: float) -> Array:
 def _with_station(
     path: Definitive, records: list[SurveyRecord | None], depth: float
 ) -> tuple[Definitive, list[SurveyRecord | None], int]:
-    """Return the path with a station at a measured depth, m, its records, and the index of that station."""
+    """
+    Return the path with a station at a measured depth, its records, and the index of the station.
+
+    depth: m; a station is inserted unless the path has one there. The record of an inserted station is None.
+    """
     k = int(np.argmin(np.abs(path.md - depth)))
     if abs(float(path.md[k]) - depth) <= _SAME:
         return path, records, k

@@ -3,9 +3,10 @@
 Measured depth of a survey: the rig's bit depth at the time of the survey, minus the distance from sensor to bit.
 
 Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
-than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey is paired
-only with readings near its own time, and the age of the reading is kept. If two depth sources alternate, or the clock
-of the rig differs from that of the sonde, no depth is paired and the reason says so. Stamps are in ns, depths in m.
+than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey gets its
+depth only from readings near its own time, and the time between reading and survey is stored. If two depth sources
+alternate, or the clock of the rig differs from that of the sonde, the survey gets no depth but a reason. Stamps are in
+ns, depths in m.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ from mwd_surface.list_files.list_checks import DEEPEST
 
 NS = 1e-9
 _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey
-_COMPARED = 60  # number of latest readings used to compare the clocks of rig and sonde; the smallest difference counts
-_FEWEST = 10  # least number of readings for a comparison of the clocks
+# Number of latest readings used to compare the clocks of rig and sonde; the difference of smallest magnitude counts
+_COMPARED = 60
+_FEWEST = 10  # smallest number of readings with which the clocks are compared
 _BY_HAND = "or give the depth by hand"
-_NEW_START_NS = 60_000_000_000  # ns; if a sonde's time goes back by more, the sonde has restarted
+_NEW_START_NS = 60_000_000_000  # ns; a sonde whose time goes back by more than this has restarted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,9 +99,13 @@ class DepthTrack:
 
     Attributes
     ----------
-    refused_null, refused_jump, refused_order : int
-        Number of readings dropped because they are not a depth, because the depth changed faster than a string can
-        move, or because they are older than an accepted reading and no later ones confirm that the clock was set back.
+    refused_null : int
+        Number of readings dropped because they are not a depth.
+    refused_jump : int
+        Number of readings dropped because the depth changed faster than a string can move.
+    refused_order : int
+        Number of readings dropped because they are not newer than an accepted reading, and no further readings confirm
+        that the clock was set back.
     """
 
     def __init__(self, rules: DepthRules | None = None) -> None:
@@ -107,7 +113,7 @@ class DepthTrack:
         self.refused_null = 0
         self.refused_jump = 0
         self.refused_order = 0
-        # Packed: 17 bytes per reading instead of 70 in lists of numbers.
+        # These arrays take 17 bytes per reading; lists of numbers would take 70.
         self._stamps = array.array("q")
         self._depths = array.array("d")
         self._by_hand = array.array("b")
@@ -123,12 +129,17 @@ class DepthTrack:
 
     @property
     def latest(self) -> tuple[int, float] | None:
-        """Stamp, ns, and bit depth, m, of the last accepted reading."""
+        """Stamp, ns, and bit depth, m, of the last accepted reading; None before the first reading."""
         return (self._stamps[-1], self._depths[-1]) if self._stamps else None
 
     @property
     def clock_difference(self) -> float | None:
-        """Rig clock minus sonde clock, s, from the order in which data arrive; None if there are too few data."""
+        """
+        Rig clock minus sonde clock, s; None if there are too few data.
+
+        The stamp of each rig reading is compared with the newest sonde stamp at its arrival. The smallest difference
+        counts.
+        """
         return min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else None
 
     def note_sonde(self, stamp_ns: int) -> None:
@@ -207,7 +218,11 @@ class DepthTrack:
         return True
 
     def _continues(self, stamp_ns: int, bit_depth: float) -> bool:
-        """Return whether a reading can follow the last accepted one before its time, within `rules.bridge`."""
+        """
+        Return whether a reading fits the last accepted reading before its time.
+
+        It fits if it is at most `rules.bridge` later and the string can move that far in the time between.
+        """
         at = bisect.bisect_left(self._stamps, stamp_ns) - 1
         return (
             at >= 0
@@ -241,9 +256,9 @@ class DepthTrack:
         """
         Return the depth of the sensor at a time: bit depth minus `sensor_to_bit`, m.
 
-        Between two readings at most `rules.bridge` apart, the bit depth is interpolated linearly; its age is that of
-        the nearer reading. Otherwise the last reading before the time is used, with its age. A time before all readings
-        gets the first reading if that reading is within `rules.bridge`.
+        Between two readings at most `rules.bridge` apart, the bit depth is interpolated linearly, and `depth_age` is
+        the time to the nearer reading. Otherwise the last reading before the time is used, and `depth_age` is the time
+        since that reading. A time before all readings gets the first reading if that reading is within `rules.bridge`.
 
         Raises
         ------
@@ -282,7 +297,7 @@ class DepthTrack:
         return DepthReading(depth, age, bit, "", hand)
 
     def _doubt(self, stamp_ns: int, bit: float) -> str:
-        """Return why the depth of a survey cannot be taken from the readings around its time; empty if it can."""
+        """Return the reason why the readings around a time give no reliable depth; empty if the depth is reliable."""
         if clock := self._clock_doubt():
             return clock
         jumps = self._around(self._jumps, stamp_ns)
@@ -295,7 +310,7 @@ class DepthTrack:
         return ""
 
     def _clock_doubt(self) -> str:
-        """Return how the clocks of rig and sonde differ, in words; empty if they agree."""
+        """Return a sentence on the difference between the clocks of rig and sonde; empty if they agree."""
         apart = self.clock_difference or 0.0
         if abs(apart) <= self.rules.clock_limit:
             return ""
@@ -303,7 +318,7 @@ class DepthTrack:
         return f"the clock of the rig is {abs(apart):.0f} s {way} that of the sonde: set one of them, {_BY_HAND}"
 
     def _around(self, readings: Iterable[tuple[int, float]], stamp_ns: int) -> list[tuple[int, float]]:
-        """Return the readings within `rules.bridge` of a time, without 0 m, which is a placeholder of many rigs."""
+        """Return the readings at most `rules.bridge` before or after a time, except 0 m, a placeholder of many rigs."""
         return [r for r in readings if abs(r[0] - stamp_ns) * NS <= self.rules.bridge and r[1] > 0.0]
 
     def _leave_out(self) -> None:

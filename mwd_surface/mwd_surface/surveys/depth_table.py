@@ -40,7 +40,7 @@ class DepthTable:
 
     def sensor_depth(self, sequence: int, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
         """
-        Return the depth of the sensor at a survey: by its number, or interpolated between two rows of the table.
+        Return the depth of the sensor at a survey, by its number or by interpolation in time between two rows.
 
         sensor_to_bit: distance from sensor to bit, m. Outside the times of the table the depth is unknown.
         """
@@ -93,7 +93,7 @@ def read_depths(path: Path) -> DepthTable:
 
 
 def _depth_column(names: list[str], path: Path) -> tuple[str, bool, float]:
-    """Return the name of the depth column, whether it is the bit's depth, and its factor to m."""
+    """Return the name of the depth column, whether it holds bit depths, and the factor from its unit to m."""
     for words, of_bit in ((_BIT, True), (_SENSOR, False)):
         for name in names:
             lower = "_".join("".join(c if c.isalpha() else " " for c in name.lower()).split())

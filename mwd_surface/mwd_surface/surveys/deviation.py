@@ -2,7 +2,7 @@
 """
 Deviation of a hole from its design: left or right and up or down at every station, at the bit and ahead of it.
 
-The offsets are those of `trajectory.plan.offset_from`, across the design. Their sigmas come from the position
+The offsets are at right angles to the design (`trajectory.plan.offset_from`). Their sigmas come from the position
 covariance of the error model, in the same two directions. Ahead of the bit the hole is continued straight; the stations
 there count as stations of the tool in the hole, so that their sigmas grow with the error of the hole's direction.
 """
@@ -57,7 +57,7 @@ class Deviation:
 
 def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> tuple[Deviation, ...]:
     """
-    Return the deviation of a path of the list from its plan; empty without a plan or a survey.
+    Return the deviation of a path of the list from the plan of the list; empty without a plan or a survey.
 
     records: record of each station of the path; None for tie-ons and the projection to the bit.
     """
@@ -101,12 +101,12 @@ def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRe
 
 
 def is_ahead(row: Deviation) -> bool:
-    """Return whether a row lies ahead of the bit."""
+    """Return whether a row belongs to a station ahead of the bit."""
     return row.kind == AHEAD
 
 
 def _straight_on(path: Definitive) -> Definitive:
-    """Return the path continued straight from its end."""
+    """Return the path with a straight continuation of `_REACH` m from its end."""
     inclination, azimuth = float(path.inclination[-1]), float(path.azimuth[-1])
     line = plan_of([0.0, _REACH], [inclination] * 2, [azimuth] * 2, path.positions[-1])
     return continued(path, line, _REACH, _STEP)

@@ -32,7 +32,7 @@ from mwd_surface.trajectory.list_comparison import covariance_between
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.programme import Interval, SurveyProgramme
 
-# Least number of stations for a multi-station analysis.
+# Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
 
 
@@ -76,10 +76,11 @@ class FinalList:
 
 def final_list(sources: Sequence[ListSource]) -> FinalList:
     """
-    Combine the sources of one well; well, legs and rules are those of the first one.
+    Combine the sources of one well into one list; well, legs and rules come from the first source.
 
-    Stations of the other sources belong to the current leg of the first. A survey that several sources have (same
-    uuid) is used once. Every magnetic run of at least three stations gets a multi-station analysis for comparison.
+    The stations of the other sources are put into the current leg of the first source. A survey that several sources
+    have (same uuid) is used once. Every magnetic run of at least three stations gets a multi-station analysis for
+    comparison.
 
     Raises
     ------
@@ -100,7 +101,11 @@ def final_list(sources: Sequence[ListSource]) -> FinalList:
 
 
 def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
-    """Return the list with the stations of another source; name: name of the source of the present stations."""
+    """
+    Return the final list with the stations of another source added.
+
+    name: name of the source of the stations that are already in the list.
+    """
     surveys = whole.surveys
     mine = [r for r in surveys.records if r.in_use and r.leg == surveys.leg]
     theirs = _renamed(source, surveys)
@@ -134,7 +139,7 @@ def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
 
 
 def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
-    """Return the stations of a source, numbered for the current leg of a list, without those already in the list."""
+    """Return the stations of a source that are not yet in a list, with new numbers and the current leg of the list."""
     known = {record.survey.uuid for record in surveys.records}
     above = surveys.find_leg().tie_on.measured_depth
     fresh = [r for r in source.surveys.records if r.survey.uuid not in known and math.isfinite(r.measured_depth)]
@@ -154,7 +159,11 @@ def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
 def _with(
     whole: FinalList, records: Sequence[SurveyRecord], theirs: Sequence[SurveyRecord], source: ListSource
 ) -> FinalList:
-    """Return the list with these records; the intervals of the new source come first in the programme."""
+    """
+    Return the final list with other records; the intervals of a new source come first in the survey programme.
+
+    records: all records of the result. theirs: the records that come from the new source.
+    """
     code = source.code or source.surveys.well.error_model
     surveys = whole.surveys.with_records(records)
     numbers = {r.survey.sequence for r in theirs if r.in_use}
@@ -181,7 +190,7 @@ def _path(whole: FinalList) -> tuple[Definitive, Array]:
 
 
 def _horizontal_sigma(path: Definitive, covariance: Array, md: float) -> float:
-    """Return the largest horizontal 1 sigma at a depth, m."""
+    """Return the semi-major axis of the horizontal error ellipse at a measured depth, 1 sigma, m."""
     flat = covariance_between(path.md, covariance, np.array([md]))[0, :2, :2]
     return math.sqrt(max(float(np.linalg.eigvalsh(flat)[-1]), 0.0))
 
@@ -189,7 +198,11 @@ def _horizontal_sigma(path: Definitive, covariance: Array, md: float) -> float:
 def _apart(
     ways: tuple[tuple[Definitive, Array], tuple[Definitive, Array]], upper: float, lower: float
 ) -> tuple[float, ...]:
-    """Return the depths of an interval, m, at which two surveys of one hole disagree by more than their errors."""
+    """
+    Return the depths between `upper` and `lower`, m, at which two paths differ by more than their errors explain.
+
+    ways: path and covariance of each of the two surveys of the hole.
+    """
     from welleng.combination import fuse_covariances
 
     depths = np.unique(np.concatenate([path.md for path, _ in ways]))
@@ -208,7 +221,11 @@ def _apart(
 
 
 def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ...]]:
-    """Return the list with an azimuth by multi-station analysis of each run (leg and tool), and remarks."""
+    """
+    Return the list with azimuths by multi-station analysis added to its surveys, and remarks for people.
+
+    A run consists of the surveys of one leg and one tool.
+    """
     try:
         errors = sensor_errors(code)
     except ValueError:

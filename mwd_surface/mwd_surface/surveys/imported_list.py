@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversion of an imported list of stations to a survey list, for which path, reports and exports work as usual.
+Conversion of an imported list of stations to a survey list, with which path, reports and exports work.
 
 `station_list.start_of` decides where the path starts, as for plans and offset wells. Stations whose own verdict is not
 "accept" are listed but not used.
@@ -54,14 +54,15 @@ def survey_list(
     ----------
     stations : StationList
     well : Well, optional
-        Well; if omitted, the well stored in the list if this project exported it, else a default well. The north, and
-        for a foreign list the tool code, that the list names replace those of the well.
+        Well; by default the well stored in a list that this project exported, or else a default well. A north named by
+        the list replaces the north of the well. A tool code named by a list of another program replaces the tool code
+        of the well.
     tie_on : TieOn, optional
         Start of the path, with azimuth from the north of the list; stations that are not below the start are left out.
     reference : Reference, optional
         Field and norths of the site; without it no magnetic error model can be evaluated.
     every : bool
-        Whether to use stations whose verdict is not "accept" too.
+        Whether to use all stations, including those whose verdict is not "accept".
 
     Raises
     ------
@@ -130,7 +131,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
     leg : str, optional
         Leg to export, if not the current one.
     whole : bool
-        Whether the export begins with the path of the parent legs, or with the surveys of the leg itself.
+        Whether the export includes the path of the parent legs. If false, it begins at the tie-on of the leg.
     """
     there = surveys.find_leg(leg)
     assumptions = surveys.definitive(there.name).assumptions
@@ -149,11 +150,11 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
         if reference is not None
         else {}
     )
-    # Files of this machine have no meaning for readers of the export.
+    # Leave out the names of files on this machine, which readers of the export do not have.
     well = dataclasses.replace(surveys.well, programme="", offset_wells="")
     if reference is not None and reference.source:
         well = dataclasses.replace(well, geomagnetic_model=well.geomagnetic_model or reference.source)
-    # Facts of a mine hole are written for a mine hole only.
+    # Write the facts of a mine hole only for a mine hole.
     left_out = [name for name in ("convention", "mine") if getattr(well, name) == getattr(Well(), name)]
     return Provenance(
         well={name: value for name, value in settings.to_mapping(well).items() if name not in left_out},
@@ -164,7 +165,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
 
 
 def reference_in(surveys: SurveyList) -> Reference | None:
-    """Return the reference of the last survey in use that has one; None if there is none."""
+    """Return the reference field of the last survey in use that has a reference; None if no survey in use has one."""
     known = [r.survey for r in surveys.records if r.in_use and r.survey.has_reference]
     if not known:
         return None
@@ -180,7 +181,11 @@ def reference_in(surveys: SurveyList) -> Reference | None:
 
 
 def tool_codes_of(stations: StationList) -> set[str]:
-    """Return the tool codes that the stations of a list name, as a code or in words of WITSML."""
+    """
+    Return the tool codes of the stations of a list.
+
+    Words of WITSML are converted to tool codes (`TOOL_CODES`); unknown words are left out.
+    """
     from mwd_surface.uncertainty.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
@@ -217,14 +222,18 @@ def _record(stations: StationList, k: int, north: North, reference: Reference | 
 
 
 def _covariance(stations: StationList, k: int) -> Nine:
-    """Return the covariance of inclination and azimuth, rad^2."""
+    """Return the covariance of inclination, azimuth and toolface, rad^2; only the first two variances are known."""
     inclination, azimuth = (float(s) ** 2 for s in (stations.sigma_inclination[k], stations.sigma_azimuth[k]))
     unknown = math.nan
     return inclination, unknown, unknown, unknown, azimuth, unknown, unknown, unknown, unknown
 
 
 def _figures(stations: StationList, k: int, reference: Reference | None) -> dict[str, Any]:
-    """Return a survey's known reference values by attribute name, from the given reference, else from the list."""
+    """
+    Return the known reference values of a station by name of the `Survey` attribute.
+
+    Values of the given reference replace values of the list.
+    """
     figures: dict[str, Any] = {
         name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])
     }
@@ -242,7 +251,7 @@ def _figures(stations: StationList, k: int, reference: Reference | None) -> dict
 
 
 def _stamp(text: str) -> int:
-    """Return the time of a station, ns; 0 if it has none."""
+    """Return a time as ns since the epoch; 0 if the text is not a time."""
     try:
         return utc.stamp_ns(utc.moment(text))
     except ValueError:

@@ -47,9 +47,9 @@ class TieOn:
         """
         Return a tie-on given by a person.
 
-        measured_depth: m. inclination, azimuth: rad. position: north, east and vertical depth, m, None if not given.
-        A missing value is that of a point straight below the wellhead; except at measured depth 0, the position is then
-        marked as assumed.
+        measured_depth: m. inclination, azimuth: rad. position: north, east and vertical depth, m, None if not given. A
+        missing value is taken from a point straight below the wellhead; the position is then marked as assumed, except
+        at measured depth 0.
         """
         north, east, down = position
         known = measured_depth == 0.0 or None not in position
@@ -60,7 +60,11 @@ class TieOn:
 
 @dataclasses.dataclass(frozen=True)
 class Leg:
-    """A section of hole with its own stations; parent: name of the leg that a sidetrack leaves."""
+    """
+    A section of hole with its own stations.
+
+    parent: name of the leg from which this leg branches off; empty for the main leg.
+    """
 
     name: str = MAIN
     tie_on: TieOn = dataclasses.field(default_factory=TieOn)

@@ -39,12 +39,12 @@ def record_of(message: Any) -> SurveyRecord:
 
 def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyList:
     """
-    Return the SurveyList of a mwd_msgs/msg/SurveyList, with the well and rules, which the message does not hold.
+    Return the SurveyList of a mwd_msgs/msg/SurveyList; well and rules are given, because the message has none.
 
     Raises
     ------
     ValueError
-        The path through its stations cannot be computed.
+        The path through the stations of the message cannot be computed.
     """
     legs = tuple(
         Leg(
@@ -78,7 +78,7 @@ def plan_of_message(message: Any) -> Plan | None:
 
 
 def list_message(surveys: SurveyList, frame_id: str, make: Make) -> Any:
-    """Return the mwd_msgs/msg/SurveyList of a list."""
+    """Return a survey list as a mwd_msgs/msg/SurveyList."""
     legs = [
         {"name": leg.name, "parent": leg.parent, "source": leg.tie_on.source.value}
         | {name: getattr(leg.tie_on, name) for name in _TIE_ON}
@@ -111,7 +111,7 @@ def list_message(surveys: SurveyList, frame_id: str, make: Make) -> Any:
 
 
 def trajectory_message(path: Definitive, stamp_ns: int, frame_id: str, make: Make) -> Any:
-    """Return the mwd_msgs/msg/Trajectory of a path."""
+    """Return a path as a mwd_msgs/msg/Trajectory."""
     return make(
         "mwd_msgs/msg/Trajectory",
         {

@@ -36,7 +36,7 @@ from mwd_surface.surveys.multi_station_problem import corrected as corrected_rea
 
 __all__ = ["Multistation", "analyse"]
 
-# Least number of stations for an estimate of their scatter.
+# Smallest number of stations from which the noise is estimated.
 _MANY = 8
 # Misfit, in sigma, above which a station is left out, and largest share of stations that may be left out. The analysis
 # is refused if there are more outliers.
@@ -44,7 +44,8 @@ _OUTLIER_SIGMA = 4.5
 _MAX_OUTLIERS = 0.25
 # Ratio of an error's sigma to its prior sigma above which the error counts as not observable.
 _OBSERVABLE = 0.7
-# Limits for a refusal: least probability of chi-square, and largest median sigma of the azimuth, deg.
+# Limits: the analysis is refused below this probability of a larger chi-square, and above this median sigma of the
+# azimuth, deg.
 _MIN_PROBABILITY = 0.001
 _MAX_SIGMA_DEG = 1.5
 
@@ -124,7 +125,7 @@ def _readings(f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class _ErrorFit:
-    """Most probable normalised errors, the stations used, and the quality of the fit; as in `Multistation`."""
+    """Most probable errors (in prior sigmas), the stations used, and the quality of the fit as in `Multistation`."""
 
     solution: Array
     used: np.ndarray
@@ -135,7 +136,7 @@ class _ErrorFit:
 
 
 def _fitted(problem: StationsProblem) -> _ErrorFit:
-    """Solve, dropping one outlier after the other, and rescale the noise if there are enough stations."""
+    """Fit the errors without outliers, which are dropped one by one; scale the noise if there are enough stations."""
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
     while True:
@@ -191,7 +192,11 @@ def _result(problem: StationsProblem, fit: _ErrorFit) -> Multistation:
 
 
 def _refusal(fit: _ErrorFit, sigma: Array, sigma_raw: Array) -> Reason | None:
-    """Return why corrected azimuths with these 1 sigma, rad, must not be used; None if they may be used."""
+    """
+    Return why the corrected azimuths must not be used; None if they may be used.
+
+    sigma, sigma_raw: 1 sigma of the corrected and of the uncorrected azimuths, rad.
+    """
     used, n = fit.used, float(len(fit.used))
     share = float(np.mean(~used))
     if share > _MAX_OUTLIERS or (np.where(used, fit.misfit, 0.0).max() > _OUTLIER_SIGMA):

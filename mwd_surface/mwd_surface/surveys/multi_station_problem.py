@@ -22,14 +22,15 @@ SENSORS = 12
 """Number of sensor errors; the errors of the reference follow them."""
 
 
-# Prior of the axial interference, 1 sigma, relative to the expected value; the same as for the magnetic samples.
+# 1 sigma of the prior of the axial interference, as a multiple of `SensorErrors.axial_interference_nt`. The filter of
+# the magnetic samples has the same prior (`InterferenceParams`).
 _AXIAL = interference_state.InterferenceParams().axial / (SensorErrors.axial_interference_nt * 1e-9)
 # Cross-axial bias from a hot spot in the collar, in addition to the sensors' own bias, 1 sigma, nT.
 _CROSS_AXIAL = 150.0
-# Noise of a station's mean field, T, and specific force, m/s^2, per axis.
+# Noise of a station's mean field, T, and mean specific force, m/s^2, per axis, 1 sigma.
 _FIELD_NOISE = 20e-9
 _FORCE_NOISE = 0.002
-# Variation of the field itself from station to station (MFIR, MDIR), T and rad.
+# Random variation of the Earth's field between stations, 1 sigma (MFIR, MDIR): strength, T, and dip, rad.
 _FIELD_VARIATION = 60e-9
 _DIP_VARIATION = math.radians(0.08)
 
@@ -70,10 +71,10 @@ class StationsProblem:
 
     def quieten(self, x: Array, used: np.ndarray) -> None:
         """
-        Scale the noise down to the scatter of the residuals, separately for accelerometers and field; never up.
+        Scale the noise down to the scatter of the residuals, separately for accelerometers and field.
 
-        More scatter than expected is a reason for refusal; less scatter means that the sensors are better than
-        specified.
+        Less scatter than expected means that the sensors are better than specified. The noise is never scaled up: more
+        scatter is a reason to refuse the analysis.
         """
         slope = self._whitened_slope(x)[used]
         residual = self._whitened(x)[used]
@@ -97,7 +98,11 @@ class StationsProblem:
         self._weigh()
 
     def _values(self, errors: Array) -> tuple[Array, Array]:
-        """Return (|f|, H, V) of the corrected readings, shape (n, 3), and the derivatives by (f, b), (n, 3, 6)."""
+        """
+        Return (|f|, H, V) of the corrected readings, shape (n, 3), and the Jacobian with respect to (f, b).
+
+        The Jacobian has shape (n, 3, 6).
+        """
         f, b = corrected(self.f, self.b, errors)
         g = np.linalg.norm(f, axis=1, keepdims=True)
         down = -f / g
@@ -112,7 +117,7 @@ class StationsProblem:
         return np.concatenate([g, horizontal, vertical], axis=1), slope
 
     def _by_errors(self) -> Array:
-        """Return the derivatives of the corrected (f, b) by the twelve sensor errors, shape (n, 6, 12)."""
+        """Return the derivatives of the corrected (f, b) with respect to the sensor errors, shape (n, 6, 12)."""
         slope = np.zeros((len(self.f), 6, SENSORS))
         for axis in range(3):
             slope[:, 3 + axis, axis] = -1.0
@@ -122,7 +127,7 @@ class StationsProblem:
         return slope
 
     def solve(self, used: np.ndarray) -> Array:
-        """Return the most probable normalised errors, shape (15,), from the used stations and the priors."""
+        """Return the most probable errors (in prior sigmas) from the used stations and the priors, shape (15,)."""
         found = least_squares(self.residual, np.zeros(15), self.slope, args=(used,), method="lm")
         return np.asarray(found.x, dtype=float)
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Survey list of a recording as it was kept live, for surveys that are recomputed from the same recording.
+Survey list in a recording as it was kept live, for surveys that are computed again from the recording.
 
 Surveys with the same uuid are the same survey: they come from the same samples at the same time. Changes of the list
 are applied again in their original order: decisions of people, depths by hand and revisions of the estimator.
@@ -40,8 +40,9 @@ class Decided:
     """
     Decision of a person about a survey at `stamp_ns`; log_ns: time at which the message was recorded, ns.
 
-    measured_depth: depth given with the decision, m; NaN if none was given. as_listed: whether the decision was taken
-    from a survey list because it is not in the events; its depth is then the survey's depth, not necessarily given.
+    measured_depth: depth given with the decision, m; NaN if none was given. replace, value: as in `SurveyList.accept`.
+    as_listed: whether the decision comes from a recorded survey list, because the recording has no operator events.
+    Then measured_depth is the depth of the survey in that list, which the person may not have entered.
     """
 
     log_ns: int
@@ -74,7 +75,7 @@ class Decided:
 
 @dataclasses.dataclass(frozen=True)
 class Revised:
-    """New judgement of a survey by the estimator."""
+    """New result of the estimator for a survey; log_ns: time at which the message was recorded, ns."""
 
     log_ns: int
     survey: Survey
@@ -99,7 +100,7 @@ class RecordedList:
     last : SurveyList or None
         Last list, with legs and plan; None if there is no list.
     without_events : bool
-        Whether the recording has surveys of a live estimator, but no topic of operator events.
+        Whether the recording has live surveys or survey lists, but neither operator events nor used samples.
     """
 
     first: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
@@ -110,7 +111,7 @@ class RecordedList:
     without_events: bool = False
 
     def before(self, start_ns: int) -> list[SurveyRecord]:
-        """Return the records of surveys taken before a time, that is from earlier recordings."""
+        """Return the records of surveys taken before `start_ns`, which is the start of the recording."""
         return [r for r in self.records.values() if r.survey.stamp_ns < start_ns]
 
 
@@ -186,6 +187,6 @@ def _change_of(log_ns: int, event: Any) -> list[Change]:
 
 
 def _decision_in(record: SurveyRecord, log_ns: int) -> Decided:
-    """Return the decision in a record of a list."""
+    """Return the last decision on a survey, from its record in a survey list."""
     who = (record.operator_name, record.reason, record.judged_ns)
     return Decided(log_ns, record.survey.uuid, record.judgement, *who, record.measured_depth, as_listed=True)

@@ -4,7 +4,8 @@ Settings found in a recording, which are the defaults of every command that read
 
 The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
 /parameter_events. Changes of surface parameters apply to the whole list; changes of estimator parameters are only
-reported. If a recording has no parameters, its place is taken from fixes of a satellite receiver, if it has any.
+reported. If a recording has no estimator parameters, the place comes from a fix of a satellite receiver, if there is
+one in the recording.
 """
 
 from __future__ import annotations
@@ -68,7 +69,11 @@ class Recorded:
     remarks: tuple[str, ...] = ()
 
     def well(self, usual: Well) -> Well:
-        """Return the recorded well, else `usual`; a well without a place gets the place of the estimator."""
+        """
+        Return the well of the recording, or `usual` if the recording has none.
+
+        If the well has no latitude, it gets the place in the settings of the estimator.
+        """
         well = self.surface.well if self.surface is not None else usual
         place = self.estimator.place if self.estimator is not None else None
         if place is None or place.lat_deg is None or well.latitude_deg is not None:
@@ -107,7 +112,7 @@ def recorded_settings(bag: Bag) -> Recorded:
 
 def recorded_sections(bag: Bag, usual: S) -> S | None:
     """
-    Return sections of the surface's settings in a recording; None if it has no surface settings.
+    Return sections of the surface's settings in a recording; None if the recording has none.
 
     usual: default sections. A parameter that changed during the recording has its last value.
     """
@@ -126,9 +131,9 @@ def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
     """
-    Return settings whose field model covers the day, and a remark if the IGRF replaces the given model.
+    Return settings with a field model that is valid on the day, and a remark if it had to be changed to the IGRF.
 
-    stamp_ns: time, ns, whose day is used if no date is set. Raises ValueError for a day outside all models.
+    stamp_ns: time, ns; its day is used if the settings contain no date. Raises ValueError for a day outside all models.
     """
     try:
         reference_of(estimator.place, stamp_ns)
@@ -147,7 +152,11 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
 
 
 def _by_receiver(bag: Bag) -> tuple[EstimatorSettings | None, str]:
-    """Return settings with the first fix of a satellite receiver, and a note with its topic; None without a fix."""
+    """
+    Return estimator settings with the place of the first fix of a satellite receiver, and a note that names the topic.
+
+    The settings are None if the recording has no fix.
+    """
     fixes = [topic.name for topic in bag.topics.values() if topic.type_name == _FIX]
     for _, name, _, data in bag.messages(fixes) if fixes else ():
         fix = bag.decode(name, data)
@@ -177,8 +186,8 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
     """
     Return settings with the given values; values that are not allowed keep their default and are named in the remarks.
 
-    given: dotted name -> value. remarks: receives a sentence for each value that is not used. source: description of
-    where the values were found.
+    given: dotted name -> value. remarks: receives a sentence for each value that is not used. source: origin of the
+    values, in words.
     """
     try:
         return settings.changed(usual, given)
@@ -193,12 +202,16 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
 
 
 def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
-    """Parse the texts of parameters; names without a dot belong to every ROS node. usual: name -> default."""
+    """
+    Parse the texts of parameters, given by name.
+
+    Names without a dot are left out: every ROS node has these parameters. usual: default value by name.
+    """
     return {name: _value(text, usual.get(name)) for name, text in table.items() if "." in name}
 
 
 def _value(text: str, usual: Any) -> Any:
-    """Parse the written value of a parameter; it stays text if the usual value is text."""
+    """Parse the written value of a parameter; it stays a text if its usual value is a text."""
     if isinstance(usual, str):
         return text
     if text in ("inf", "-inf", "nan"):

@@ -54,7 +54,7 @@ def tools_text(shot: CheckShot) -> str:
 
 
 def sentence(shot: CheckShot) -> str:
-    """Describe the comparison of surveys at one depth in a sentence."""
+    """Return a sentence on the comparison of surveys at one depth."""
     kind = "rotation shot"
     if len(shot.tools) > 1:
         kind = f"check shot by {tools_text(shot)}"
@@ -69,7 +69,7 @@ def sentence(shot: CheckShot) -> str:
 
 
 def bias_text(bias: Bias) -> str:
-    """Describe a bias and the value allowed by the tool code."""
+    """Return a sentence with a bias, its 1 sigma, and the 1 sigma of the tool code."""
     unit, factor, decimals = _UNITS[bias.sensor]
     value, sigma, expected = (factor * x for x in (bias.value, bias.sigma, bias.expected))
     return (

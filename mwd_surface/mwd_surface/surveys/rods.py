@@ -26,12 +26,12 @@ COLUMNS = ("stamp_ns", "time_utc", "action", "length_m", "rods", "bit_depth_m", 
 _HEAD = ",".join(COLUMNS)
 ADD, REMOVE, CORRECT = "add", "remove", "correct"
 _MOST = 5000  # largest number of rods; a larger count is a typing error
-_MOST_BYTES = 2 * 1024 * 1024  # largest part of a log that is read; about 20 000 changes
+_MOST_BYTES = 2 * 1024 * 1024  # largest number of bytes of a log that are read; about 20 000 changes
 
 
 @dataclasses.dataclass(frozen=True)
 class RodSettings:
-    """Rods by which the depth is counted."""
+    """Settings for counting the bit depth by rods."""
 
     length_m: float | None = setting(
         None, "Length of a rod. nan: the depth is not counted by rods.", unit="m", low=0.1, high=30.0
@@ -84,7 +84,7 @@ class RodTally:
 
     def add(self, stamp_ns: int, length: float, operator: str, reason: str = "") -> RodTally:
         """
-        Return the tally with one rod more.
+        Return the tally with one more rod; length: length of the rod, m.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class RodTally:
 
     def remove(self, stamp_ns: int, operator: str, reason: str = "") -> RodTally:
         """
-        Return the tally without the rod at the collar.
+        Return the tally without the last rod, at the collar of the hole.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class RodTally:
 
     def correct(self, stamp_ns: int, count: int, length: float, operator: str, reason: str) -> RodTally:
         """
-        Return the tally with the counted number of rods; rods are added or removed at the collar.
+        Return the tally with the counted number of rods; rods are added or removed at the collar of the hole.
 
         Raises
         ------
@@ -145,9 +145,10 @@ def _check_length(length: float) -> None:
 
 def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float = 0.5) -> str:
     """
-    Return a sentence if tally and rig differ by at least a number of rods; otherwise an empty text.
+    Return a sentence if the depths of tally and rig differ by `rods` rods or more; otherwise an empty text.
 
-    bit_depth: bit depth of the rig, m. length: length of a rod, m. rods: number of rods.
+    bit_depth: bit depth of the rig, m. length: length of a rod, m. rods: smallest difference that is reported, in rod
+    lengths.
     """
     apart = tally.bit_depth - bit_depth
     if not math.isfinite(apart) or abs(apart) < rods * length:
@@ -167,7 +168,7 @@ def read_log(data: bytes, first: float) -> tuple[RodTally, int]:
     the number of rods.
     """
     tally, bad = RodTally(first), 0
-    # Each line is parsed by itself, so that a quoted cell without its end does not include the next lines.
+    # Each line is parsed by itself, so that a cell without closing quote does not include the next lines.
     for line in data.decode("utf-8-sig", errors="replace").split("\n"):
         if _HEAD.startswith(line.rstrip("\r")):
             continue

@@ -22,7 +22,7 @@ from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags.bag_reader import Bag, BagError
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
-_NEAREST = 0.6  # s; largest time between a survey and the truth it is compared with
+_NEAREST = 0.6  # s; longest time between a survey and the sample of the truth with which the survey is compared
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Scored:
 
 def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scored]:
     """
-    Compare every survey of a recording with the truth at its time, in order of time.
+    Compare every survey of a recording with the truth at the time of the survey; return them in order of time.
 
     namespace: namespace of the well, if the recording has several. truth: file of the truth (parameter `truth_file` of
     the sonde), for a run whose surface received only a link; the surveys are then those of the link.

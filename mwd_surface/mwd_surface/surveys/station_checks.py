@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks whether a station may enter the path of its leg, its place on that path, and its flags.
+Checks whether a station may enter the path of its leg, and computation of its place on the path and of its flags.
 
 Units are SI and rad; azimuths are from the north of the well.
 """
@@ -36,7 +36,7 @@ def in_use_on(whole: SurveyList, leg: str) -> list[SurveyRecord]:
 
 
 def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]:
-    """Return the other stations in use at the depth of a record on its leg."""
+    """Return the other stations in use that lie at the depth of a record on the same leg."""
     return [
         r
         for r in in_use_on(whole, record.leg)
@@ -46,7 +46,7 @@ def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]
 
 
 def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
-    """Return why no decision can put the record into the path; empty if it can be used."""
+    """Return the reasons why no decision can put the record into the path; empty if the record can be used."""
     if math.isnan(record.measured_depth):
         return [NO_DEPTH]
     why = []
@@ -64,7 +64,11 @@ def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 
 def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
-    """Return the conflicts with other stations that only an explicit replacement can override."""
+    """
+    Return sentences on conflicts of a record with stations in use; empty without conflicts.
+
+    The record can enter the path only if a person explicitly replaces the other stations.
+    """
     rivals = at_same_depth(whole, record)
     why = [f"duplicate depth: survey {r.survey.sequence} is at {r.measured_depth:.2f} m" for r in rivals]
     deeper = [
@@ -79,7 +83,11 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 
 def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
-    """Return why the record is not used automatically, apart from its verdict."""
+    """
+    Return the reasons, other than its verdict, why the record does not enter the path automatically.
+
+    The result is empty if there are none.
+    """
     why = fatal_reasons(whole, record)
     if math.isnan(record.measured_depth):
         return why
@@ -93,7 +101,11 @@ def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 
 def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int] | None) -> SurveyRecord:
-    """Return the record with its place on the path (path and index, or None) and its flags."""
+    """
+    Return the record with its flags and its place on the path.
+
+    place: path, and index of the station on it; None if the record is not on the path.
+    """
     if place is None or not record.in_use:
         nowhere: dict[str, Any] = dict.fromkeys(PLACE, math.nan)
         bare = dataclasses.replace(record, in_use=False, flags=(), **nowhere)
@@ -124,7 +136,8 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
     if severity > whole.rules.dogleg_limit_deg:
         flags.append(f"dogleg {severity:.1f} deg/30 m is over {whole.rules.dogleg_limit_deg:g} deg/30 m")
     gap = float(path.md[k] - path.md[k - 1])
-    # A vertical hole below a known tie-on needs no stations; the gap below an assumed hole is flagged elsewhere.
+    # A vertical hole below a known tie-on needs no stations; a gap below an assumed hole is covered by the flag for
+    # assumed coordinates.
     vertical = path.kind[k - 1] == TIE_ON and max(path.inclination[k - 1 : k + 1]) <= _vertical_limit(whole.rules)
     if path.kind[k - 1] != ASSUMED and not vertical and gap > whole.rules.gap_limit:
         flags.append(f"gap {gap:.0f} m is over {whole.rules.gap_limit:g} m")
@@ -191,7 +204,7 @@ def _value(survey: Survey, north: North) -> str:
 
 
 def withdrawal(record: SurveyRecord) -> str:
-    """Return a sentence that a survey is withdrawn, with the reason."""
+    """Return a sentence which states that a survey is withdrawn, and why."""
     place = f" at {record.measured_depth:.1f} m" if math.isfinite(record.measured_depth) else ""
     return f"survey {record.survey.sequence}{place} is withdrawn from the path: {record.survey.action}"
 

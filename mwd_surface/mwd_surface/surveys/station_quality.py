@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Totals of a survey against their references and limits, as all tables, lights and plots show them.
+Comparison of total gravity, total field and dip of a survey with their references and limits.
 
-If the azimuth is corrected for the string's field, total field and dip are judged without that field. The measured
-values are shown separately, because the limits do not apply to them.
+All tables, quality lights and plots use this comparison. If the azimuth is corrected for the string's field, total
+field and dip are judged without that field. The measured values are shown separately, because the limits do not apply
+to them.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ class Total:
 
     read: measured value, None without that sensor. value: value that is judged. reference: reference value, None if
     there is none. deviation: value minus reference as used by the verdict, None if either is unknown. limit: largest
-    absolute deviation that is good. light: GOOD, DOUBTFUL or REJECT, or why none of them applies: NO_REFERENCE,
-    NOT_MEASURED. corrected: whether `value` excludes the string's field.
+    absolute deviation that is good. light: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is
+    possible. corrected: whether `value` excludes the string's field.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Total:
 
 
 def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
-    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has none."""
+    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has no limits of its own."""
     s, usual = survey, limits or QualityLimits()
     magnetic = math.isfinite(s.b_total)
     reference = magnetic and s.has_reference
@@ -96,8 +97,8 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
         limit = mine if math.isfinite(mine) else default
         away = None if value is None or wanted is None else value - wanted
         if away is not None and math.isfinite(off):
-            # Use the verdict's deviation: for example, gravity is relative to standard gravity if the tool was
-            # calibrated so.
+            # Use the deviation that the verdict used. For example, gravity is compared with standard gravity if the
+            # tool was calibrated with that value.
             away = off
         light = NOT_MEASURED if value is None else _light(away, limit, usual.reject_factor)
         of_string = corrected and name != "total gravity"

@@ -91,33 +91,33 @@ class Line:
 
     @property
     def magnetic_toolface(self) -> float:
-        """Toolface from the north of the line, rad."""
+        """Magnetic toolface, from the north of the azimuths, rad."""
         return self._turned(self.survey.magnetic_toolface)
 
     @property
     def first_azimuth(self) -> float:
-        """Azimuth as first decided, rad."""
+        """Azimuth before all revisions of the survey, rad."""
         return self._turned(self.first.azimuth)
 
     @property
     def alternatives(self) -> str:
-        """Other azimuths that fit, deg."""
+        """Other azimuths that fit the readings, deg, separated by blanks."""
         return " ".join(fixed(math.degrees(azimuth), 4, 360.0) for azimuth, _ in self._others)
 
     @property
     def alternative_odds(self) -> str:
-        """Probability of each other azimuth."""
+        """Probability of each azimuth in `alternatives`, 0 to 1, separated by blanks."""
         return " ".join(fixed(odds, 4) for _, odds in self._others)
 
     @property
     def hypotheses(self) -> str:
-        """Possible disturbances, each with its probability."""
+        """Possible disturbances, each followed by its probability, 0 to 1."""
         pairs = zip(self.survey.hypotheses, self.survey.hypothesis_odds, strict=True)
         return " ".join(f"{name} {fixed(odds, 3)}" for name, odds in pairs)
 
     @property
     def verdict(self) -> str:
-        """Automatic verdict."""
+        """Automatic verdict on the whole survey, in a word."""
         return _word(self.survey.verdict)
 
     @property
@@ -137,7 +137,7 @@ class Line:
 
     @property
     def first_verdict(self) -> str:
-        """Verdict as first decided."""
+        """Automatic verdict before all revisions of the survey."""
         return _word(self.first.verdict)
 
     @property
@@ -148,12 +148,12 @@ class Line:
 
     @property
     def judged_field(self) -> float | None:
-        """Total field with which the verdict was made, T."""
+        """Total field that the verdict uses, T; None if it was not measured."""
         return totals(self.survey)[1].value
 
     @property
     def judged_dip(self) -> float | None:
-        """Dip with which the verdict was made, rad."""
+        """Dip that the verdict uses, rad; None if it was not measured."""
         return totals(self.survey)[2].value
 
     @property
@@ -163,7 +163,7 @@ class Line:
 
     @property
     def coordinates(self) -> str:
-        """Text "assumed" if the position of the station rests on an assumption; otherwise empty."""
+        """Text "assumed" if the position of the station is based on an assumption; otherwise empty."""
         return "assumed" if self.record.assumed else ""
 
     @property
@@ -227,7 +227,7 @@ def columns(display: Display = AS_STORED) -> tuple[str, ...]:
 
 def cells(record: SurveyRecord, north: North = North.UNKNOWN, display: Display = AS_STORED) -> dict[str, str]:
     """
-    Return the texts of a survey by column name; the columns for sigmas of the position and for the plan are empty.
+    Return the cells of a survey, by column name; cells on position sigmas and on the plan are empty.
 
     north : north of the azimuths if they can be converted to it; otherwise they are from the survey's own north.
     """
@@ -239,7 +239,7 @@ def cells(record: SurveyRecord, north: North = North.UNKNOWN, display: Display =
 
 
 def list_cells(surveys: SurveyList, display: Display = AS_STORED) -> list[dict[str, str]]:
-    """Return the texts of every survey of a list, in order of their numbers; azimuths are from each survey's north."""
+    """Return the cells of every survey of a list, in order of survey number; azimuths are from each survey's north."""
     beside: dict[int, dict[str, str]] = {}
     for leg in surveys.legs:
         path = surveys.definitive(leg.name)
@@ -260,7 +260,7 @@ def list_cells(surveys: SurveyList, display: Display = AS_STORED) -> list[dict[s
 
 def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -> dict[str, list[Mapping[str, Any]]]:
     """
-    Return the sigmas of each station's position, and its offset from the plan, in SI units.
+    Return the position sigmas of each station of a path, and its offset from the plan, in SI units.
 
     The keys are `POSITION` and, if there is a plan, `PLAN`; each has one mapping, field to value, for each station.
     """
@@ -275,7 +275,7 @@ def beside_path(path: Definitive, covariance: Array | None, plan: Plan | None) -
 
 def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = (), display: Display = AS_STORED) -> str:
     """
-    Return a table with its header; missing cells are empty.
+    Return the text of a CSV file with header and lines; missing cells are empty.
 
     more : names of additional columns at the end.
     display : display with which the lines were made.
@@ -292,7 +292,7 @@ def _table(display: Display) -> list[tuple[Signal, Listed]]:
 
 
 def _cell(signal: Signal, listed: Listed, value: Any, display: Display = AS_STORED) -> str:
-    """Return a value of a column as text, in the unit of its name."""
+    """Return the text of a cell; a number is in the unit that the name of the column gives."""
     if signal.type == "String":
         return "; ".join(value) if isinstance(value, tuple) else str(value)
     if signal.type == "Boolean":

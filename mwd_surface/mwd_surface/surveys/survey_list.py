@@ -3,10 +3,11 @@
 Survey list of a well: measurements, automatic verdicts, decisions of people, and the path.
 
 A list is an immutable value: every operation returns a new list, or raises `ValueError` and leaves the old list
-unchanged. Automatic verdict and decision are both kept; no measurement is ever dropped. The depth decides the order: a
-station above a deeper and earlier one waits until a person accepts it explicitly, and so does a station at an occupied
-depth, unless its direction is clearly more certain and no person has judged the other. Units are SI and rad; azimuths
-and map axes of the path refer to the north named by the well.
+unchanged. Automatic verdict and decision are both kept; no measurement is ever dropped. The path is in order of depth.
+A station waits until a person accepts it explicitly if an earlier station is deeper, or if another station is at the
+same depth. At the same depth, a station with a clearly more certain direction replaces the other one without a
+decision, if no person has judged the other one. Units are SI and rad; azimuths and map axes of the path refer to the
+north named by the well.
 """
 
 from __future__ import annotations
@@ -42,14 +43,18 @@ from mwd_surface.trajectory.well_path import Definitive
 #: Kinds of remarks about the start of the path.
 OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED, RemarkKind.TIE_ON_OF_LIST)
 
-# A station replaces another one of its depth if its sigma is smaller than this share of the other's: stations of equal
-# tools differ by less, and should not move the path back and forth.
+# Largest ratio of direction sigmas (new station to present station) at which a new station replaces the present one at
+# its depth. The sigmas of equal tools differ by less, so that the path does not move back and forth.
 _CLEARLY = 0.8
 
 
 @dataclasses.dataclass(frozen=True)
 class SurveyList:
-    """The whole list, in order of measured depth within each leg; see the module for its rules."""
+    """
+    The whole list, in order of measured depth within each leg; the module describes its rules.
+
+    leg, tool: leg and tool of the next surveys. changed_ns: time of the last change, ns.
+    """
 
     well: Well = dataclasses.field(default_factory=Well)
     rules: ListRules = dataclasses.field(default_factory=ListRules)
@@ -123,7 +128,7 @@ class SurveyList:
             after a tool lost its memory, or that exceeds `LAST_SEQUENCE`, is replaced by the next free one; the comment
             says so.
         measured_depth, depth_age : float
-            Depth of the sensor at the survey, m, and age of that reading, s; NaN: unknown.
+            Depth of the sensor at the survey, m, and time between the survey and the depth reading, s; NaN: unknown.
         leg, tool : str, optional
             Leg and tool, if not the current ones.
 
@@ -152,9 +157,9 @@ class SurveyList:
 
     def _entered(self, record: SurveyRecord) -> tuple[SurveyRecord, ...]:
         """
-        Return the records with one that is not in the list, which goes into the path if the rules allow it.
+        Return the records of the list with a new record, which enters the path if the rules allow it.
 
-        At its depth it replaces stations that are clearly less certain, if no person has judged them.
+        The new record replaces stations at its depth that are clearly less certain, if no person has judged them.
         """
         replaced = {r.survey.uuid for r in at_same_depth(self, record) if _is_better(record, r)}
         rest = tuple(dataclasses.replace(r, in_use=r.in_use and r.survey.uuid not in replaced) for r in self.records)
@@ -169,12 +174,12 @@ class SurveyList:
         return whole.records
 
     def _allows(self, record: SurveyRecord) -> bool:
-        """Return whether a survey that no person has judged goes into the path with the stations in use."""
+        """Return whether the rules let a survey enter the path next to the stations in use, without a decision."""
         accepted = record.survey.verdict == Verdict.ACCEPT
         return self.rules.automatic and accepted and not obstacles(self, record)
 
     def _waits_at(self, record: SurveyRecord, revised: SurveyRecord) -> bool:
-        """Return whether a survey at the depth of a revised one is not in use, and no person has judged it."""
+        """Return whether a survey is at the depth of a revised one, is not in use, and was not judged by a person."""
         waits = record is not revised and record.judgement == Judgement.NOT_JUDGED and not record.in_use
         apart = abs(record.measured_depth - revised.measured_depth)
         return waits and record.leg == revised.leg and apart < self.rules.same_depth
@@ -191,7 +196,7 @@ class SurveyList:
         value: Value = Value.DEFINITIVE,
     ) -> SurveyList:
         """
-        Put a survey into the path by a person's decision, whatever its automatic verdict; the list keeps both.
+        Put a survey into the path by a person's decision; the automatic verdict stays in the list.
 
         Parameters
         ----------
@@ -284,14 +289,18 @@ class SurveyList:
             record = dataclasses.replace(_with_value(record, Value.REVISED), in_use=False)
         whole = dataclasses.replace(self, records=tuple(record if r is old else r for r in self.records))
         if record.judgement == Judgement.NOT_JUDGED and not ask:
-            # If the survey leaves the path, another one of its depth may take its place.
+            # If the survey leaves the path, another survey at its depth may take its place.
             for one in (record, *(r for r in whole.records if whole._waits_at(r, record))):
                 rest = dataclasses.replace(whole, records=tuple(r for r in whole.records if r is not one))
                 whole = dataclasses.replace(rest, records=rest._entered(one))
         return self._with(whole.records)
 
     def as_first_decided(self) -> SurveyList:
-        """Return the list with each survey as first decided; the rules decide on surveys that no person has judged."""
+        """
+        Return the list with the first value of each survey, before all revisions.
+
+        The rules decide again on surveys that no person has judged.
+        """
         bare = self._with(())
         for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
             first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
@@ -348,7 +357,7 @@ class SurveyList:
 
     def configured(self, well: Well, rules: ListRules) -> SurveyList:
         """
-        Return the same stations with another well and other rules; stations in use stay in use.
+        Return the list with another well and other rules; stations in use stay in use.
 
         Raises
         ------
@@ -371,7 +380,7 @@ class SurveyList:
         return changed._with(self.records)
 
     def along(self, plan: Plan | None) -> SurveyList:
-        """Return the same stations with another plan, or without one."""
+        """Return the list with another plan, or without a plan (None)."""
         return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
 
     def to_mapping(self) -> dict[str, Any]:
@@ -430,7 +439,11 @@ class SurveyList:
         return dataclasses.replace(fresh, records=done)
 
     def _with_kick_offs(self) -> SurveyList:
-        """Return the list with each sidetrack starting on its parent's path, if that path still reaches the depth."""
+        """
+        Return the list with the tie-on of each sidetrack moved onto the present path of its parent.
+
+        A tie-on below the end of the path of its parent stays unchanged.
+        """
         whole = self
         for k, leg in enumerate(self.legs):
             if leg.tie_on.source != Origin.LEG:
@@ -463,7 +476,7 @@ def _rejected(record: SurveyRecord, operator_name: str, reason: str, stamp_ns: i
 
 
 def _commented(record: SurveyRecord, note: str) -> SurveyRecord:
-    """Return the record with a note after its comment."""
+    """Return the record with a note added at the end of its comment."""
     return dataclasses.replace(record, comment=f"{record.comment}; {note}" if record.comment else note)
 
 

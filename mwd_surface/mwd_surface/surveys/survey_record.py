@@ -30,7 +30,7 @@ class Judgement(enum.IntEnum):
 
 
 class Value(enum.IntEnum):
-    """Value of a survey that a person accepts, with the numbers of the JudgeSurvey request."""
+    """Kind of value of a survey that a person can accept, with the numbers of the JudgeSurvey request."""
 
     DEFINITIVE = 0
     REVISED = 1
@@ -100,12 +100,12 @@ class SurveyRecord(MessageRecord):
 
     @property
     def assumed(self) -> bool:
-        """Whether the station's place on the path rests on an assumption, which the path names."""
+        """Whether the station's place on the path is based on an assumption (`Definitive.assumptions`)."""
         return COORDINATES_ASSUMED in self.flags
 
     @property
     def as_first_decided(self) -> Survey:
-        """Survey as first decided, which never changes."""
+        """First value of the survey, before all revisions; it never changes."""
         return self.first[0] if self.first else self.survey
 
     @property
@@ -115,7 +115,7 @@ class SurveyRecord(MessageRecord):
 
     @property
     def replaced(self) -> Survey | None:
-        """Survey as first decided, if the definitive value differs from it; otherwise None."""
+        """First value of the survey, if the definitive value differs from it; otherwise None."""
         return self.first[0] if self.first and differ(self.first[0], self.survey) else None
 
     @property
@@ -125,7 +125,7 @@ class SurveyRecord(MessageRecord):
 
     @property
     def newest_revision(self) -> int:
-        """Revision number of the newest result of the estimator in this record; 0 is the value as first decided."""
+        """Revision number of the newest result of the estimator in this record; 0 is the first value."""
         return max(one.revision for one in (self.survey, *self.first, *self.revised))
 
     @property

@@ -43,7 +43,7 @@ class NoSurveyListError(BagError):
 
 def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tuple[str, ...]]:
     """
-    Return the list, and notes for people on its origin.
+    Return a survey list, and notes for people on the origin of the list.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def _read(path: Path, given: Given | None) -> StationList:
 
 def stretches_of(path: Path) -> tuple[tuple[DrilledStretch, ...], tuple[str, ...]]:
     """
-    Return the slide sheet of the same well as `surveys_of`, and notes for people; a recording has no slide sheet.
+    Return the slide sheet that belongs to the list of `surveys_of`, and notes for people; empty for a recording.
 
     Raises
     ------

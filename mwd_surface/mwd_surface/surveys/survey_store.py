@@ -50,7 +50,7 @@ class Loaded:
 
 class SurveyStore:
     """
-    Store of one well's list in one folder; use it as a context manager or call `close`.
+    Folder that stores the survey list of one well; use it as a context manager or call `close`.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class SurveyStore:
             raise StoreError(f"another process ({error.owner}) keeps its survey list in {self.folder}") from None
 
     def close(self) -> None:
-        """Release the folder."""
+        """Release the folder for other processes."""
         self._lock.free()
 
     def __enter__(self) -> SurveyStore:
@@ -87,7 +87,7 @@ class SurveyStore:
 
     def save(self, surveys: SurveyList) -> None:
         """
-        Write the list; on return it is on the disk, and the list before is in `previous`.
+        Write the list to the disk; the list before the last change is kept in the file `previous`.
 
         Raises
         ------
@@ -163,7 +163,7 @@ class NotWholeError(ValueError):
 
 
 def encoded(surveys: SurveyList) -> bytes:
-    """Return the bytes of a list's file: JSON, UTF-8, one record per line, with its own checksum."""
+    """Return the content of a list's file: JSON in UTF-8, one record per line, with a checksum of the list."""
     content = surveys.to_mapping()
     records = ",\n".join(_canonical(r) for r in content.pop("records"))
     head = json.dumps({"format": FORMAT, "version": VERSION, "sha256": _checksum(surveys.to_mapping())})[:-1]
@@ -173,7 +173,7 @@ def encoded(surveys: SurveyList) -> bytes:
 
 def decoded(data: bytes, rules: ListRules | None = None) -> SurveyList:
     """
-    Parse the bytes of a list's file.
+    Return the list in the content of a list's file.
 
     Raises
     ------

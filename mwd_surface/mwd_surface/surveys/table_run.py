@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Results of a table of readings by run: each station with the stations before it, and with its whole run.
+Survey results of a table of readings, computed run by run: for each station a first result and a revision.
 
 The first result of a station uses the stations above it in the table, as a live survey does; its revision uses all
 other stations of the run (`revision`). A station whose field disagrees with the other stations does not affect them.
@@ -30,10 +30,10 @@ from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.survey_record import SurveyRecord
 
-# Assumed time between two rows if times are missing, h: the time to drill one stand. It scales the drift of an external
-# field.
+# Assumed time between two rows if times are missing, h: the time to drill one stand. The drift of an external field is
+# computed from this time.
 _STAND = 0.5
-# Least number of stations for a multi-station analysis.
+# Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
 
 
@@ -76,12 +76,13 @@ def run_stations(
     Compute the rows of a table; rows of the same run are computed together.
 
     Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
-    used for other rows. progress is called with the share of the rows that is done.
+    used for other rows. progress is called with the share of finished rows, 0 to 1.
 
     Returns
     -------
     list of TableStation
-        One per row, in order; `station` uses its whole run, `first` only the rows before it.
+        One station per row, in order. `station` is the result from the whole run, `first` the result from this row and
+        the rows before it.
     """
     runs: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
@@ -134,7 +135,11 @@ def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[in
 def _multi_station(
     own: list[Measured], at: list[int], settings: StationSettings
 ) -> dict[int, tuple[MethodAzimuth, ...]]:
-    """Return azimuths of stations `at` by multi-station analysis; empty unless all have the same reference field."""
+    """
+    Return azimuths by multi-station analysis, by index of the station.
+
+    at: indices of the stations to use. The result is empty unless all of these have the same reference field.
+    """
     read = [(k, own[k].readings, own[k].station) for k in at]
     usable = [(k, readings, station) for k, readings, station in read if readings is not None and readings.has_field]
     references = {station.reference for _, _, station in usable}

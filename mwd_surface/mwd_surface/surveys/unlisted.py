@@ -16,7 +16,11 @@ _NO_INPUT, _NO_FLOW = 0, 1
 
 
 class Unlisted(NamedTuple):
-    """Interval with flow, ns, at whose beginning a tool sends a survey, and why no survey was listed."""
+    """
+    Interval with flow whose survey was not received completely: begin and end, ns, and the reason.
+
+    A tool sends a survey at the beginning of each interval with flow.
+    """
 
     start_ns: int
     end_ns: int
@@ -35,7 +39,7 @@ class _Flow:
 
 def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
     """
-    Return intervals with flow for which no survey is listed although a link waited for one.
+    Return the intervals with flow for which a link received no complete survey, each with a reason.
 
     A wired tool also sends without flow, so its lost surveys cannot be found.
 
@@ -70,7 +74,7 @@ def _ns(stamp: object) -> int:
 
 
 def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
-    """Return the times, ns, of survey inclinations that were erased as too uncertain, and a text about each."""
+    """Return the times, ns, of survey inclinations that were dropped as too uncertain, each with a sentence."""
     out = []
     for _, name, _, data in bag.messages([topic]):
         word = bag.decode(name, data)

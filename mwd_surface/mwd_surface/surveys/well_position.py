@@ -120,7 +120,7 @@ def uncertain_well(
     """
     Return a path of the list with the survey tools of its stations.
 
-    records: as in `uncertain`. radius: radius of the hole, m. programme: survey programme, by default of the well.
+    records: as in `uncertain`. radius: radius of the hole, m. programme: survey programme; by default that of the well.
 
     Raises
     ------
@@ -149,7 +149,11 @@ def uncertain_well(
 
 
 def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:
-    """Return the stations for the programme; a station without a survey gets leg and tool of the station above."""
+    """
+    Return the stations of a path in the form that a survey programme needs.
+
+    A station without a survey gets leg and tool of the station above.
+    """
     sigmas = np.full((path.md.size, 2), np.nan)
     legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
     leg, tool = path.leg, ""

@@ -45,15 +45,15 @@ from mwd_surface.signals.table import TO_RIG
 
 # Name of each depth that is read from the blackboard, with its class in the DDHub vocabulary.
 NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
-_READ_S = 1.0  # s between readings of the rig's depths
-_FIND_S = 10.0  # s between queries for depths that were not found
-_SHOWN = 300  # characters of an error that the status shows
-_BAD = 0x80000000  # status codes of this value and above are bad
-_LAST_NAMESPACE = 0xFFFF  # an index is 16 bits on the wire
+_READ_S = 1.0  # time between two readings of the rig's depths, s
+_FIND_S = 10.0  # time between two searches for depths that were not found, s
+_SHOWN = 300  # largest number of characters of an error in the status
+_BAD = 0x80000000  # lowest OPC UA status code that means bad
+_LAST_NAMESPACE = 0xFFFF  # largest namespace index: an index has 16 bits in OPC UA
 
 
 class BlackboardError(RuntimeError):
-    """The blackboard's answer does not match its interface."""
+    """Raised if the blackboard refuses a request, or if its answer does not have the form that D-WIS describes."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -278,7 +278,7 @@ class _Depths:
         self._unknown = optional("asyncua.ua", "asyncua", "the blackboard").StatusCodes.BadNodeIdUnknown
 
     async def read(self, now: float) -> dict[str, float]:
-        """Return each depth, m, by name, that is good and newer than at the last call; now: steady time, s."""
+        """Return the depths, m, by name, that are good and newer than at the last call. now: steady time, s."""
         if len(self._nodes) < len(NOUNS) and now >= self._find_at:
             self._find_at = now + _FIND_S
             for name, noun in NOUNS.items():
@@ -339,7 +339,7 @@ def _is_address(url: str) -> bool:
 
 
 def _number(value: object) -> float:
-    """Return a variable's value as a number; NaN, which every check rejects, if it is not a number."""
+    """Return the value of a variable as a number; NaN if it is not a number (every check rejects NaN)."""
     return float(value) if isinstance(value, int | float) else math.nan
 
 
@@ -365,7 +365,7 @@ def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def readings(values: RigValues) -> dict[str, VariableValue]:
-    """Return value, status code and stamp of every signal, by OPC UA name, in SI with temperatures in kelvin."""
+    """Return value, status code and stamp of every signal, by OPC UA name; values in SI, temperatures in kelvin."""
     table = {}
     for signal in TO_RIG:
         v = values.values[signal.name]

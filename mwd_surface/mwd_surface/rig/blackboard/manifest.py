@@ -24,8 +24,8 @@ _PROVIDER = "MWDSurface"
 _UNCERTAINTY = "GaussianUncertainty"
 _SIGMA = "sigma_"
 _DEPTH = "DepthDrillingQuantity"
-# Nouns of the signal table that name a node to which the signal refers, not a class of the signal; verb of the
-# reference.
+# Nouns of the signal table that are not classes of a signal but nodes to which a signal refers, each with the verb of
+# the reference.
 _REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
 
 
@@ -87,7 +87,7 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
 
 
 def quantity_of(signal: Signal) -> str:
-    """Return the noun of the measurable quantity of a signal."""
+    """Return the measurable quantity of a signal as a noun of the DDHub vocabulary."""
     if signal.unit == "m" and "depth" in signal.meaning and "difference" not in signal.meaning:
         return _DEPTH
     # A blackboard holds SI values, so temperatures have the quantity of the SI unit, in kelvin.

@@ -28,21 +28,23 @@ VERSION = 3  # version of the register map, register 0
 COUNT = 80  # number of input registers
 WRITABLE, WRITABLE_COUNT = 100, 2  # address and number of the holding registers for the bit depth
 WORD_ORDERS = ("ABCD", "CDAB")
-# Age sent while there is no toolface yet.
-NEVER = 1e9  # s
+# Age sent while there is no toolface yet, s.
+NEVER = 1e9
 _LARGEST = 3.4e38  # largest magnitude that a 32-bit float holds
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)  # words of a 32-bit float NaN
-# By address of a float register: name of the value, factor from SI to its unit, and the value at which it wraps.
+# By address of the first register of a float: name of the value, factor from SI to the unit of the register, and the
+# value at which an angle starts again from 0 (0 if the value is not an angle).
 FLOATS: dict[int, tuple[str, float, float]] = {
     signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, signal.wrap)
     for signal in TO_RIG
     if signal.modbus is not None
 }
-_AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78  # addresses of single values and of the blocks of control and inputs
+# First registers of toolface age, time of the survey, control, and inputs
+_AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
 # Values of register 78 by name of the depth source; 0: no source, 9: a source that is not in this table.
 DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5, BLOCK: 6}
 _ANOTHER, _NO_CLOCK = 9, 255  # a depth source that is not in the table; no clock, because the input sends no data
-# Name of a Modbus controller in the authority: this prefix and the number of the controller.
+# The name of a Modbus controller in the control authority is this prefix and the number of the controller.
 CONTROLLER = "modbus "
 
 
@@ -115,13 +117,17 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
 
 
 def _input_registers(inputs: InputTable) -> tuple[int, int]:
-    """Return registers 78 and 79: depth source, and clocks that stamp the rig's (high byte) and sonde's data."""
+    """
+    Return registers 78 and 79: source of the depth, and clocks that stamp the inputs.
+
+    The clock of the rig's data is the high byte of register 79, the clock of the sonde's data the low byte.
+    """
     clocks = [_NO_CLOCK if row is None else int(row.clock) for row in (rig_input(inputs), inputs.named(SONDE))]
     return DEPTH_SOURCES.get(inputs.depth_source, _ANOTHER), clocks[0] << 8 | clocks[1]
 
 
 def _control_registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
-    """Return registers 38 to 45: the owner of control, and the acknowledged set-points."""
+    """Return registers 38 to 45: owner and lease of the control, and numbers of the set-points."""
     control, advice = values.control, values.advice
     bits = {
         ControlBit.ENABLED: control.enabled,
@@ -156,7 +162,7 @@ def long_of(words: Sequence[int], form: ModbusForm) -> int:
 
 
 def status_bits(values: RigValues) -> int:
-    """Return register 2. The toolface of a rotating string never counts as fresh, because it is useless to steer."""
+    """Return register 2. The toolface of a rotating string is never fresh, because it cannot be used to steer."""
     survey = values.survey
     usable = values.toolface.condition.usable
     bits = {

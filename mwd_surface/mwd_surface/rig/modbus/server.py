@@ -52,15 +52,15 @@ from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.signals.units import UNITS
 
-_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16  # function codes
+_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16  # function codes of Modbus
 # Largest number of bits or registers in one request, by function (Modbus application protocol 1.1b3, section 6).
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
-_WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write
+_WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write to coils or registers
 # Functions that are answered: reads, writes, and reading the identification (43). To other functions pymodbus would
 # answer with example values (24, a queue of registers that does not exist) or a false confirmation (8).
 _SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
-_LOOK = 1.0  # s between checks for idle connections
-_PYMODBUS = 3, 13  # first version with the simulator devices that this server uses
+_LOOK = 1.0  # time between checks for idle connections, s
+_PYMODBUS = 3, 13  # first version of pymodbus with the simulator devices that this server uses
 
 
 @dataclasses.dataclass
@@ -360,7 +360,7 @@ def serve_only(server: Any) -> None:
 
 def _refusal(data: bytes) -> bytes | None:
     """
-    Return the answer to a request that is refused for its function or its number of registers; None if it is not.
+    Return the refusal of a request with a wrong function or number of registers; None if the request is allowed.
 
     The protocol requires exception 1 or 3 with the requested function code, but pymodbus 3.16 answers exception 1
     with function code 0.
@@ -382,7 +382,7 @@ def _refusal(data: bytes) -> bytes | None:
 
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4  # address of the request; numbers of registers
 COMMAND, COMMAND_COUNT = 120, 12  # address and number of registers of a set-point
-_ASK, _RELEASE = 1, 2  # actions of a request
+_ASK, _RELEASE = 1, 2  # action codes in a request for control
 _INTERFACE = "Modbus"
 
 
@@ -426,7 +426,11 @@ class ControlRegisters:
         return False
 
     def _ask(self, words: tuple[int, ...], connection: int) -> bool:
-        """Process a request: action (1 request, 2 release), controller number, priority, duration in s (0: longest)."""
+        """
+        Process a request for control; return whether it was valid and, for a release, whether it was carried out.
+
+        words: action (1 request, 2 release), number of the controller, priority, duration, s (0: the longest allowed).
+        """
         action, number, priority, duration = words
         if action == _RELEASE:
             status = self._authority.status(self._clock())
@@ -448,7 +452,12 @@ class ControlRegisters:
         return done
 
     def _set(self, words: tuple[int, ...], connection: int) -> bool:
-        """Process a command: lease (u32), sequence, mode; then f32 speed r/min, turn deg, flow L/min, validity s."""
+        """
+        Process a set-point; return whether it was accepted.
+
+        words: lease (32-bit integer), sequence, mode, then four 32-bit floats: rotary speed, r/min; turn, deg; flow,
+        L/min; validity, s.
+        """
         speed, turn, flow, valid_for = (float_of(words[k : k + 2], self._form) for k in (4, 6, 8, 10))
         point = SetPoint(
             words[3],

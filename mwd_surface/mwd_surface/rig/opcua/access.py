@@ -96,7 +96,11 @@ class OpcuaAccess:
 
     @property
     def identity(self) -> str:
-        """Session and certificate of the request being answered; valid in the request's task or a context copy."""
+        """
+        Session and certificate of the present request; valid in the task of the request.
+
+        A copy of the context of the task has the same value.
+        """
         return self._asking.get()
 
     async def _certify(self, server: Any, folder: Path) -> None:

@@ -12,7 +12,7 @@ EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 
 
 def moment(stamp_ns: int) -> dt.datetime:
-    """Return the time of a stamp, ns since the epoch, to the microsecond."""
+    """Return a stamp, ns since the epoch, as a UTC datetime with microseconds."""
     return EPOCH + dt.timedelta(microseconds=stamp_ns // 1000)
 
 

@@ -60,7 +60,7 @@ from mwd_surface.signals.units import UNITS
 
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # asyncua's logger for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
-_TICK = 1.0  # s between confirmations of all values
+_TICK = 1.0  # longest time between two writes of a value, s
 
 
 class OpcuaServer(LoopInterface):
@@ -164,7 +164,7 @@ class OpcuaServer(LoopInterface):
             self._server = None
 
     def _count_refusal(self, record: logging.LogRecord) -> bool:
-        """Count a connection that asyncua refuses instead of logging it; used as a filter of asyncua's logger."""
+        """Count a refused connection and suppress its log message; a filter for asyncua's logger."""
         server = self._server
         full = server is not None and len(server.bserver.clients) >= self.settings.max_clients
         if not full or not str(record.msg).startswith("Refusing connection"):
@@ -561,7 +561,7 @@ _SEVERITY: Mapping[int, int] = {Severity.INFO: 200, Severity.WARNING: 500, Sever
 
 class Conditions:
     """
-    Sender of the alarms: an event is sent when an alarm is raised, changes, is acknowledged or ends.
+    Sender of alarms as OPC UA events: when an alarm is raised, changes, is acknowledged or ends.
 
     Parameters
     ----------

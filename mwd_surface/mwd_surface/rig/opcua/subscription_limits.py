@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-MOST_ITEMS = 4000  # monitored items on the server; a client that watches every variable has about a hundred
-LONGEST_QUEUE = 100  # values in the queue of one item; the variables change once per second
-SHORTEST_MS, LONGEST_MS = 100.0, 3_600_000.0  # limits of the publishing interval
+# Largest number of monitored items on the server; a client that watches every variable has about a hundred
+MOST_ITEMS = 4000
+LONGEST_QUEUE = 100  # largest number of values in the queue of one item; the variables change once per second
+SHORTEST_MS, LONGEST_MS = 100.0, 3_600_000.0  # limits of the publishing interval, ms
 
 
 class SubscriptionLimits:

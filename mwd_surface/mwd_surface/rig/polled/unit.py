@@ -21,7 +21,7 @@ from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, Interf
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
-_STEP_S = 0.005  # time between two reads of the line; a host waits a few tenths of a second for a reply
+_STEP_S = 0.005  # time between two reads of the line, s; a host waits a few tenths of a second for a reply
 QUANTITIES = tuple(signal.name for signal in TO_RIG)
 HOST_FRAME = PolledFrame(
     polls=(
@@ -36,7 +36,7 @@ HOST_FRAME = PolledFrame(
         ),
     )
 )
-"""Frame without a file: Modbus RTU, function 4, registers 0 to 2, in hundredths of a degree; 65535 for unknown."""
+"""Frame if no file is given: Modbus RTU, function 4, registers 0 to 2 in steps of 0.01 deg; 65535 for unknown."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -58,7 +58,7 @@ class WitsFrame:
 
 @dataclasses.dataclass
 class DecoderCounts:
-    """Counts of frames, junk bytes between frames, frames cut off or too long, invalid lines, and null values."""
+    """Numbers of frames, junk bytes between frames, frames cut off or too long, invalid lines, and null values."""
 
     frames: int = 0
     junk_bytes: int = 0

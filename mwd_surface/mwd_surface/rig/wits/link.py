@@ -29,7 +29,7 @@ from mwd_surface.rig.wits.records import Items, RecordWriter, Wits0Format, rig_r
 
 @dataclasses.dataclass(frozen=True)
 class Wits0Schedule:
-    """Sending intervals."""
+    """Times between WITS packets."""
 
     toolface_period: float = setting(
         4.0,
@@ -130,8 +130,8 @@ def _merged(groups: list[Items]) -> list[Items]:
     return merged
 
 
-_TICK = 0.5  # s between checks for packets that are due
-_SOURCE_SILENT = 10.0  # s of silence after which another peer may become the source of rig data
+_TICK = 0.5  # time between checks for packets that are due, s
+_SOURCE_SILENT = 10.0  # time of silence, s, after which another peer may become the source of rig data
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,7 +162,7 @@ class WitsWriter(Protocol):
     """Interface of a writer to a connection: an asyncio stream or a substitute."""
 
     def write(self, data: bytes) -> None:
-        """Write bytes."""
+        """Write bytes to the connection."""
 
     async def drain(self) -> None:
         """Wait until the buffer for outgoing bytes has room again."""
@@ -179,7 +179,7 @@ class StreamWriter:
         stream.transport.set_write_buffer_limits(high=2048)
 
     def write(self, data: bytes) -> None:
-        """Write bytes."""
+        """Write bytes to the stream."""
         self._stream.write(data)
 
     async def drain(self) -> None:
@@ -192,7 +192,7 @@ class StreamWriter:
 
 
 class Peer:
-    """One conversation: packets waiting to be sent, decoder of received data, and counts."""
+    """One connection: packets waiting to be sent, decoder of received data, and counts."""
 
     def __init__(self, address: str, queue_bytes: int, since: float) -> None:
         self.address, self.since = address, since
@@ -277,7 +277,7 @@ class Wits0Link(LoopInterface):
 
     @property
     def peers(self) -> int:
-        """Number of conversations."""
+        """Number of connected peers."""
         return len(self._peers)
 
     async def send_due(self, stop: asyncio.Event) -> None:
@@ -315,7 +315,7 @@ class Wits0Link(LoopInterface):
             writer.abort()
 
     def end_all(self) -> None:
-        """End every conversation."""
+        """End the connections with all peers."""
         for peer in self._peers:
             peer.end.set()
 

@@ -44,8 +44,9 @@ _LIVE_ITEMS = {
 }
 _SAME_TIME_NS = 600 * NANOSECONDS  # longest time between a survey and a hole depth that is sent with the survey
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7  # codes of the rig activity
-# Sequence numbers count seconds from this time, so that they continue to grow after a restart without being stored.
-_SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
+# Sequence numbers count seconds from 2020-01-01 (here in s since the epoch), so that they continue to grow after a
+# restart without being stored.
+_SEQUENCE_EPOCH = 1_577_836_800
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Wits0Format:
     toolface_while_rotating: bool = setting(False, "Send toolfaces also while the string rotates.", fixed=True)
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a name that would break a frame."""
+        """Raise ValueError for a text that would break a frame: name of the sender, name of the well, or null text."""
         for name in ("source", "well_id", "null_text"):
             try:
                 checked_text(getattr(self, name))
@@ -170,14 +171,14 @@ class RecordWriter:
         return number
 
     def _number(self, code: int, value: float | None) -> Items:
-        """Return the item of an SI value in the session's unit; for None no item, or the session's null text."""
+        """Return the item of an SI value, converted to the unit of the record; for None no item, or the null text."""
         item, signal = SENT[code]
         scale = _scale(signal, self.form.units)
         # An angle that rounds to 360 deg is written as 0.
         return self._item(code, fixed(None if value is None else scale.of(value), item.decimals, signal.wrap))
 
     def _item(self, code: int, text: str) -> Items:
-        """Return the item of a text; for an empty text no item, or the session's null text."""
+        """Return the item of a text; for an empty text no item, or the null text of the settings."""
         text = text or self.form.null_text
         return [(code, text)] if text else []
 
@@ -238,5 +239,5 @@ def _scale(signal: Signal, units: str) -> UnitScale:
 
 
 def shown(value: RigValue) -> str:
-    """Return the text of a value for a status line."""
+    """Return the text of a value for a status line; the condition in words if the value is not usable."""
     return fixed(value.value, 4) if value.condition.usable else value.condition.value

@@ -40,7 +40,7 @@ from mwd_surface.rig.interface import (
 _NAMESPACE = "http://www.witsml.org/message/120"
 _ACTION = "http://www.witsml.org/action/120/Store."
 SUCCESS, ALREADY_THERE, NOT_THERE = 1, -405, -433  # result numbers of WITSML 1.4.1.1
-_SHOWN = 300  # characters of an error that the status shows
+_SHOWN = 300  # largest number of characters of an error in the status
 
 
 class StoreRefusedError(RuntimeError):
@@ -275,7 +275,7 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
     """Handler that refuses redirects, so that survey and password are not sent to another address."""
 
     def redirect_request(self, *_about: object) -> None:
-        """Follow no redirect."""
+        """Return None, so that the redirect is not followed."""
 
 
 def answer_texts(answer: bytes) -> dict[str, str]:
