@@ -63,7 +63,7 @@ class AngleConvention(enum.StrEnum):
 
     @property
     def heading(self) -> str:
-        """Short title of the angle's column in reports; differs from Dip, the title of the magnetic field's dip."""
+        """Short title of the angle's column in reports; never "Dip", which is the title of the magnetic dip."""
         return _TITLES[self]
 
     @property

@@ -107,7 +107,7 @@ class OldKernel(Kernel):
 
     @functools.cached_property
     def entries(self) -> dict[Any, Any]:
-        """Machine code by the types of the arguments."""
+        """Machine code of the calls with named tuples, by the types of the arguments."""
         return {}
 
     def __call__(self, *args: Any, **keywords: Any) -> Any:
@@ -165,7 +165,7 @@ def _cache_folder(module: str) -> Path | None:
 
     The cache folder is below NUMBA_CACHE_DIR if set, else next to the module, else in the user's cache; None if all of
     these are read-only. Several installations may share one of these folders, so the name contains a hash of the
-    module's path. Outdated are folders of former versions of this installation, and folders of other installations
+    module's path. Outdated folders are those of former versions of this installation, and those of other installations
     that no process has used for `_UNUSED_S`.
     """
     stamp = hashlib.sha256(repr(_stamps(module)).encode()).hexdigest()[:16]

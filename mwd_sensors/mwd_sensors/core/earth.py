@@ -215,7 +215,7 @@ def _normal_gravity(sin2: float) -> float:
 
 
 def _steepness(sin2: float) -> float:
-    """Return the free-air gradient divided by 2 gravity / radius; sin2 as in `_normal_gravity`."""
+    """Return the ratio of the free-air gradient to 2 gravity / radius; sin2 as in `_normal_gravity`."""
     m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
     return 1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2
 

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 
-# Vectors of each message, and for each the largest credible sigma and magnitude on an axis (rad/s, m/s^2, T).
+# Vectors of each message type. The number is the largest credible sigma, and the largest credible reading, of one axis
+# of the vector, rad/s, m/s^2 or T.
 VECTORS = {
     wire.IMU.type_name: (("angular_velocity", 50.0), ("linear_acceleration", 1000.0)),
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
@@ -38,7 +39,7 @@ CLIPPED = {"angular_velocity": 20.0, "linear_acceleration": 200.0, "magnetic_fie
 _CLIPPED_LEAST, _CLIPPED_MOST = 0.5, 1.25
 ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"
 # A covariance is not credible if the scatter of samples at rest is larger than this factor times its sigma. Pumps shake
-# a tool at rest by ten times the noise of its sensors; the sigma of a wrong unit is wrong by a thousand or more.
+# a tool at rest by ten times the noise of its sensors; a sigma in a wrong unit is too small by a thousand or more.
 _INCREDIBLE = 100.0
 
 # Number of samples at the start of a stream from which the sample period is measured; number of samples at rest from
@@ -121,7 +122,11 @@ class NoiseWatch:
                 self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Keep the smallest scatter of each vector in samples at rest (`still`); motion discards the samples so far."""
+        """
+        Compute the scatter of each vector from `_SCATTERED` samples at rest, and keep the smallest scatter.
+
+        still: whether the tool is at rest. If not, the samples collected so far for a scatter are discarded.
+        """
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)
@@ -189,7 +194,7 @@ def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
 
 
 def sentence(topic: str, vector: str, note: str) -> str:
-    """Return a sentence about a vector of a topic: the problem, which is a note of `judge`, and the consequence."""
+    """Return a sentence for users: topic, vector, the problem (`note`, one of the notes of `judge`), consequence."""
     if note == ABSENT:
         return f"{topic}: {vector} is declared {note}: it is not used"
     return f"{topic}: {vector} comes with {note}: the noise of the tool's settings is used"
@@ -201,7 +206,7 @@ def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
     if name not in (samples.dtype.names or ()):
         return np.zeros((len(samples), 3), dtype=np.bool_)
     variances, own = samples[name][:, ::4], CLIPPED[vector] ** 2
-    # Exclude the lower limit itself: it is a power of ten, which drivers write that do not know their covariance.
+    # Exclude the lower limit itself: it is a power of ten, which a driver often writes for an unknown covariance.
     found = (variances > _CLIPPED_LEAST**2 * own) & (variances <= _CLIPPED_MOST**2 * own)
     return np.asarray(found, dtype=np.bool_)
 
@@ -218,7 +223,7 @@ def _credible_row(covariance: bytes, widest: float) -> bool:
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:
-    """Return whether each covariance is finite, symmetric, positive semi-definite and not too large; shape (n,)."""
+    """Return whether covariances are finite, symmetric, positive semi-definite, variances up to widest^2; (n,)."""
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=1))
     matrices = np.where(finite[:, None], covariance, 0.0).reshape(-1, 3, 3)
     diagonal = np.einsum("nii->ni", matrices)

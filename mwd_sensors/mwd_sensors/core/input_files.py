@@ -2,7 +2,7 @@
 """
 Read files that other people wrote: regular files within a budget (`budgets`), JSON, and YAML within a size limit.
 
-A device or pipe instead of a file could be read without end. A few lines of YAML whose aliases refer to each other can
+Reading a device or pipe in place of a file may never end. A few lines of YAML whose aliases refer to each other can
 expand to more than the memory holds. Deep nesting exhausts the stack of a parser.
 """
 

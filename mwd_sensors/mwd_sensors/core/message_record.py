@@ -124,7 +124,12 @@ def time_message(stamp_ns: int, make: Make) -> Any:
 
 
 def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]]:
-    """Return by field: whether it is in the header, its name in the message, and its type if it must be converted."""
+    """
+    Return the fields of a record that the message has, by name in the record.
+
+    Values: whether the field is in the message's header; its name in the message; the type of its values if they must
+    be converted, else None.
+    """
     found: dict[str, tuple[bool, str, Any]] = {}
     for field in dataclasses.fields(record):  # type: ignore[arg-type]
         if field.name in record.NOT_SENT:

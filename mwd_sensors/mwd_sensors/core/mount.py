@@ -24,7 +24,8 @@ AS_IMU, TF = "as imu", "tf"
 ALONG = math.cos(math.radians(8.0))
 """A direction is taken for an axis of the unit if the cosine of the angle between them is above this (angle below
 8 deg): the measured axis of an uncalibrated gyro is wrong by some degrees."""
-# Largest error of a quaternion's length, or of an element of R R', that is accepted as rounding of the given numbers.
+# Largest difference of a quaternion's length from 1, or of an element of R R' from the identity matrix, that is
+# accepted as rounding of the numbers that a user wrote.
 _ROUNDING = 2e-3
 _HALF_ABOUT_Z = np.diag([-1.0, -1.0, 1.0])
 
@@ -144,7 +145,11 @@ class Transforms:
         return None
 
     def full_name(self, frame: str) -> str:
-        """Return the name of a frame in the transforms, with a well's prefix if only one prefixed name exists there."""
+        """
+        Return the name that the transforms use for a frame.
+
+        If they do not have the plain name, but exactly one name with a prefix (``well/frame``), return this name.
+        """
         known = {name for child, (parent, _) in self._to_parent.items() for name in (child, parent)}
         prefixed = [name for name in known if name.endswith(f"/{frame}")]
         return prefixed[0] if frame not in known and len(prefixed) == 1 else frame
@@ -263,7 +268,7 @@ def resolve(
 
 
 def _snapped(mat: Array) -> Array:
-    """Return the exact matrix if `mat` exchanges axes apart from rounding errors; else return `mat`."""
+    """Return `mat` without rounding errors if it only exchanges axes (elements 0, 1 or -1); else return `mat`."""
     whole = np.round(mat)
     # Adding zero turns -0 into 0.
     return whole + 0.0 if np.abs(mat - whole).max() < 1e-9 else mat
@@ -297,7 +302,7 @@ def turned(mat: Array, vectors: Array) -> Array:
 
 
 def words(mat: Array) -> str:
-    """Return the text for users of a rotation: the name of the preset, or the nine numbers."""
+    """Return a rotation as text for users: the name of its preset, or its nine numbers."""
     for name, preset in PRESETS.items():
         if np.array_equal(mat, preset):
             return name
