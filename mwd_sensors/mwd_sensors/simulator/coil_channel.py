@@ -23,8 +23,8 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.telemetry.carrier import Coil
 
-RATE_HZ = 250.0
-# Half of the receiver's band, Hz, and the wandering of the mains: 1 sigma, Hz, and its correlation time, s.
+RATE_HZ = 250.0  # sample rate of the voltage, Hz
+# Half of the receiver's band, Hz. Random error of the mains frequency: 1 sigma, Hz, and correlation time, s.
 _HALF_BAND_HZ = 0.4 * RATE_HZ
 _MAINS_SIGMA_HZ, _MAINS_S = 0.01, 20.0
 
@@ -121,7 +121,7 @@ class CoilVoltage:
         return self._block * self._count / RATE_HZ
 
     def coupling(self, at_s: float) -> complex:
-        """Return the field of the unmodulated sonde along the receiving coil at a time, s; T, with its phase."""
+        """Return the complex amplitude of the unmodulated field along the receiving coil, T, at a time, s."""
         position, axis = self._place(at_s)
         offset = np.array(self._channel.position_m) - position
         return complex(dipole_field(offset, self._coil.moment_a_m2 * axis, self._wave) @ self._axis)

@@ -20,8 +20,8 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.simulator.earth_line import Ground, response
 
-RATE_HZ = 250.0
-_RESPONSE_S = 4.096  # length of the impulse response
+RATE_HZ = 250.0  # sample rate of the voltage, Hz
+_RESPONSE_S = 4.096  # length of the impulse response, s
 _CORNERS_HZ = (0.05, 0.5, 5.0)  # corner frequencies of the low-passes whose sum falls as 1/f
 
 
@@ -84,7 +84,7 @@ class EarthVoltage:
         self._block = 0
 
     def deepen(self, ground: Ground) -> None:
-        """Continue in a well that has become deeper."""
+        """Use the response of another ground from the next block on, for example of a deeper well."""
         taps = round(_RESPONSE_S * RATE_HZ)
         frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
         frequency[0] = 0.5 * frequency[1]

@@ -122,12 +122,12 @@ def response(ground: Ground, frequency_hz: Array) -> Complex:
         for top, bottom, resistivity in zip(tops, ground.bottom_m, ground.resistivity, strict=True)
         if top < gap
     ]
-    # Start at the wellhead, where the line is open: voltage and current at the bottom of each layer for 1 V there.
+    # Compute voltage and current at the bottom of each layer for 1 V at the wellhead, where the line is open.
     voltage, current = np.ones(len(frequency), dtype=complex), np.zeros(len(frequency), dtype=complex)
     scale = np.zeros(len(frequency))
     for length, (constant, impedance, _) in layers:
         x = constant * length
-        # Keep the growth as an exponent in `scale`, because it would overflow in a deep well in clay.
+        # Keep the growth of the voltage as an exponent in `scale`: the voltage would overflow in a deep well in clay.
         ch, sh = 0.5 * (1.0 + np.exp(-2.0 * x)), 0.5 * (1.0 - np.exp(-2.0 * x))
         turn = np.exp(1j * x.imag)
         voltage, current = (

@@ -109,8 +109,9 @@ def check(fault: Fault) -> None:
     Raises
     ------
     ValueError
-        A fault of whole messages, or of a sensor without axes, is given for one axis; a unit belongs to another
-        quantity; two axes are given for anything but a swap; or a swap or turn has no axes.
+        A fault of whole messages, of the temperature sensor, or of a unit is given for one axis; a fault of `MOUNTING`
+        is given for the temperature sensor; a unit belongs to another quantity; two axes are given for a fault other
+        than a swap; or a swap or turn has no axes.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")

@@ -151,7 +151,7 @@ class GammaDetector:
         self, index: Stamps, stamps: Stamps, toolface: Array, bit: Array, rate_hz: int
     ) -> tuple[Samples, Array]:
         """
-        Return the counts of one step, and the outputs at which the counting intervals end.
+        Return the counts of the counting intervals that end within n outputs of the sonde.
 
         Parameters
         ----------

@@ -2,7 +2,8 @@
 """
 Motion of the sonde, exact at every instant: along the hole, about its axis, and vibration.
 
-The position is the point on the hole's arc plus a bounded displacement; `kinematics` combines it with the rotation.
+The position is the point on the hole's arc plus the bounded displacement of the vibration. `kinematics` combines
+position and rotation.
 """
 
 from __future__ import annotations

@@ -67,9 +67,10 @@ class PumpStream:
 
     def block(self, flow: Array) -> Array:
         """
-        Return the flow of the next samples, m^3/s, shape (n,).
+        Return the flow of this pump at the next n samples, m^3/s, shape (n,).
 
-        flow, shape (n,), is the flow as a share of the full flow; the stroke rate is proportional to the flow.
+        flow, shape (n,), is the mean flow at these samples as a share of the full flow; the stroke rate is proportional
+        to it.
         """
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))
@@ -96,7 +97,7 @@ class PumpStream:
         return np.concatenate(self._strokes) if self._strokes else np.zeros(0)
 
     def _delivered(self, angle: Array) -> Array:
-        """Return the flow of the three pistons divided by its mean, at a crank angle, rad."""
+        """Return the flow of the three pistons divided by their mean flow, at crank angles, rad, shape (n,)."""
         total = np.zeros(len(angle))
         for k in range(3):
             turn = angle - 2.0 * math.pi * k / 3.0
@@ -106,10 +107,10 @@ class PumpStream:
         return np.asarray(total * math.pi / 3.0)
 
 
-RATE_HZ = 100.0
+RATE_HZ = 100.0  # sample rate of the pressure, Hz
 _RESPONSE_S = 40.96  # length of the impulse responses, s; echoes in a deep well have decayed by then
 _TAPS = round(_RESPONSE_S * RATE_HZ)
-_BAND_HZ = 35.0  # bandwidth of the gauge
+_BAND_HZ = 35.0  # bandwidth of the gauge, Hz
 
 
 @dataclasses.dataclass(frozen=True)

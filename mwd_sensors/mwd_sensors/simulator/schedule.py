@@ -112,7 +112,7 @@ class Timeline:
     seconds: float
 
     def active(self, when: str) -> list[tuple[float, float]]:
-        """Return the intervals, s, in which an envelope is constant and above 0.5."""
+        """Return the intervals, s, in which the envelope of the phase `when` (see `WHEN`) is constant and above 0.5."""
         profile = self.envelopes[ENVELOPES.index(when)]
         ends = np.append(profile.starts[1:], self.seconds)
         steady = (profile.terms[:, 0] > 0.5) & (np.abs(profile.terms[:, 1:]).max(axis=1) == 0.0)
@@ -166,7 +166,7 @@ class _Lanes:
                 self.lanes[name].value = value
 
     def step(self, seconds: float, targets: Targets) -> None:
-        """Change to the targets within a time, s."""
+        """Append a piece of a length, s, to all profiles, in which the profiles change to their targets."""
         if seconds <= 0.0:
             self.jump(targets)
             return
