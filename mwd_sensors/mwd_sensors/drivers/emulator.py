@@ -39,7 +39,7 @@ _QUIET_S, _LONGEST_DRAIN_S = 0.2, 10.0
 
 class Emulator:
     """
-    The unit's end of a serial line.
+    Emulated probe at the unit's end of a serial line.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class Emulator:
         return int(count)
 
     def _obey(self, wait_s: float) -> None:
-        """Obey the commands that arrive within a time, and answer them."""
+        """Wait at most wait_s, s, for commands; obey and answer them."""
         self._listen(wait_s)
         self._answer()
 
@@ -226,7 +226,7 @@ class Emulator:
             self._answers.append(told)
 
     def _hear(self, data: bytes) -> None:
-        """Obey the last command to measure or to configure; a command may arrive in parts."""
+        """Obey the last command of an MTi to measure (start) or to configure (stop), which may arrive in parts."""
         self._heard = (self._heard + data)[-64:]
         start = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_MEASUREMENT))
         stop = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_CONFIG))

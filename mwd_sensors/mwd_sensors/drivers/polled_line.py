@@ -59,7 +59,7 @@ _UNITS |= {"rad/s": 1.0, "deg/s": math.radians(1.0), "deg/h": math.radians(1.0) 
 _UNITS |= {"m": 1.0, "ft": 0.3048, "m/s": 1.0, "rad/m": 1.0, "m^3/s": 1.0, "gAPI": 1.0}
 _UNITS |= {"Pa": 1.0, "bar": 1e5, "N": 1.0, "kN": 1e3, "N m": 1.0}
 _LEAST_STEP = 1e-15  # smallest step: below the resolution of any gauge, and far above the smallest float in any unit
-_LONGEST = 512  # more bytes without a frame are dropped
+_LONGEST = 512  # largest number of bytes kept while no frame is complete; older bytes are dropped
 _MODBUS_DATA = 4  # bytes between command and check of a usual Modbus request
 _UNKNOWN_COMMAND, _UNKNOWN_DATA = 1, 2
 
@@ -352,12 +352,12 @@ class Master:
     """
     Master of a polled line: sends the requests in turn and reads the replies.
 
-    Times are any steady time in s. After a wait of `timeout_s` for a reply, the line must be quiet for another
+    Times are in s by any steady clock. After a wait of `timeout_s` for a reply, the line must be quiet for another
     `timeout_s` before the request is repeated, so that a late reply is not taken for the reply to the next request.
 
     Attributes
     ----------
-    counters : Counters
+    counters : FrameCounters
         Replies read, replies with errors, and requests without any reply in spite of all repetitions.
     trouble : dict of str to int
         Number of errors of each kind, by a sentence about the kind.

@@ -69,7 +69,7 @@ def answer(given: UnitAnswer, counter: int, text: bool) -> bytes:
 
 class Splitter:
     """
-    Splits the bytes of a line, in blocks of any size, into frames or text lines with a valid check.
+    Splitter of the bytes of a line, in blocks of any size, into frames or text lines with a valid check.
 
     text selects lines of text instead of binary frames.
     """
@@ -124,13 +124,13 @@ def _of_line(data: bytes) -> tuple[str, int, bytes] | None:
 
 class ProbeReader:
     """
-    Decodes the bytes of a probe into samples and answers.
+    Decoder of the bytes of a probe: samples and answers.
 
     text selects lines of text instead of binary frames.
 
     Attributes
     ----------
-    counters : Counters
+    counters : FrameCounters
     """
 
     def __init__(self, text: bool) -> None:
@@ -184,7 +184,7 @@ def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
 
 
 def requested(kind: int | str, content: bytes) -> tuple[str, int] | None:
-    """Return the name of a command and the host's time in it, ns, as a probe reads them; None if not a command."""
+    """Return name and host time, ns, of a command that a probe has received; None for another frame or line."""
     names = {number: name for name, number in COMMANDS.items()}
     if isinstance(kind, str):
         return (kind.lower(), int(content)) if kind.lower() in COMMANDS and content.isdigit() else None

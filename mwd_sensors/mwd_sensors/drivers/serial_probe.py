@@ -146,17 +146,17 @@ class SerialProbe:
 
     @property
     def connected(self) -> bool:
-        """Return whether the line is open."""
+        """Whether the line is open."""
         return self._line is not None
 
     @property
     def reader(self) -> MtReader | ProbeReader | polled_line.Master:
-        """Return the decoder of the line, which holds its counters; each opening makes a new one."""
+        """Decoder of the line with its counters; each opening of the line makes a new decoder."""
         return self._reader
 
     @property
     def offset_ns(self) -> int:
-        """Return the offset that is added to the unit's stamps, ns."""
+        """Offset that is added to the unit's stamps, ns."""
         return self.clock.offset_ns if self._settings.clock == "host" else 0
 
     def poll(self, now_ns: int) -> list[UnitSample]:
@@ -348,7 +348,7 @@ class UnitClock:
 
         The offset is known once several observations agree on it: a unit that was just switched on may report a wrong
         time at first, and stamps that jump later would make the estimator lose its state. If the unit restarts, the
-        offset follows at once. If a clock was set, it follows when several observations agree.
+        offset changes at once. If a clock was set, the offset changes when several observations agree.
 
         on_the_way_ns is a known delay, such as half of the duration of an exchange, ns.
         """

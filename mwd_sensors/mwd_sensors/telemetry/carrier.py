@@ -3,8 +3,8 @@
 Send words on a carrier: blocks of words with header and CRC-16, coded, interleaved, modulated as BPSK, DPSK or QPSK.
 
 A block is sent as first half, marker of known symbols, second half. From the marker in the middle, which is close to
-both ends, the receiver estimates time, phase and channel. All blocks have the same length and each names the words that
-it holds, so that a receiver can start with any block.
+both ends, the receiver estimates time, phase and channel. All blocks have the same length, and the header of each block
+identifies its words, so that a receiver can start with any block.
 Sources: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, sections 3.2 and 4.5; S. Crozier, New
 high-spread high-distance interleavers for turbo-codes, 2000 (relative prime interleaver).
 """
@@ -164,7 +164,11 @@ def interleaver(count: int) -> Indices:
 
 @functools.cache
 def data_places(carrier: Carrier) -> Indices:
-    """Return the positions of symbols with coded bits, (n,); DPSK codes a bit in the change from the symbol before."""
+    """
+    Return the positions, within a block, of the symbols that carry coded bits, shape (n,).
+
+    DPSK codes a bit in the change from the symbol before, so the first symbol of a block carries no bit.
+    """
     places = np.arange(carrier.block_symbols)
     inside = (places >= carrier.half) & (places < carrier.half + MARKER_SYMBOLS)
     return places[~inside & (places >= (carrier.modulation == "dpsk"))]

@@ -145,7 +145,7 @@ class Symbol(NamedTuple):
 
 def levels(frame: DownlinkFrame, downlink: Downlink) -> tuple[int, ...]:
     """
-    Return the levels of a command in order, from 0 (lowest) to 3 (drilling value).
+    Return the levels of the symbols of a command in order: 0 is the lowest level, 3 the drilling value.
 
     Raises
     ------

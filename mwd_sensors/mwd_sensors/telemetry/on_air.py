@@ -48,7 +48,7 @@ class GroupSignal(NamedTuple):
 
 def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]:
     """
-    Split one pass of a sequence into groups: single words for pulses, blocks for a carrier, one frame for a line.
+    Split a sequence, sent once, into groups: single words for pulses, blocks for a carrier, one frame for a line.
 
     Parameters
     ----------

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-PULSE_TU = 2
-GAP_TU = 4
+PULSE_TU = 2  # width of a pulse, TU
+GAP_TU = 4  # gap after the window of a packet, TU
 
 
 class Pulses(NamedTuple):

@@ -104,7 +104,7 @@ def encode(
     name: tuple[str, int], counter: int, codes: Sequence[int], items: Sequence[SequenceItem], start: int = START
 ) -> bytes:
     """
-    Encode one pass of a sequence as a binary frame, including its end.
+    Encode the words of a sequence, each sent once, as a binary frame with its end byte.
 
     Parameters
     ----------

@@ -297,7 +297,7 @@ def encode(
     tool: ToolConfiguration, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...], number: int | None = None
 ) -> Pulses:
     """
-    Return the pulses of one pass of a sequence.
+    Return the pulses of a sequence that is sent once.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ def encode(
     codes : tuple of int
         Value of each word without parity; None for a missing measurement.
     number : int, optional
-        Number of the sequence, if sync and header come first; None for a pass without them.
+        Number of the sequence, if sync and header come first; None to leave out sync and header.
 
     Returns
     -------
@@ -398,7 +398,7 @@ def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
 
 def starting(code: str) -> ToolConfiguration:
     """
-    Return a configuration to start from for a code, with the usual sequences of MWD kits.
+    Return the default configuration for a code, with the usual sequences of MWD kits, as a template for users.
 
     Raises
     ------

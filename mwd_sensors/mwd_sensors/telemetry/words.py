@@ -57,7 +57,7 @@ class Word:
 
     @property
     def circular(self) -> bool:
-        """Return whether the value wraps."""
+        """Whether the value is a direction, which wraps."""
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
     def missing(self, bits: int = 0) -> int | None:
