@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Apply a calibration to a stream of samples, at the temperature of each sample (S0's compensation).
+Apply a calibration to a stream of samples, at the temperature of each sample (method of S0, docs/references.md).
 
 Each sample is corrected with the newest temperature that was measured before it, so that live and replay give the same
 bits however the stream is cut. Before the first temperature the reference temperature of the calibration is used.
@@ -20,7 +20,7 @@ _KEPT = 4096
 
 class Compensation:
     """
-    Corrects the samples of one unit.
+    Correction of the samples of one unit.
 
     Parameters
     ----------

@@ -40,7 +40,11 @@ class Diagnostic:
 
 
 class CallbackFailures:
-    """Counts failed callbacks and unsent messages; reports an error while they are recent, later only the counts."""
+    """
+    Counter of failed callbacks and unsent messages.
+
+    Its diagnostic entry is an error until `RECENT_S`, s, after the last failure; later the entry has only the counts.
+    """
 
     RECENT_S = 60.0
 

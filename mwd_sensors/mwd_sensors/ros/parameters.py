@@ -27,8 +27,8 @@ def given_at_start(node: Node) -> dict[str, Any]:
     """
     Return the parameters that were given at start, by name, and undeclare them, so that they can be declared again.
 
-    The node must have declared them by itself (`automatically_declare_parameters_from_overrides`). The parameters that
-    ROS itself reads stay declared and are not returned.
+    The node must have declared these parameters with the option `automatically_declare_parameters_from_overrides`. The
+    parameters that ROS itself reads stay declared and are not returned.
     """
     found = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
     given = {k: value for k, value in found.items() if k not in _OF_ROS and not k.startswith("qos_overrides.")}
