@@ -40,7 +40,7 @@ class View:
 
 @dataclasses.dataclass(frozen=True)
 class ControlAnswer:
-    """Answer to a request for control, with the fields of `control.status.Decision`."""
+    """Answer to a request for control, with the fields of `control.status.ControlDecision`."""
 
     permission: int
     lease: int
@@ -151,7 +151,7 @@ class Bench:
         return self.interface.view()
 
     def ask(self, peer: AuthorityClient, **wish: object) -> ControlAnswer:
-        """Request control; a pending request is not granted by the person."""
+        """Request control; the person at the rig does not grant a pending request."""
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))

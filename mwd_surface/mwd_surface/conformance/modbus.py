@@ -111,7 +111,7 @@ class ModbusPeer:
         return answer
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send the command block."""
+        """Send a set-point or a heartbeat as a command block; return whether there was no exception."""
         return self.write(_COMMAND, block(lease, sequence, point))
 
     def release(self, lease: int) -> bool:

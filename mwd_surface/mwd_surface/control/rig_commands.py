@@ -13,9 +13,9 @@ import math
 
 from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check, ramped
 
-RIG_TIMEOUT = 2.0  # s without a command after which the rig reacts by itself
-_REFRESH = 0.5  # s between repetitions of a command
-_MOST_UNANSWERED = 100  # commands whose answer is still expected; older commands are forgotten
+RIG_TIMEOUT = 2.0  # time without a command after which the rig reacts by itself, s
+_REFRESH = 0.5  # time between repetitions of a command, s
+_MOST_UNANSWERED = 100  # largest number of commands whose answer is still expected; older commands are forgotten
 # Longest time step of a ramp, s. The surface calls `due` ten times per second. After a pause of the process the speed
 # must not jump to the value that the ramp would have reached during the pause.
 _LONGEST_STEP = 0.2
