@@ -47,7 +47,7 @@ class Compensation:
         self._celsius = np.concatenate([self._celsius, good["temperature"]])[order]
 
     def imu(self, samples: Samples) -> Samples:
-        """Correct gyros and accelerometers of samples of the layout `wire.IMU`."""
+        """Return samples of the layout `wire.IMU` with corrected gyros and accelerometers."""
         out = samples.copy()
         known = self._known(samples["stamp_ns"])
         self.without_temperature += int(np.count_nonzero(~known))
@@ -56,7 +56,7 @@ class Compensation:
         return out
 
     def mag(self, samples: Samples) -> Samples:
-        """Correct samples of the layout `wire.MAG`; return them unchanged if the calibration has no magnetometer."""
+        """Return corrected samples of the layout `wire.MAG`; unchanged if the calibration has no magnetometer."""
         if self.calibration.magnetometer is None:
             return samples
         out = samples.copy()

@@ -21,7 +21,7 @@ class BudgetError(ValueError):
 @dataclasses.dataclass(frozen=True)
 class Budget:
     """
-    Limits of one reader; None means that this quantity is not limited, or that another limit covers it.
+    Limits of one reader. None means that a quantity has no limit of its own.
 
     Attributes
     ----------

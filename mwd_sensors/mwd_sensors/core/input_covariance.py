@@ -82,12 +82,12 @@ class NoiseWatch:
 
     Parameters
     ----------
-    known : mapping of Noise, optional
+    known : mapping of StatedNoise, optional
         Noise that is known already, by vector.
 
     Attributes
     ----------
-    noise : dict of Noise
+    noise : dict of StatedNoise
         Noise by vector, present once the first samples have arrived.
     known_ns : dict of int
         Stamp of the sample with which the noise of a vector became known, by vector.
@@ -141,7 +141,7 @@ class NoiseWatch:
 
     @property
     def not_credible(self) -> dict[str, str]:
-        """Note `TOO_SMALL` by vector, for vectors whose scatter at rest is far larger than their stated sigma."""
+        """Vectors whose scatter at rest is far larger than their stated sigma, each with the note `TOO_SMALL`."""
         return {
             vector: TOO_SMALL
             for vector, scatter in self._least.items()
@@ -150,7 +150,7 @@ class NoiseWatch:
 
 
 class JudgedNoise(NamedTuple):
-    """Samples with absent vectors replaced, and for each vector the reason why its covariance is not used."""
+    """Samples in which absent vectors are NaN, and for each vector the reason why its covariance is not used."""
 
     samples: Samples
     notes: dict[str, str]
@@ -223,7 +223,11 @@ def _credible_row(covariance: bytes, widest: float) -> bool:
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:
-    """Return whether covariances are finite, symmetric, positive semi-definite, variances up to widest^2; (n,)."""
+    """
+    Return which covariances, shape (n, 9), are credible, shape (n,).
+
+    A credible covariance is finite, symmetric and positive semi-definite, and no variance is above widest^2.
+    """
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=1))
     matrices = np.where(finite[:, None], covariance, 0.0).reshape(-1, 3, 3)
     diagonal = np.einsum("nii->ni", matrices)

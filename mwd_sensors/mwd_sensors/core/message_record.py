@@ -54,7 +54,7 @@ class MessageRecord:
     @classmethod
     def from_message(cls, message: Any) -> typing.Self:
         """
-        Return the record of a message.
+        Return the record with the values of a message.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class MessageRecord:
         return cls(**values)
 
     def to_message(self, make: Make) -> Any:
-        """Return the message of this record."""
+        """Return a message with the values of this record; make creates the messages."""
         fields: dict[str, Any] = {}
         header: dict[str, Any] = {}
         for name, (in_header, theirs, kind) in _sent(type(self)).items():

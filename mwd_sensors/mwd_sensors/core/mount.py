@@ -137,7 +137,7 @@ class Transforms:
             self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q))
 
     def between(self, source: str, target: str) -> Array | None:
-        """Return the rotation, shape (3, 3), from one frame to another; None if no transforms connect them."""
+        """Return the rotation, shape (3, 3), from axes of `source` to axes of `target`; None if they are not joined."""
         from_source, from_target = self._chain(source.strip("/")), self._chain(target.strip("/"))
         for frame, mat in from_source.items():
             if frame in from_target:
@@ -332,7 +332,7 @@ def by_turning(turn: Array) -> Array:
 
 def axis_down(turn: Array, path: float) -> str:
     """
-    Return the preset of the unit's axis that points down-hole according to a rotating string ("z-down").
+    Return the preset, such as "z-down", of the unit's axis that points down-hole, from rotation of the string.
 
     turn, shape (3,), is the sum of the unit's rotations, rad; path is the sum of their lengths, rad. A drill string
     turns to the right (clockwise seen down-hole), so the rotation vector points down-hole. Returns an empty text if the

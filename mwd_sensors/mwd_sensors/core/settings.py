@@ -187,7 +187,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
 
 
 def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
-    """Return a sentence about a key that does not exist: similar names, otherwise the names that exist."""
+    """Return the message for a key that does not exist; it lists similar names, or else the names that exist."""
     names, where = list(known), f"{path}.{key}" if path else key
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block usually keeps the last part of its name.
@@ -331,5 +331,5 @@ def _bound(value: float | None) -> str:
 
 
 def _figure(value: float) -> str:
-    """Write a number for people: whole numbers with all their digits."""
+    """Return a number as text: all digits of a whole number, else six significant digits."""
     return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:g}"

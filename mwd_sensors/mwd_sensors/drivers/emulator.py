@@ -139,7 +139,7 @@ class Emulator:
         self.close()
 
     def _wait_for_request(self, unit: polled_line.PolledLineUnit) -> None:
-        """Keep the newest values until the host has requested them, at most for `_LONGEST_DRAIN_S`."""
+        """Wait until the host has requested the newest values, at most for `_LONGEST_DRAIN_S`, s."""
         answered, end = unit.answered, time.monotonic() + _LONGEST_DRAIN_S
         while unit.answered == answered and time.monotonic() < end:
             self._obey(_WAIT_S)
@@ -202,7 +202,7 @@ class Emulator:
             self._send(probe_protocol.answer(told, self._counter, self._protocol == "ascii"))
 
     def _listen(self, wait_s: float) -> None:
-        """Read the commands that have arrived and queue their answers."""
+        """Read the commands that arrive within wait_s, s, and queue their answers."""
         ready, _, _ = select.select([self._master], [], [], wait_s)
         if not ready:
             return

@@ -144,7 +144,7 @@ class Poll:
 
 
 def _probe_polls() -> tuple[Poll, ...]:
-    """Return the default poll of a probe: Modbus registers 0 to 41 with time and all sensors."""
+    """Return the default poll of a probe: Modbus registers 0 to 36 with time, all sensors and status."""
     axes = [*NAMES["imu/data_raw"], *NAMES["imu/mag"], *NAMES["gyro/data_raw"], "temperature"]
     numbers = tuple(ReplyItem(name) for name in axes)
     items = (ReplyItem(TIME, "int64", 1e-9), *numbers, ReplyItem(STATUS, "uint16"))
@@ -304,7 +304,7 @@ def _unpacked(item: ReplyItem, data: bytes, frame: PolledFrame) -> float:
 
 
 def _ticks(item: ReplyItem) -> int:
-    """Return the time in ns for which the number of an item rises by 1, at least 1."""
+    """Return the time, ns, by which the value of a time item rises when its number rises by 1; at least 1."""
     return max(round(item.line[1] * NANOSECONDS), 1)
 
 
@@ -390,7 +390,7 @@ class Master:
         return self._sent
 
     def cancel(self) -> None:
-        """Take back a request that could not be sent; it is due again."""
+        """Take back a request that could not be sent; the request is due again."""
         self._sent = b""
 
     @property

@@ -176,7 +176,7 @@ def _parsed(kind: int | str, content: bytes) -> UnitSample | UnitAnswer | None:
 
 
 def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
-    """Return an integer that fits into the binary frame as well; raise ValueError otherwise."""
+    """Return the integer in a text; raise ValueError unless low <= integer < end, the range in a binary frame."""
     number = int(word)
     if not low <= number < end:
         raise ValueError(f"{word}: not within {low} and {end - 1}")

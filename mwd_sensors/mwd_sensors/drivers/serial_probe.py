@@ -22,7 +22,7 @@ from mwd_sensors.drivers.probe_protocol import ProbeReader
 from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, UnitAnswer, UnitSample
 
 _RETRY_S = 1.0  # time between two attempts to open the line
-# Time between two requests for the time of the unit, s; and the same while the offset of its clock is not known.
+# Time between two requests for the time of the unit, s: usually, and while the offset of its clock is not known.
 _EXCHANGE_S, _FIRST_S = 1.0, 0.1
 _END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 
@@ -268,7 +268,7 @@ class SerialProbe:
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
     def _exchange(self, now_ns: int) -> None:
-        """Ask for the unit's time. If no samples arrived, repeat the start command: a unit forgets it without power."""
+        """Request the unit's time. Repeat the start command if no samples arrived: the unit may have lost power."""
         silent, self._received_before = self.received == self._received_before, self.received
         if silent and self._wanted:
             self._ask_for_samples()
@@ -292,7 +292,11 @@ class SerialProbe:
         return self._write(probe_protocol.command(name, self._counter, self._settings.protocol == "ascii", now_ns))
 
     def _write(self, data: bytes) -> bool:
-        """Send bytes only if the line accepts them: on a full line pyserial would try without end."""
+        """
+        Send bytes if the line accepts data; return whether all bytes were sent.
+
+        On a full line pyserial would try without end.
+        """
         if self._line is None or not select.select([], [self._line], [], 0.0)[1]:
             return False
         return int(self._line.write(data)) == len(data)
@@ -324,7 +328,7 @@ _STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_
 
 class UnitClock:
     """
-    Offset from the unit's time to the host's.
+    Estimate of the offset from the unit's time to the host's time.
 
     Attributes
     ----------

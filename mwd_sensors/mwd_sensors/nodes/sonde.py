@@ -348,7 +348,7 @@ HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_r
 
 class TruthFile:
     """
-    CSV file with one row for each second of the run.
+    CSV file of the true attitude and depth, with one row for each second of the run.
 
     Parameters
     ----------
@@ -411,7 +411,7 @@ class SimulatedRigCommands:
         node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
 
     def obey(self, message: RigCommand) -> None:
-        """Carry out a command, or refuse it with the reason."""
+        """Carry out a command or refuse it, and publish the acknowledgement, with the reason of a refusal."""
         pumps = message.mode == steering.PUMP
         repeated = message.lease == self._lease and self._numbers.get(pumps) == message.sequence
         try:

@@ -43,7 +43,7 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 executable=name,
                 name=name,
                 namespace=LaunchConfiguration("namespace"),
-                # SROS2: the node's own keys and permissions; without security ROS ignores it.
+                # SROS2: the node has keys and permissions of its own. Without security ROS ignores this argument.
                 ros_arguments=["--enclave", PathJoinSubstitution(["/", LaunchConfiguration("namespace"), name])],
                 parameters=[defaults, given, LaunchConfiguration("params_file"), switches],
                 output="screen",

@@ -105,7 +105,7 @@ class CarrierStream:
 
 
 def _driven(span: CarrierSpan, frequency_hz: float, symbol_s: float, shift: float, time_s: Array) -> Array:
-    """Return the signal of one span at times, s, shape (n,)."""
+    """Return the signal of one span of symbols at times, s, shape (n,); 0 outside the span."""
     out = np.zeros(len(time_s))
     inside = (time_s >= span.begin_s) & (time_s < span.begin_s + len(span.symbols) * symbol_s)
     if not inside.any():

@@ -76,7 +76,7 @@ class CoilChannel:
 
 class CoilVoltage:
     """
-    Voltage of the receiver, produced block after block.
+    Voltage of the receiver of a coil, computed block after block.
 
     Parameters
     ----------

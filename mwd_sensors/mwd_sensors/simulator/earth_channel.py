@@ -50,7 +50,7 @@ class EarthNoise:
 
 @dataclasses.dataclass(frozen=True)
 class EarthChannel:
-    """A string in the ground and the noise at the surface."""
+    """Settings of an earth channel: layers and string in the ground, and noise at the surface."""
 
     ground: Ground = setting(Ground, "Layers, string, source, electrodes.")
     noise: EarthNoise = setting(EarthNoise, "Noise at the surface.")
@@ -58,7 +58,7 @@ class EarthChannel:
 
 class EarthVoltage:
     """
-    Voltage of a channel, produced block after block.
+    Surface voltage of an earth channel, computed block after block.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ def _steel(ground: Ground, omega: Array) -> Complex:
 
 def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
     """
-    Return the electric mode of the string in uniform ground.
+    Return the properties of the electric wave along the string in uniform ground.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
 
 def response(ground: Ground, frequency_hz: Array) -> Complex:
     """
-    Return the voltage between wellhead and electrode for a source signal of 1 (its maximum), V, shape (n,).
+    Return the complex voltage between wellhead and electrode for the largest source signal, V, shape (n,).
 
     frequency_hz, shape (n,), must be above 0.
     """

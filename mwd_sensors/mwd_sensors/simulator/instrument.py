@@ -247,7 +247,7 @@ def slow_bias(triad: Triad, state: TriadState, warm: float) -> Array:
 @compiled
 def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array, out: Array) -> None:
     """
-    Convert analogue to digital values; fills out, shape (m, 3).
+    Convert true vectors to readings with the errors of a converter; fills out, shape (m, 3).
 
     x and f, shape (m, 3), are input and specific force, SI; gravity is in m/s^2; noise, shape (m, 3), is added to each
     sample, SI. The rectification term is f^2 - gravity^2 / 3, so that a tool at rest reads its bias.

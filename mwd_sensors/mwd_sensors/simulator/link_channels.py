@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Channels of a tool's telemetry links in a running scenario: signals of the tool in, received signals out."""
+"""Channels of the telemetry links in a running scenario: they convert the tool's signals to received signals."""
 
 from __future__ import annotations
 
@@ -256,7 +256,7 @@ class WireLink:
 
 
 def _add(stream: CarrierStream, signal: OnAir, done_s: float) -> int:
-    """Add the phases of a signal to a carrier; return 1 if they came too late, otherwise 0."""
+    """Add a signal to a carrier; return 1 if its start is before done_s, the end of the simulated time, s, else 0."""
     if not signal.phases:
         return 0
     if signal.start_s < done_s:

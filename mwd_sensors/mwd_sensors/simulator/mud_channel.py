@@ -88,7 +88,7 @@ class PumpStream:
         return np.asarray(self._delivered(2.0 * math.pi * turns[:-1]) * self._flow * flow)
 
     def _counted(self, time: Array) -> Array:
-        """Return the counted strokes, with the counter's errors, from the true times of the strokes, s."""
+        """Return the times at which the counter counts strokes, s, from the true times of the strokes, s."""
         kept = self._counter.uniform(size=len(time)) >= self._pump.counter_missed
         return np.sort(time + self._pump.counter_jitter_s * self._counter.normal(size=len(time)))[kept]
 
@@ -136,7 +136,7 @@ class PressureNoise:
 
 @dataclasses.dataclass(frozen=True)
 class MudChannel:
-    """A well with its pumps, its noise and the valve of its tool."""
+    """Settings of a mud channel: well, pumps, noise, and valve of the tool."""
 
     well: WellGeometry = setting(WellGeometry, "Geometry, mud, surface piping.")
     pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps in parallel, which share the flow.")
@@ -148,7 +148,7 @@ class MudChannel:
 
 class Pressure:
     """
-    Pressure of a channel, produced block after block.
+    Standpipe pressure of a mud channel, computed block after block.
 
     Parameters
     ----------

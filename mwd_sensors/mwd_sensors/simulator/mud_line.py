@@ -28,7 +28,7 @@ _ATMOSPHERE = 1.0e5  # atmospheric pressure, Pa
 
 @dataclasses.dataclass(frozen=True)
 class WellGeometry:
-    """Geometry, mud and surface piping."""
+    """Settings of a well for the pressure waves: geometry, mud and surface piping."""
 
     depth_m: float = setting(3000.0, "Measured depth of the bit.", unit="m", low=100.0, high=12000.0)
     flow_m3_s: float = setting(0.033, "Flow rate.", unit="m^3/s", low=0.002, high=0.2)

@@ -174,7 +174,8 @@ class Scenario:
         Check the scenario.
 
         Raise ValueError for a date that is not readable, a schedule without phases, a fault that is not possible,
-        stick-slip or hunting in a run with steering, or rates that are not multiples of each other.
+        stick-slip or hunting in a run with steering, or rates of kinematics, converter, output and rig that are not
+        multiples of each other.
         """
         parse_date(self.date)
         if not self.schedule:

@@ -210,7 +210,7 @@ class Sonde:
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
         """
-        Yield the samples of every topic in blocks of this length, s, to the end of the schedule.
+        Yield the samples of every topic in blocks of `seconds`, s, to the end of the schedule.
 
         Each block holds, for each topic of `topics`, the samples that arrive in it (possibly none). A second
         call continues where the last block ended.

@@ -336,7 +336,7 @@ def advance(
             wanted = s.speed
         elif s.mode == ORIENT:
             rest = s.target - s.drive
-            # As fast as the top drive can still stop at the target; slower close to the target.
+            # Use the highest speed from which the top drive can still stop at the target; be slower close to it.
             wanted = min(p.fastest, math.sqrt(1.6 * p.ramp * abs(rest)), 10.0 * abs(rest))
             if rest < 0.0:
                 wanted = -wanted

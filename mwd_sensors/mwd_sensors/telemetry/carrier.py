@@ -95,7 +95,7 @@ class Carrier:
 
     @property
     def half(self) -> int:
-        """Number of symbols before the marker."""
+        """Number of symbols of a block before its marker."""
         return self.coded_bits // _BITS_PER_SYMBOL[self.modulation] // 2 + (self.modulation == "dpsk")
 
     @property
@@ -135,7 +135,7 @@ class Coil:
 
 
 class BlockName(NamedTuple):
-    """Identifies the words in a block: kind and number of the sequence, and position of the block in the sequence."""
+    """Identity of the words in a block: kind and number of the sequence, and position of the block in the sequence."""
 
     kind: str
     number: int
@@ -218,7 +218,7 @@ def unpacked(data: bytes, lengths: Sequence[int]) -> tuple[int, ...]:
 def block_bits(
     carrier: Carrier, name: BlockName, codes: Sequence[int], lengths: Sequence[int], start: int = START
 ) -> Indices:
-    """Return header, words and check of a block as bits before coding, shape (24 + block_bits,)."""
+    """Return header, words and check of a block as bits, 0 or 1, before coding, shape (24 + block_bits,)."""
     header = KINDS.index(name.kind) << 7 | name.number << 4 | name.place
     data = signed(bytes([header]) + packed(codes, lengths, carrier.block_bits), start)
     return np.unpackbits(np.frombuffer(data, dtype=np.uint8)).astype(np.int64)

@@ -46,7 +46,7 @@ def check(items: Sequence[SequenceItem]) -> None:
 @functools.cache
 def shape(bits: int) -> tuple[int, int]:
     """
-    Return the number of pulses and of slots for a word of this many bits.
+    Return the number of pulses, and the number of slots of 1 TU, of a word with this many bits.
 
     Raises
     ------

@@ -104,7 +104,7 @@ def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguratio
 
 def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]:
     """
-    Return index and argument of a command that a user names.
+    Return the index in `COMMANDS` and the argument of a command, from the name and the value that a user gave.
 
     Parameters
     ----------

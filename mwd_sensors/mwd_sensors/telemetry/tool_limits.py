@@ -55,7 +55,7 @@ class Pack:
 
 @dataclasses.dataclass(frozen=True)
 class BatteryLimits(Pack):
-    """Battery of a tool, from its data sheet."""
+    """Data of a tool's battery with their sigmas, and limits for alarms."""
 
     capacity_sigma: float = setting(
         0.05,
@@ -109,7 +109,7 @@ class ExposureLimit:
 
 @dataclasses.dataclass(frozen=True)
 class ToolPart:
-    """A part of the tool."""
+    """Part of a tool, with its serial number and calibration."""
 
     serial_number: str = setting("", "Serial number.")
     calibrated: str = setting("", "Day of the last calibration, such as 2026-03-01; empty: not calibrated.")

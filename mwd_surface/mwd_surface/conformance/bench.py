@@ -74,7 +74,7 @@ class AuthorityClient(Protocol):
     """Client of an interface, which the authority can distinguish from all other clients."""
 
     def ask(self, wish: Wish) -> ControlAnswer:
-        """Request control, or the renewal of a lease."""
+        """Request control, or the renewal of a lease; return the answer of the authority."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
         """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""

@@ -83,7 +83,7 @@ class ModbusConformance:
 
 
 class ModbusPeer:
-    """One Modbus connection."""
+    """Client with a Modbus connection of its own."""
 
     def __init__(self, interface: ModbusConformance, client: Any) -> None:
         self._interface, self.client = interface, client

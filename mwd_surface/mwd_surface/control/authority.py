@@ -463,7 +463,7 @@ class ControlAuthority:
 
 
 def _not_the_same(lease: _Lease, request: ControlRequest) -> str:
-    """Return the reason to deny a request that has the sender or the name of a lease or waiting request, not both."""
+    """Return the reason to deny a request that shares only sender or only name with a lease or waiting request."""
     if lease.sender == request.sender:
         return f"controller: you already are {lease.name}; give lease {lease.number} back to ask under another name"
     return f"controller: {lease.name} is the name of another controller on {lease.sender.interface}; use another name"

@@ -298,8 +298,8 @@ class Machine:
         Longest time from the last symbol to the answer, s.
 
         The time is that of sending the longest sequence twice, by the slower of two configurations, plus one symbol and
-        the delay of receiver and depth. The configurations are the present one, and the commanded one or, before the
-        command is sent, that of the tool as delivered.
+        the delay of receiver and depth. The configurations are the present one, and the commanded one while its answer
+        is awaited, else that of the tool as delivered.
         """
         slowest = 0.0
         for tool in (tool_commands.applied(self.tool, self.in_force), self.expected or self.tool):
