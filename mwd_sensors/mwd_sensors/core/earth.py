@@ -89,7 +89,7 @@ class ReferenceField:
 
 
 def field_of(b_n: Array, convergence: float, gravity_mps2: float, source: str) -> ReferenceField:
-    """Return the reference with the field b_n, true north, east, down, T, shape (3,); convergence is in rad."""
+    """Return the reference for a magnetic field b_n, T, in true north, east, down, shape (3,); convergence in rad."""
     horizontal = math.hypot(b_n[0], b_n[1])
     return ReferenceField(
         total=math.hypot(horizontal, b_n[2]),

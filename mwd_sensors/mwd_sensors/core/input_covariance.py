@@ -160,7 +160,7 @@ def judge(samples: Samples, type_name: str) -> JudgedNoise:
     """
     Replace vectors that are declared absent by NaN, and report covariances that are not credible.
 
-    samples has the dtype of the message's layout or part of it; a vector without a covariance field passes unchanged.
+    samples has all or some fields of the message's layout; a vector without a covariance field passes unchanged.
     """
     notes: dict[str, str] = {}
     names = samples.dtype.names or ()

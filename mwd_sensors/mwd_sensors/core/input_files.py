@@ -192,7 +192,7 @@ _TEXT = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 
 
 def _brackets(data: bytes) -> int:
-    """Return the deepest nesting of brackets."""
+    """Return the largest depth of nested brackets in JSON; brackets inside strings count too."""
     level = deepest = 0
     for begin in range(0, len(data), _PIECE):
         # The codes of [ and { differ in one bit, as do those of ] and }.

@@ -197,7 +197,7 @@ class Mount:
         return not np.array_equal(self.imu, np.eye(3))
 
     def imu_in_tool(self, samples: Samples) -> Samples:
-        """Return samples of the conventional unit, dtype of `wire.IMU` or part of it, in tool axes."""
+        """Return samples of the conventional unit, with all or some fields of `wire.IMU`, in tool axes."""
         out = _turned(samples, self.imu, ("angular_velocity", "linear_acceleration"))
         if self.reversed_accelerometer:
             out = out.copy() if out is samples else out
@@ -205,7 +205,7 @@ class Mount:
         return out
 
     def mag_in_tool(self, samples: Samples) -> Samples:
-        """Return samples of the magnetometer, dtype of `wire.MAG` or part of it, in tool axes."""
+        """Return samples of the magnetometer, with all or some fields of `wire.MAG`, in tool axes."""
         return _turned(samples, self.mag, ("magnetic_field",))
 
     def precision_in_tool(self, samples: Samples) -> Samples:

@@ -44,8 +44,8 @@ class Emulator:
     Parameters
     ----------
     protocol : str
-        binary, ascii, xsens or polled. xsens sends no precision unit and obeys start and stop only.
-        With polled the unit replies to each request with its newest samples, and sends nothing by itself.
+        binary, ascii, xsens or polled. With xsens the unit sends no samples of a precision unit, and obeys start and
+        stop only. With polled the unit replies to each request with its newest samples, and sends nothing by itself.
     link : Path, optional
         Symbolic link to create for the host's end of the line, whose own name is /dev/pts/....
     wait_for_start : bool

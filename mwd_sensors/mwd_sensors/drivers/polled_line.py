@@ -73,7 +73,7 @@ def _octets(text: str, name: str) -> bytes:
 
 @dataclasses.dataclass(frozen=True)
 class ReplyItem:
-    """One number of a reply."""
+    """Description of one number in a reply."""
 
     quantity: str = setting(
         doc="Quantity: for a probe rate_x, force_x, field_x (y, z), the same with precision_ before it for the "
@@ -318,7 +318,7 @@ def _ordered(data: bytes, frame: PolledFrame) -> bytes:
 
 
 def _values(frame: PolledFrame, poll: Poll, data: bytes) -> dict[str, float]:
-    """Return the values in the data of a reply by quantity, in SI, the time in ns."""
+    """Decode the data of a reply; return quantity -> value in SI, except the time, which is in ns."""
     found, at = {}, 0
     for item in poll.items:
         size = struct.calcsize(FORMS[item.form])
@@ -342,7 +342,7 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[UnitSample]:
 
 
 class ReplyValues(NamedTuple):
-    """Values of a reply by quantity, in SI, the time in ns; steady time at which the request was sent, s."""
+    """Quantity -> value of a reply in SI, except the time in ns; steady time at which the request was sent, s."""
 
     values: dict[str, float]
     sent_s: float

@@ -43,7 +43,7 @@ def line(name: str, counter: int, *words: object) -> bytes:
 
 
 def sample(reading: UnitSample, counter: int, text: bool) -> bytes:
-    """Encode a sample as a frame or as a line."""
+    """Encode a sample as a binary frame or, if text is true, as a line of text."""
     kind, name = _BY_TOPIC[reading.topic]
     if text:
         return line(name, counter, reading.stamp_ns, *reading.values, reading.status)
@@ -59,7 +59,7 @@ def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
 
 
 def answer(given: UnitAnswer, counter: int, text: bool) -> bytes:
-    """Encode an answer of a probe."""
+    """Encode an answer of a probe as a binary frame or, if text is true, as a line of text."""
     if given.kind == "time":
         content = struct.pack("<qq", given.sent_ns, given.unit_ns)
         return line("CLOCK", counter, given.sent_ns, given.unit_ns) if text else frame(_TIME, counter, content)

@@ -79,7 +79,7 @@ class TelemetryTopics:
             self._publish_heard(sonde, heard)
 
     def drained(self, since_s: float) -> bool:
-        """Publish the rest of a run that ended since_s, s of wall time, ago; return True once all is published."""
+        """Publish the rest of a run; since_s: wall time since its end, s. Return True once everything is published."""
         sonde = self._sonde
         if since_s > _WALL_S and sonde is not None and sonde.link is not None:
             for heard in sonde.link.advance(sonde.duration):

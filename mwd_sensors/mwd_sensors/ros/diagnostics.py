@@ -58,7 +58,7 @@ class CallbackFailures:
         self._last = time.monotonic()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return one entry with the counts, or none if nothing has failed yet."""
+        """Return one entry with the counts, or an empty list if nothing has failed yet."""
         if not self._counts:
             return []
         counts = tuple((name, str(count)) for name, count in self._counts.items())

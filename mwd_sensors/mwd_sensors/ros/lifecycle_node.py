@@ -148,7 +148,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return True
 
     def check_settings(self, settings: T) -> None:
-        """Raise ValueError for settings that the node cannot work with, at start or at run time; they are refused."""
+        """Raise ValueError for settings that the node cannot work with; such settings are refused, also at start."""
 
     def on_settings_changed(self, settings: T) -> None:
         """React to a change of parameters that was checked and is in force; called only on a configured node."""
@@ -315,7 +315,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     @property
     def state(self) -> str:
-        """State of the lifecycle, by its name in ROS."""
+        """State of the node's lifecycle, as ROS names it."""
         if self._finalized:
             return "finalized"
         return "active" if self.active else "inactive" if self._configured else "unconfigured"
@@ -456,7 +456,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             held.close()
 
     def destroy_node(self) -> None:
-        """Destroy the node; no executor may serve it any more."""
+        """Destroy the node; the node must have been removed from its executor."""
         for held in list(self._retired):
             self._let_go(held)
         super().destroy_node()
@@ -481,7 +481,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class Heartbeat:
-    """Creates the heartbeat messages of one node; `name` is its full name, `namespace` its namespace."""
+    """Source of the heartbeat messages of one node; `name` is the node's full name, `namespace` its namespace."""
 
     def __init__(self, name: str, namespace: str) -> None:
         self._name, self._namespace = name, namespace

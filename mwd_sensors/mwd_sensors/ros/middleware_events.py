@@ -69,7 +69,12 @@ class MiddlewareEvents:
         return PublisherEventCallbacks(incompatible_qos=incompatible)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return errors: topics with incompatible partners or several publishers, a second node of the same name."""
+        """
+        Return an error for each problem that lasts.
+
+        Problems are topics with an incompatible partner, topics with several publishers, and a second node of the same
+        name.
+        """
         found = self._second_node()
         for (topic, receives), qos in list(self._incompatible.items()):
             others = self._unfit(topic, receives, qos)

@@ -122,7 +122,7 @@ class SettingsParameters(Generic[T]):
 
 
 def describe(name: str, value: Any, rule: Rule) -> ParameterDescriptor:
-    """Return the descriptor with meaning, unit and range; the largest number of the type replaces a missing bound."""
+    """Return the descriptor with meaning, unit and range; a missing bound becomes the largest number of that sign."""
     descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=rule.fixed)
     if rule.low is None and rule.high is None:
         return descriptor

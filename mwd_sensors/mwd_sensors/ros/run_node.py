@@ -65,7 +65,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
 
 
 def keep_private() -> None:
-    """Make files of this process readable by its user and group only: 0640, folders 0750, or the stricter umask."""
+    """Make new files of this process readable by its user and group only (0640, folders 0750), or less by the umask."""
     os.umask(os.umask(0o077) | 0o027)
 
 

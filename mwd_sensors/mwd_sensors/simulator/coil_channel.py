@@ -117,7 +117,7 @@ class CoilVoltage:
 
     @property
     def seconds(self) -> float:
-        """Time up to which blocks were produced, s."""
+        """Time up to which blocks have been computed, s."""
         return self._block * self._count / RATE_HZ
 
     def coupling(self, at_s: float) -> complex:
@@ -157,7 +157,7 @@ class CoilVoltage:
 
 
 def coil_run(channel: CoilChannel, coil: Coil, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Return times, s, and voltages, V, of a run with a level sonde at the wellhead that points north; (n,) each."""
+    """Simulate a level sonde at the wellhead that points north; return times, s, and voltages, V, (n,) each."""
     stream = CoilVoltage(channel, coil, lambda _at: (np.zeros(3), np.array([1.0, 0.0, 0.0])), sent.drive, seed)
     voltage = np.concatenate([stream.block() for _ in range(math.ceil(seconds))])
     return np.arange(len(voltage)) / RATE_HZ, voltage

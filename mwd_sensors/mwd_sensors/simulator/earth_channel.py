@@ -95,7 +95,7 @@ class EarthVoltage:
 
     @property
     def seconds(self) -> float:
-        """Time up to which blocks were produced, s."""
+        """Time up to which blocks have been computed, s."""
         return self._block * self._count / RATE_HZ
 
     def block(self) -> Array:
@@ -132,7 +132,7 @@ class EarthVoltage:
         return total
 
     def _switched(self) -> Array:
-        """Return voltage steps of switched loads; the electrodes' response decays within some seconds."""
+        """Return the voltage of switched loads in the next block, V: steps that decay within some seconds."""
         noise = self._channel.noise
         decay = math.exp(-1.0 / (3.0 * RATE_HZ))
         count = self._switch.poisson(noise.switching_per_hour * self._count / RATE_HZ / 3600.0)
@@ -145,7 +145,7 @@ class EarthVoltage:
 
 
 def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Return times, s, and voltages, V, of a run; shape (n,) each."""
+    """Simulate the surface voltage during a transmission; return times, s, and voltages, V, shape (n,) each."""
     stream = EarthVoltage(channel, sent.drive, seed)
     blocks = []
     while stream.seconds < seconds:

@@ -109,9 +109,9 @@ def check(fault: Fault) -> None:
     Raises
     ------
     ValueError
-        A fault of whole messages, of the temperature sensor, or of a unit is given for one axis; a fault of `MOUNTING`
-        is given for the temperature sensor; a unit belongs to another quantity; two axes are given for a fault other
-        than a swap; or a swap or turn has no axes.
+        A fault of whole messages, a fault of the temperature sensor, or a wrong unit (`in_g` and others) is given for
+        one axis; a fault of `MOUNTING` is given for the temperature sensor; a wrong unit is a unit of another quantity;
+        two axes are given for a fault other than a swap; or a swap or turn has no axes.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")

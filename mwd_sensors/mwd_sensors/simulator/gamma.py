@@ -104,7 +104,7 @@ class Gamma:
 
 class GammaDetector:
     """
-    Gamma detector in a hole.
+    Simulated gamma detector in a hole.
 
     Parameters
     ----------

@@ -45,7 +45,11 @@ class CasedWell:
 
 @dataclasses.dataclass(frozen=True)
 class Anomaly:
-    """Disturbance of the field at one depth; linear between the depths, constant above the first and below the last."""
+    """
+    Disturbance of the field at one depth.
+
+    Between two depths it is interpolated linearly; above the first and below the last depth it is constant.
+    """
 
     md_m: float = setting(doc="measured depth of the sonde", unit="m", low=-100.0, high=20000.0)
     field_nt: tuple[float, float, float] = setting(doc="field: north, east, down", unit="nT", low=-1e6, high=1e6)
@@ -142,7 +146,7 @@ class Disturbance:
         return total_t
 
     def daily(self, seconds_of_day: Array) -> Array:
-        """Return the daily variation, NED, T, shape (n, 3), at seconds of the universal day, shape (n,)."""
+        """Return the daily variation, NED, T, shape (n, 3), at times of the day in UTC, s, shape (n,)."""
         if self.diurnal is None:
             return np.zeros((len(seconds_of_day), 3))
         phase = 2.0 * math.pi * (seconds_of_day / 86400.0 - self.diurnal.peak_hour / 24.0)

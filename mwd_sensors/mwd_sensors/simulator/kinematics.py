@@ -162,7 +162,11 @@ def _hole_point(path: WellPath, arc: int, x: float) -> HolePoint:
 
 @compiled
 def _hole_rotation(hole: HolePoint, v: float, v_dot: float) -> tuple[Vector, Vector]:
-    """Return angular rate, rad/s, and acceleration, rad/s^2, of the hole axes, in hole axes; feed v, m/s, and v_dot."""
+    """
+    Return angular rate, rad/s, and angular acceleration, rad/s^2, of the hole axes, in hole axes.
+
+    v and v_dot are rate and acceleration of the measured depth, m/s and m/s^2.
+    """
     inc_1, azi_1 = hole.inc_s * v, hole.azi_s * v
     inc_2 = hole.inc_ss * v * v + hole.inc_s * v_dot
     azi_2 = hole.azi_ss * v * v + hole.azi_s * v_dot

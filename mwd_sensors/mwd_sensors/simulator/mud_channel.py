@@ -191,7 +191,7 @@ class Pressure:
         self._stalled = np.zeros(0)
 
     def modulate(self, drive: Callable[[Array], Array]) -> None:
-        """Add a signal with maximum 1 to the pulses of the valve; drive returns the signal at times, s."""
+        """Add the signal of a siren to the pulses of the valve; drive returns the signal, -1 to 1, at times, s."""
         self._drive = drive
 
     def deepen(self, well: WellGeometry) -> None:
@@ -207,7 +207,7 @@ class Pressure:
 
     @property
     def seconds(self) -> float:
-        """Time up to which blocks were produced, s."""
+        """Time up to which blocks have been computed, s."""
         return self._block * self._count / RATE_HZ
 
     def add_pulse(self, begin: float, end: float) -> bool:

@@ -42,7 +42,12 @@ class SentTransmission:
 
 @dataclasses.dataclass(frozen=True)
 class LinkRun:
-    """Pressure, Pa, at times, s, shape (n,) each; times of the counted strokes of each pump, s; the transmission."""
+    """
+    Simulated run with a transmission through mud.
+
+    time_s and pressure_pa, shape (n,): times, s, and standpipe pressure, Pa. strokes_s: times of the counted strokes
+    of each pump, s. sent: the transmission.
+    """
 
     time_s: Array
     pressure_pa: Array

@@ -33,7 +33,7 @@ class SequenceItem(NamedTuple):
 
     @property
     def length(self) -> int:
-        """Number of transmitted bits."""
+        """Number of transmitted bits, parity bit included."""
         return self.bits + self.parity
 
 

@@ -61,7 +61,7 @@ class Wish:
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """Set-point, in SI and rad."""
+    """Set-point of top drive or pumps, in SI units and rad."""
 
     mode: int = Mode.ROTATE
     speed: float = 0.5

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Cases that every interface of a control authority must pass; each uses or misuses the interface and reads its state.
+Cases for every interface of a control authority; each uses or misuses the interface and reads the public state.
 
 A case is a function that takes a `Bench` and returns whether the authority behaved correctly, and what was observed.
 """
@@ -35,7 +35,7 @@ class Result:
 
 
 def case(title: str, expected: str) -> Callable[[Case], Case]:
-    """Return a decorator that adds a case to the list."""
+    """Return a decorator that adds a function to `CASES`."""
 
     def add(function: Case) -> Case:
         CASES.append((title, expected, function))

@@ -121,7 +121,7 @@ class ModbusPeer:
 
 
 def block(lease: int, sequence: int, point: Point) -> list[int]:
-    """Return the words of a command block."""
+    """Return the register values, 16 bit each, of a command block."""
     if not 0 <= point.mode <= 0xFFFF:
         raise NotPossibleError("a mode is a register")
     values = (point.speed / _RPM, point.turn / _DEGREE, point.flow / _LITRE_PER_MINUTE, point.valid_for)

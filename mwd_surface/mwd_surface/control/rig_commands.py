@@ -96,7 +96,7 @@ class RigCommands:
                     self.let_go()
 
     def take(self, point: SetPoint, achieved_speed: float, now: float) -> None:
-        """Set a checked set-point; achieved_speed: present speed of the top drive, rad/s, at which a ramp begins."""
+        """Put a checked set-point into force; achieved_speed: present speed, rad/s, at which a ramp begins."""
         if point.mode == Mode.RELEASE:
             self.let_go()
         elif point.mode == Mode.PUMP:
@@ -116,7 +116,7 @@ class RigCommands:
                 channel.lapses = now + channel.point.valid_for
 
     def hold(self) -> None:
-        """Hold the string without a time limit."""
+        """Command the top drive to hold the string, without a time limit."""
         self._set(self._drive, SetPoint(Mode.HOLD, 0, 1), math.inf)
 
     def keep(self) -> None:

@@ -112,7 +112,7 @@ class Memory:
 
 
 def _kept(text: str) -> Kept:
-    """Parse the content of a file; ValueError, TypeError or KeyError if it is not valid."""
+    """Parse the content of a file; raise ValueError, TypeError or KeyError if it is not valid."""
     given = load_json(text)
     kept = Kept(
         ToolSettings(**given["in_force"]), given["counter"], given["number"], given["heard"], tuple(given["sent"])

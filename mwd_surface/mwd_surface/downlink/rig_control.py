@@ -33,7 +33,7 @@ class RigControl:
 
     def why_not(self, now: float) -> str:
         """
-        Return the reason why the rig accepts no set-points of the downlink, or would accept none; empty if it does.
+        Return the reason why the rig refuses set-points of the downlink, or would refuse them; empty if it does not.
 
         now: steady time, s.
         """
