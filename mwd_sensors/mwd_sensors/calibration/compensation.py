@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Apply a calibration to a stream of samples, at the temperature of each sample (S0's compensation).
+Apply a calibration to a stream of samples, at the temperature of each sample (method of S0, docs/references.md).
 
 Each sample is corrected with the newest temperature that was measured before it, so that live and replay give the same
 bits however the stream is cut. Before the first temperature the reference temperature of the calibration is used.
@@ -20,7 +20,7 @@ _KEPT = 4096
 
 class Compensation:
     """
-    Corrects the samples of one unit.
+    Correction of the samples of one unit.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Compensation:
         self._celsius = np.concatenate([self._celsius, good["temperature"]])[order]
 
     def imu(self, samples: Samples) -> Samples:
-        """Correct gyros and accelerometers of samples of the layout `wire.IMU`."""
+        """Return samples of the layout `wire.IMU` with corrected gyros and accelerometers."""
         out = samples.copy()
         known = self._known(samples["stamp_ns"])
         self.without_temperature += int(np.count_nonzero(~known))
@@ -56,7 +56,7 @@ class Compensation:
         return out
 
     def mag(self, samples: Samples) -> Samples:
-        """Correct samples of the layout `wire.MAG`; return them unchanged if the calibration has no magnetometer."""
+        """Return corrected samples of the layout `wire.MAG`; unchanged if the calibration has no magnetometer."""
         if self.calibration.magnetometer is None:
             return samples
         out = samples.copy()

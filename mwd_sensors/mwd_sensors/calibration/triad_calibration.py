@@ -40,7 +40,7 @@ class TriadCalibration:
         Root mean square of the residuals without and with the correction. On a stand these are errors of the vector,
         SI. Without a stand they are errors of the strength, SI; for gyros, errors of the direction of gravity, rad.
     poses : int
-        Number of rests used, or for gyros of rotations between rests.
+        Number of intervals at rest that were used; for gyros, number of rotations between them.
     """
 
     matrix: Array

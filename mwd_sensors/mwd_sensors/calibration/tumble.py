@@ -2,9 +2,9 @@
 """
 Fit a calibration to a tumble and temperature run.
 
-The known inputs are the strengths of gravity and of the magnetic field, the dip between them, and the rotations between
-rests. They determine the triads except for one common rotation. Every parameter comes with its 1 sigma, from the
-scatter of the residuals.
+The known inputs are the strengths of gravity and of the magnetic field, the dip of the field, and the rotations between
+intervals at rest. These inputs determine the triads except for one common rotation. Every parameter comes with its 1
+sigma, from the scatter of the residuals.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> Tri
     """
     Calibrate a triad from the strength of a field alone (gravity), with unknown attitudes.
 
-    reading, shape (m, 3); strength, SI; celsius, shape (m,). The matrix is symmetric, because strength does not
-    determine a rotation.
+    reading, shape (m, 3), and strength, SI; celsius, shape (m,): temperature, degC. The matrix is symmetric, because
+    the strength does not determine a rotation.
 
     Raises
     ------
@@ -212,7 +212,12 @@ def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: floa
 
 
 def _carried(steps: Array, down: Array) -> Array:
-    """Return the directions of gravity, shape (k, 3), in tool axes after the rotation vectors steps, (n, k, 3), rad."""
+    """
+    Return the directions of gravity in tool axes after k rotations, shape (k, 3).
+
+    steps, shape (n, k, 3): rotation vectors of the n parts of each rotation, rad. down, shape (k, 3): directions of
+    gravity before the rotations.
+    """
     # Rotations are multiplied in pairs, as a tree, so that a long rotation takes few array operations.
     q = quat_from_rotvec(steps)
     while len(q) > 1:
@@ -229,7 +234,7 @@ def _symmetric(p: Array) -> Array:
 # Find the intervals at rest in a tumble run and average the readings in them.
 
 
-MIN_POSES = 12  # least number of intervals at rest for a calibration
+MIN_POSES = 12  # smallest number of intervals at rest for a calibration
 
 
 @dataclasses.dataclass(frozen=True)
@@ -430,5 +435,5 @@ def check_determined(jacobian: Array) -> None:
 
 
 def rms(x: Array) -> float:
-    """Return the root mean square of vectors, shape (m, 3), or numbers, shape (m,)."""
+    """Return the root mean square of the lengths of vectors, shape (m, 3), or of numbers, shape (m,)."""
     return float(np.sqrt(np.mean(np.sum(np.atleast_2d(x.T).T ** 2, axis=-1))))

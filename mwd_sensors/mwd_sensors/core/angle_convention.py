@@ -20,7 +20,7 @@ _RIGHT = math.pi / 2.0
 
 
 class AngleConvention(enum.StrEnum):
-    """Convention for the vertical angle at a well; the value is the word in the settings."""
+    """Convention in which people state the vertical angle of a hole; the value is its word in the settings."""
 
     INCLINATION = "inclination"
     DIP_UP = "dip_up"  #: from the horizontal, positive where the hole rises
@@ -48,22 +48,22 @@ class AngleConvention(enum.StrEnum):
 
     @property
     def sign(self) -> float:
-        """Factor from a difference of inclinations to the difference of the shown angles: -1 for DIP_DOWN, else 1."""
+        """Change of the shown angle divided by the change of the inclination: -1 for DIP_DOWN, else 1."""
         return -1.0 if self is AngleConvention.DIP_DOWN else 1.0
 
     @property
     def points(self) -> str:
-        """Direction in which dips are positive, "up" or "down", for the settings of lists; empty for inclinations."""
+        """Direction of positive dips as in the settings of lists, "up" or "down"; empty for inclinations."""
         return {AngleConvention.DIP_UP: "up", AngleConvention.DIP_DOWN: "down"}.get(self, "")
 
     @property
     def column(self) -> str:
-        """Name of the angle's column in files, in degrees."""
+        """Name of the column in files that holds the angle in degrees."""
         return f"hole_{self.value}_deg" if self.points else "inclination_deg"
 
     @property
     def heading(self) -> str:
-        """Short title of the angle's column in reports; differs from Dip, the title of the magnetic field's dip."""
+        """Short title of the angle's column in reports; never "Dip", which is the title of the magnetic dip."""
         return _TITLES[self]
 
     @property

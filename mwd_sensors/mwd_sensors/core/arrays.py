@@ -20,7 +20,7 @@ Stamps = NDArray[np.int64]
 """Times of measurement, ns since 1970."""
 
 Indices = NDArray[np.int64]
-"""Positions in another array, or counts."""
+"""Indices of elements of another array, or counts."""
 
 Bytes = NDArray[np.uint8]
 """Raw bytes of messages or of a file."""

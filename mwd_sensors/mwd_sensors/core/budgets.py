@@ -3,8 +3,8 @@
 Size limits for every reader of files and network peers. A reader stops with a clear message at its limit.
 
 Readers use memory and time in proportion to the size of their input. The budget limits the cases where a small input
-demands much more: compression, aliases, repeated chunks, times far apart and deep nesting. SECURITY.md shows the same
-table.
+demands much more: compression, aliases, repeated chunks, time stamps far apart and deep nesting. SECURITY.md shows the
+same table.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class BudgetError(ValueError):
 @dataclasses.dataclass(frozen=True)
 class Budget:
     """
-    Limits of one reader; None means that this quantity is not limited, or that another limit covers it.
+    Limits of one reader. None means that a quantity has no limit of its own.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Budget:
 
     def check(self, what: str, amount: float) -> None:
         """
-        Compare an amount with the limit `what`, one of the attributes of this class.
+        Check an amount against the limit `what`, the name of an attribute of this class.
 
         Raises
         ------
@@ -89,7 +89,7 @@ _WORDS = {
 
 FREE, RATIO = 256 * MB, 200
 """A compressed file may decompress to FREE bytes plus RATIO times its size. Sensor noise compresses less than tenfold,
-a silent topic up to a hundredfold."""
+equal messages of a topic up to a hundredfold."""
 
 DAY_S = 86_400.0
 

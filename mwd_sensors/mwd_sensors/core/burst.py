@@ -62,7 +62,7 @@ def encode(samples: Samples, frame_id: str) -> bytes:
     rows = np.zeros(len(samples), dtype=_SAMPLE)
     rows["sec"], rows["nanosec"] = np.divmod(samples["stamp_ns"], wire.NANOSECONDS)
     rows["angular_velocity"], rows["linear_acceleration"] = samples["angular_velocity"], samples["linear_acceleration"]
-    # The first stamp follows the 4-byte count, so its doubles need four bytes of padding; later samples need none.
+    # The first sample follows the 4-byte count, so four bytes of padding precede its doubles. Later samples need none.
     packed: bytes = rows.tobytes()
     return start + packed[:8] + _PADDING + packed[8:]
 

@@ -35,8 +35,8 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     Compiled function that shares its machine code with other processes, through a cache on disk.
 
     numba's own cache checks only the file of the kernel itself. After a change in the file of a called function it
-    would return the old machine code. Here the name of the cache folder is a hash over the files of all modules that
-    the kernel uses.
+    would return the old machine code. Here the name of the cache folder contains a hash over time and size of the files
+    of all modules that the kernel uses.
     """
 
     folder: Path | None = None
@@ -107,7 +107,7 @@ class OldKernel(Kernel):
 
     @functools.cached_property
     def entries(self) -> dict[Any, Any]:
-        """Machine code by the types of the arguments."""
+        """Machine code of the calls with named tuples, by the types of the arguments."""
         return {}
 
     def __call__(self, *args: Any, **keywords: Any) -> Any:
@@ -143,7 +143,7 @@ def compiled(function: F) -> F:
 
 @contextlib.contextmanager
 def when_compiling(report: Callable[[], None]) -> Iterator[None]:
-    """Call `report` once, before the first kernel that is not in the cache is compiled within this context."""
+    """Call `report` once within this context, before the first compilation of a kernel that is not in the cache."""
     waiting = [report]
 
     class First(event.Listener):  # type: ignore[misc]
@@ -165,7 +165,7 @@ def _cache_folder(module: str) -> Path | None:
 
     The cache folder is below NUMBA_CACHE_DIR if set, else next to the module, else in the user's cache; None if all of
     these are read-only. Several installations may share one of these folders, so the name contains a hash of the
-    module's path. Outdated are folders of former versions of this installation, and folders of other installations
+    module's path. Outdated folders are those of former versions of this installation, and those of other installations
     that no process has used for `_UNUSED_S`.
     """
     stamp = hashlib.sha256(repr(_stamps(module)).encode()).hexdigest()[:16]
@@ -190,7 +190,7 @@ def _cache_folder(module: str) -> Path | None:
 
 
 def _is_unused(folder: Path) -> bool:
-    """Return whether no process has used a folder for `_UNUSED_S`; False if it is gone."""
+    """Return whether no process has used a folder for `_UNUSED_S`; False if the folder no longer exists."""
     try:
         return time.time() - folder.stat().st_mtime > _UNUSED_S
     except OSError:
@@ -213,7 +213,11 @@ def _lock_file(folder: Path) -> int | None:
 
 @functools.cache
 def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
-    """Return name, modification time, ns, and size, bytes, of a module and of all modules of this project it uses."""
+    """
+    Return the names, modification times and file sizes of a module and of the project's modules that it uses.
+
+    Each element has the name, the time, ns, and the size, bytes, of one module.
+    """
     seen: set[str] = set()
     waiting = [name]
     while waiting:
@@ -241,7 +245,7 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
 
 
 def _kind(arg: Any) -> Any:
-    """Return the properties of an argument from which numba derives its type."""
+    """Return the properties of an argument that determine the numba type of the argument."""
     if isinstance(arg, tuple):
         return type(arg), *map(_kind, arg)
     if isinstance(arg, np.ndarray | np.void):

@@ -25,7 +25,7 @@ def wave_number(frequency_hz: float, resistivity: float) -> complex:
 
 def dipole_field(offset: ArrayLike, moment: ArrayLike, wave: complex = 0.0) -> NDArray[np.complex128]:
     """
-    Return the amplitude of the field of a dipole.
+    Return the complex amplitude of the alternating magnetic field of a dipole.
 
     Parameters
     ----------

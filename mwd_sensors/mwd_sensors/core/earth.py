@@ -89,7 +89,7 @@ class ReferenceField:
 
 
 def field_of(b_n: Array, convergence: float, gravity_mps2: float, source: str) -> ReferenceField:
-    """Return the reference for a field in true north, east, down, T, shape (3,); convergence rad, gravity m/s^2."""
+    """Return the reference for a magnetic field b_n, T, in true north, east, down, shape (3,); convergence in rad."""
     horizontal = math.hypot(b_n[0], b_n[1])
     return ReferenceField(
         total=math.hypot(horizontal, b_n[2]),
@@ -215,7 +215,7 @@ def _normal_gravity(sin2: float) -> float:
 
 
 def _steepness(sin2: float) -> float:
-    """Return the free-air gradient divided by 2 gravity / radius; sin2 as in `_normal_gravity`."""
+    """Return the ratio of the free-air gradient to 2 gravity / radius; sin2 as in `_normal_gravity`."""
     m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
     return 1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2
 

@@ -20,7 +20,7 @@ from mwd_sensors.core.settings import SettingsError
 
 def printable(text: str) -> str:
     """
-    Return a text with its hidden characters escaped, other than tab and line end.
+    Return a text in which codes replace all hidden characters, except tab and line end.
 
     A terminal would obey control characters, and a name with invisible marks would look like another name.
     """
@@ -28,7 +28,7 @@ def printable(text: str) -> str:
 
 
 def unprintable(text: str) -> str:
-    """Return why a text cannot be printed on one line or written to a file; empty if it can."""
+    """Return the reason why a text cannot be printed on one line or written to a file; empty if it can."""
     if any(c in "\n\t" for c in text):
         return "has more than one line, or a tab; write one line"
     code = next(hidden(text), "")
@@ -75,7 +75,7 @@ def contents_hidden(path: Path | str, advice: str = "") -> Iterator[None]:
     """
     Hide the content of a file whose path is a node parameter.
 
-    Errors raised within this context name the file but quote nothing of it (`without_contents`).
+    Errors raised within this context name the file but do not quote its content (`without_contents`).
 
     Raises
     ------

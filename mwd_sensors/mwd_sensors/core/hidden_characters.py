@@ -37,10 +37,10 @@ def _code(character: str) -> str:
 
 
 def hidden(text: str) -> Iterator[str]:
-    """Yield the codes of all hidden characters of a text other than tab and line end."""
+    """Yield the codes of the hidden characters of a text, except tab and line end."""
     return (_code(found[0]) for found in _UNUSUAL.finditer(text) if _is_hidden(found))
 
 
 def escaped(text: str) -> str:
-    """Return a text with its hidden characters, other than tab and line end, replaced by their codes."""
+    """Return a text in which codes replace all hidden characters, except tab and line end."""
     return _UNUSUAL.sub(lambda found: _code(found[0]) if _is_hidden(found) else found[0], text)

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 
-# Vectors of each message, and for each the largest credible sigma and magnitude on an axis (rad/s, m/s^2, T).
+# Vectors of each message type. The number is the largest credible sigma, and the largest credible reading, of one axis
+# of the vector, rad/s, m/s^2 or T.
 VECTORS = {
     wire.IMU.type_name: (("angular_velocity", 50.0), ("linear_acceleration", 1000.0)),
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
@@ -38,7 +39,7 @@ CLIPPED = {"angular_velocity": 20.0, "linear_acceleration": 200.0, "magnetic_fie
 _CLIPPED_LEAST, _CLIPPED_MOST = 0.5, 1.25
 ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"
 # A covariance is not credible if the scatter of samples at rest is larger than this factor times its sigma. Pumps shake
-# a tool at rest by ten times the noise of its sensors; the sigma of a wrong unit is wrong by a thousand or more.
+# a tool at rest by ten times the noise of its sensors; a sigma in a wrong unit is too small by a thousand or more.
 _INCREDIBLE = 100.0
 
 # Number of samples at the start of a stream from which the sample period is measured; number of samples at rest from
@@ -81,12 +82,12 @@ class NoiseWatch:
 
     Parameters
     ----------
-    known : mapping of Noise, optional
+    known : mapping of StatedNoise, optional
         Noise that is known already, by vector.
 
     Attributes
     ----------
-    noise : dict of Noise
+    noise : dict of StatedNoise
         Noise by vector, present once the first samples have arrived.
     known_ns : dict of int
         Stamp of the sample with which the noise of a vector became known, by vector.
@@ -121,7 +122,11 @@ class NoiseWatch:
                 self.known_ns[vector] = stamps[-1]
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Keep the smallest scatter of each vector in samples at rest (`still`); motion discards the samples so far."""
+        """
+        Compute the scatter of each vector from `_SCATTERED` samples at rest, and keep the smallest scatter.
+
+        still: whether the tool is at rest. If not, the samples collected so far for a scatter are discarded.
+        """
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)
@@ -136,7 +141,7 @@ class NoiseWatch:
 
     @property
     def not_credible(self) -> dict[str, str]:
-        """Note `TOO_SMALL` by vector, for vectors whose scatter at rest is far larger than their stated sigma."""
+        """Vectors whose scatter at rest is far larger than their stated sigma, each with the note `TOO_SMALL`."""
         return {
             vector: TOO_SMALL
             for vector, scatter in self._least.items()
@@ -145,7 +150,7 @@ class NoiseWatch:
 
 
 class JudgedNoise(NamedTuple):
-    """Samples with absent vectors replaced, and for each vector the reason why its covariance is not used."""
+    """Samples in which absent vectors are NaN, and for each vector the reason why its covariance is not used."""
 
     samples: Samples
     notes: dict[str, str]
@@ -155,7 +160,7 @@ def judge(samples: Samples, type_name: str) -> JudgedNoise:
     """
     Replace vectors that are declared absent by NaN, and report covariances that are not credible.
 
-    samples has the dtype of the message's layout or part of it; a vector without a covariance field passes unchanged.
+    samples has all or some fields of the message's layout; a vector without a covariance field passes unchanged.
     """
     notes: dict[str, str] = {}
     names = samples.dtype.names or ()
@@ -189,7 +194,7 @@ def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
 
 
 def sentence(topic: str, vector: str, note: str) -> str:
-    """Return a sentence about a vector of a topic: the problem, which is a note of `judge`, and the consequence."""
+    """Return a sentence for users: topic, vector, the problem (`note`, one of the notes of `judge`), consequence."""
     if note == ABSENT:
         return f"{topic}: {vector} is declared {note}: it is not used"
     return f"{topic}: {vector} comes with {note}: the noise of the tool's settings is used"
@@ -201,7 +206,7 @@ def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
     if name not in (samples.dtype.names or ()):
         return np.zeros((len(samples), 3), dtype=np.bool_)
     variances, own = samples[name][:, ::4], CLIPPED[vector] ** 2
-    # Exclude the lower limit itself: it is a power of ten, which drivers write that do not know their covariance.
+    # Exclude the lower limit itself: it is a power of ten, which a driver often writes for an unknown covariance.
     found = (variances > _CLIPPED_LEAST**2 * own) & (variances <= _CLIPPED_MOST**2 * own)
     return np.asarray(found, dtype=np.bool_)
 
@@ -218,7 +223,11 @@ def _credible_row(covariance: bytes, widest: float) -> bool:
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:
-    """Return whether each covariance is finite, symmetric, positive semi-definite and not too large; shape (n,)."""
+    """
+    Return which covariances, shape (n, 9), are credible, shape (n,).
+
+    A credible covariance is finite, symmetric and positive semi-definite, and no variance is above widest^2.
+    """
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=1))
     matrices = np.where(finite[:, None], covariance, 0.0).reshape(-1, 3, 3)
     diagonal = np.einsum("nii->ni", matrices)

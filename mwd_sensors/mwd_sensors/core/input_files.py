@@ -2,7 +2,7 @@
 """
 Read files that other people wrote: regular files within a budget (`budgets`), JSON, and YAML within a size limit.
 
-A device or pipe instead of a file could be read without end. A few lines of YAML whose aliases refer to each other can
+Reading a device or pipe in place of a file may never end. A few lines of YAML whose aliases refer to each other can
 expand to more than the memory holds. Deep nesting exhausts the stack of a parser.
 """
 
@@ -192,7 +192,7 @@ _TEXT = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 
 
 def _brackets(data: bytes) -> int:
-    """Return the deepest nesting of brackets."""
+    """Return the largest depth of nested brackets in JSON; brackets inside strings count too."""
     level = deepest = 0
     for begin in range(0, len(data), _PIECE):
         # The codes of [ and { differ in one bit, as do those of ] and }.

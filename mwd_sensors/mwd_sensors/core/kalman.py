@@ -142,7 +142,7 @@ def rotate_right(mat: Array, vx: float, vy: float, vz: float) -> None:
 
 @compiled
 def _rotation(vx: float, vy: float, vz: float) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the elements of exp([v x]) row by row (Rodrigues)."""
+    """Return the elements of the rotation matrix exp([v x]) of a rotation vector v, row by row (Rodrigues' formula)."""
     angle2 = vx * vx + vy * vy + vz * vz
     angle = math.sqrt(angle2)
     if angle > 1e-4:

@@ -54,7 +54,7 @@ class MessageRecord:
     @classmethod
     def from_message(cls, message: Any) -> typing.Self:
         """
-        Return the record of a message.
+        Return the record with the values of a message.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class MessageRecord:
         return cls(**values)
 
     def to_message(self, make: Make) -> Any:
-        """Return the message of this record."""
+        """Return a message with the values of this record; make creates the messages."""
         fields: dict[str, Any] = {}
         header: dict[str, Any] = {}
         for name, (in_header, theirs, kind) in _sent(type(self)).items():
@@ -124,7 +124,12 @@ def time_message(stamp_ns: int, make: Make) -> Any:
 
 
 def _sent_fields(record: type[MessageRecord]) -> dict[str, tuple[bool, str, Any]]:
-    """Return by field: whether it is in the header, its name in the message, and its type if it must be converted."""
+    """
+    Return the fields of a record that the message has, by name in the record.
+
+    Values: whether the field is in the message's header; its name in the message; the type of its values if they must
+    be converted, else None.
+    """
     found: dict[str, tuple[bool, str, Any]] = {}
     for field in dataclasses.fields(record):  # type: ignore[arg-type]
         if field.name in record.NOT_SENT:

@@ -139,7 +139,7 @@ def interpolate(
     -------
     inclination, azimuth : ndarray, shape (...)
         Angles, rad; at a station exactly the given values, with azimuth wrapped to [0, 2 pi). Where the hole is
-        vertical, the azimuth is the azimuth of the nearest inclined hole (`directions`).
+        vertical, the azimuth is that of the inclined hole below it, or else above it (`directions`).
     position : ndarray, shape (..., 3)
         North, east, down, m.
 
@@ -186,7 +186,8 @@ def _on_arc(upper_t: Array, lower_t: Array, angle: Array, share: Array) -> tuple
     Return the tangent at a point of the arc, and the point's offset from the upper station divided by the arc's length.
 
     upper_t, lower_t, shape (..., 3), are the tangents at the stations; angle, shape (...), is the dogleg, rad; share,
-    shape (...), is the arc length from the upper station to the point, 1 at the lower one. Both results: (..., 3).
+    shape (...), is the distance from the upper station to the point along the arc, divided by the arc's length. Both
+    results have shape (..., 3).
     """
     part = share * angle
     sinc_full = np.sinc(angle / np.pi)

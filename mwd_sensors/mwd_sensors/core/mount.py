@@ -24,7 +24,8 @@ AS_IMU, TF = "as imu", "tf"
 ALONG = math.cos(math.radians(8.0))
 """A direction is taken for an axis of the unit if the cosine of the angle between them is above this (angle below
 8 deg): the measured axis of an uncalibrated gyro is wrong by some degrees."""
-# Largest error of a quaternion's length, or of an element of R R', that is accepted as rounding of the given numbers.
+# Largest difference of a quaternion's length from 1, or of an element of R R' from the identity matrix, that is
+# accepted as rounding of the numbers that a user wrote.
 _ROUNDING = 2e-3
 _HALF_ABOUT_Z = np.diag([-1.0, -1.0, 1.0])
 
@@ -136,7 +137,7 @@ class Transforms:
             self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q))
 
     def between(self, source: str, target: str) -> Array | None:
-        """Return the rotation, shape (3, 3), from one frame to another; None if no transforms connect them."""
+        """Return the rotation, shape (3, 3), from axes of `source` to axes of `target`; None if they are not joined."""
         from_source, from_target = self._chain(source.strip("/")), self._chain(target.strip("/"))
         for frame, mat in from_source.items():
             if frame in from_target:
@@ -144,7 +145,11 @@ class Transforms:
         return None
 
     def full_name(self, frame: str) -> str:
-        """Return the name of a frame in the transforms, with a well's prefix if only one prefixed name exists there."""
+        """
+        Return the name that the transforms use for a frame.
+
+        If they do not have the plain name, but exactly one name with a prefix (``well/frame``), return this name.
+        """
         known = {name for child, (parent, _) in self._to_parent.items() for name in (child, parent)}
         prefixed = [name for name in known if name.endswith(f"/{frame}")]
         return prefixed[0] if frame not in known and len(prefixed) == 1 else frame
@@ -192,7 +197,7 @@ class Mount:
         return not np.array_equal(self.imu, np.eye(3))
 
     def imu_in_tool(self, samples: Samples) -> Samples:
-        """Return samples of the conventional unit, dtype of `wire.IMU` or part of it, in tool axes."""
+        """Return samples of the conventional unit, with all or some fields of `wire.IMU`, in tool axes."""
         out = _turned(samples, self.imu, ("angular_velocity", "linear_acceleration"))
         if self.reversed_accelerometer:
             out = out.copy() if out is samples else out
@@ -200,7 +205,7 @@ class Mount:
         return out
 
     def mag_in_tool(self, samples: Samples) -> Samples:
-        """Return samples of the magnetometer, dtype of `wire.MAG` or part of it, in tool axes."""
+        """Return samples of the magnetometer, with all or some fields of `wire.MAG`, in tool axes."""
         return _turned(samples, self.mag, ("magnetic_field",))
 
     def precision_in_tool(self, samples: Samples) -> Samples:
@@ -263,7 +268,7 @@ def resolve(
 
 
 def _snapped(mat: Array) -> Array:
-    """Return the exact matrix if `mat` exchanges axes apart from rounding errors; else return `mat`."""
+    """Return `mat` without rounding errors if it only exchanges axes (elements 0, 1 or -1); else return `mat`."""
     whole = np.round(mat)
     # Adding zero turns -0 into 0.
     return whole + 0.0 if np.abs(mat - whole).max() < 1e-9 else mat
@@ -297,7 +302,7 @@ def turned(mat: Array, vectors: Array) -> Array:
 
 
 def words(mat: Array) -> str:
-    """Return the text for users of a rotation: the name of the preset, or the nine numbers."""
+    """Return a rotation as text for users: the name of its preset, or its nine numbers."""
     for name, preset in PRESETS.items():
         if np.array_equal(mat, preset):
             return name
@@ -327,7 +332,7 @@ def by_turning(turn: Array) -> Array:
 
 def axis_down(turn: Array, path: float) -> str:
     """
-    Return the preset of the unit's axis that points down-hole according to a rotating string ("z-down").
+    Return the preset, such as "z-down", of the unit's axis that points down-hole, from rotation of the string.
 
     turn, shape (3,), is the sum of the unit's rotations, rad; path is the sum of their lengths, rad. A drill string
     turns to the right (clockwise seen down-hole), so the rotation vector points down-hole. Returns an empty text if the

@@ -31,12 +31,12 @@ _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str
 
 
 class SettingsError(ValueError):
-    """A setting does not exist or its value is not allowed; the message names it and says what is allowed."""
+    """A setting does not exist or its value is not allowed; the message names the setting and what is allowed."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """Rule for one field: meaning, unit, inclusive bounds, choices, and whether it is fixed or for experts."""
+    """Rule for one field: meaning, unit, inclusive bounds, choices, and the marks `fixed` and `expert` of `setting`."""
 
     doc: str
     unit: str = ""
@@ -159,7 +159,9 @@ def values(settings: Any) -> dict[str, Any]:
 
 def changed(settings: T, changes: Mapping[str, Any]) -> T:
     """
-    Return a copy of the settings with the given dotted names changed, all or none.
+    Return a copy of the settings with some values changed.
+
+    changes: dotted name -> new value.
 
     Raises
     ------
@@ -185,7 +187,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
 
 
 def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
-    """Return a sentence about a key that does not exist: similar names, otherwise the names that exist."""
+    """Return the message for a key that does not exist; it lists similar names, or else the names that exist."""
     names, where = list(known), f"{path}.{key}" if path else key
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block usually keeps the last part of its name.
@@ -195,7 +197,7 @@ def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path:
 
 
 def _all_of(names: Sequence[str]) -> str:
-    """List all names if they are few, otherwise the blocks that they begin with."""
+    """Return all names as text if they are few, otherwise the blocks of settings (first parts of the names)."""
     if len(names) <= _MOST_NAMES:
         return f"known: {', '.join(names)}"
     blocks = dict.fromkeys(name.partition(".")[0] for name in names)
@@ -329,5 +331,5 @@ def _bound(value: float | None) -> str:
 
 
 def _figure(value: float) -> str:
-    """Write a number for people: whole numbers with all their digits."""
+    """Return a number as text: all digits of a whole number, else six significant digits."""
     return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:g}"

@@ -22,9 +22,9 @@ class StopTime:
     Parameters
     ----------
     patience : float
-        Longest time without the time spent waiting for a processor, s.
+        Longest time, s, not counting time spent waiting for a processor.
     limit : float
-        Longest time in total, s.
+        Longest time, s, counting all time.
     process : int or "self"
         Number (pid) of the process.
     """

@@ -18,8 +18,9 @@ FACTORS: dict[str, dict[str, float]] = {
     "rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
     "field": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
 }
-# Quantity -> (unit, lowest and highest median magnitude of readings in this unit). Vibration can raise the specific
-# force to several times gravity but never halve its median; external interference can treble the magnetic field.
+# Quantity -> (unit, lowest and highest plausible median magnitude, as numbers in this unit). Vibration can raise the
+# specific force to several times gravity but never halve its median; external interference can treble the magnetic
+# field.
 _RANGES = {
     "acceleration": (("g", 0.3, 5.0), ("mg", 400.0, 5e3), ("m/s2", 5.0, 400.0)),
     "rate": (("deg/s", 60.0, 1e4), ("rad/s", 0.0, 60.0)),

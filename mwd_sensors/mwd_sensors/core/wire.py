@@ -366,7 +366,7 @@ SONDE_TOPICS = {
 GAMMA_TOPIC = "gamma/counts"
 #: Topic of the tool's status, if the sonde has a battery.
 STATUS_TOPIC = "tool/status"
-#: Value in the diagnostics of a simulation or replay that has come to its end: it sends no more samples.
+#: Key and value in the diagnostics of a simulation or replay that has ended and sends no more samples.
 OVER = ("over", "true")
 # Frame names; a node puts its prefix in front of them in headers and transforms (`GraphNode.frame`).
 SONDE_FRAME = "sonde_link"  # x down the hole, z along the scribe line

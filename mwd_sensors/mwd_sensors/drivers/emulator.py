@@ -39,13 +39,13 @@ _QUIET_S, _LONGEST_DRAIN_S = 0.2, 10.0
 
 class Emulator:
     """
-    The unit's end of a serial line.
+    Emulated probe at the unit's end of a serial line.
 
     Parameters
     ----------
     protocol : str
-        binary, ascii, xsens or polled. xsens sends no precision unit and obeys start and stop only.
-        With polled the unit replies to each request with its newest samples, and sends nothing by itself.
+        binary, ascii, xsens or polled. With xsens the unit sends no samples of a precision unit, and obeys start and
+        stop only. With polled the unit replies to each request with its newest samples, and sends nothing by itself.
     link : Path, optional
         Symbolic link to create for the host's end of the line, whose own name is /dev/pts/....
     wait_for_start : bool
@@ -139,7 +139,7 @@ class Emulator:
         self.close()
 
     def _wait_for_request(self, unit: polled_line.PolledLineUnit) -> None:
-        """Keep the newest values until the host has requested them, at most for `_LONGEST_DRAIN_S`."""
+        """Wait until the host has requested the newest values, at most for `_LONGEST_DRAIN_S`, s."""
         answered, end = unit.answered, time.monotonic() + _LONGEST_DRAIN_S
         while unit.answered == answered and time.monotonic() < end:
             self._obey(_WAIT_S)
@@ -187,7 +187,7 @@ class Emulator:
         return int(count)
 
     def _obey(self, wait_s: float) -> None:
-        """Obey the commands that arrive within a time, and answer them."""
+        """Wait at most wait_s, s, for commands; obey and answer them."""
         self._listen(wait_s)
         self._answer()
 
@@ -202,7 +202,7 @@ class Emulator:
             self._send(probe_protocol.answer(told, self._counter, self._protocol == "ascii"))
 
     def _listen(self, wait_s: float) -> None:
-        """Read the commands that have arrived and queue their answers."""
+        """Read the commands that arrive within wait_s, s, and queue their answers."""
         ready, _, _ = select.select([self._master], [], [], wait_s)
         if not ready:
             return
@@ -226,7 +226,7 @@ class Emulator:
             self._answers.append(told)
 
     def _hear(self, data: bytes) -> None:
-        """Obey the last command to measure or to configure; a command may arrive in parts."""
+        """Obey the last command of an MTi to measure (start) or to configure (stop), which may arrive in parts."""
         self._heard = (self._heard + data)[-64:]
         start = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_MEASUREMENT))
         stop = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_CONFIG))

@@ -52,7 +52,7 @@ def item(identifier: int, content: bytes) -> bytes:
 
 class MtReader:
     """
-    Decodes the bytes of an MTi into samples.
+    Decoder of the bytes of an MTi.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class MtReader:
 
     Attributes
     ----------
-    counters : Counters
+    counters : FrameCounters
     without_interval : int
         Number of packets ignored because the interval of their increments is not known.
     """
@@ -217,14 +217,14 @@ def packet(
 
     Parameters
     ----------
-    reading : Reading
-        Reading of imu/data_raw.
+    reading : UnitSample
+        Sample of imu/data_raw.
     interval : float
         Time since the previous packet, s.
     ticks, count : int
         Fine time in ticks, and packet counter.
-    beside : mapping of str to Reading, optional
-        Readings of imu/mag and imu/temperature since the previous packet.
+    beside : mapping of str to UnitSample, optional
+        Topic -> sample of imu/mag or imu/temperature since the previous packet.
     field_t : float
         Field that the unit reports as 1, T.
     """

@@ -59,7 +59,7 @@ _UNITS |= {"rad/s": 1.0, "deg/s": math.radians(1.0), "deg/h": math.radians(1.0) 
 _UNITS |= {"m": 1.0, "ft": 0.3048, "m/s": 1.0, "rad/m": 1.0, "m^3/s": 1.0, "gAPI": 1.0}
 _UNITS |= {"Pa": 1.0, "bar": 1e5, "N": 1.0, "kN": 1e3, "N m": 1.0}
 _LEAST_STEP = 1e-15  # smallest step: below the resolution of any gauge, and far above the smallest float in any unit
-_LONGEST = 512  # more bytes without a frame are dropped
+_LONGEST = 512  # largest number of bytes kept while no frame is complete; older bytes are dropped
 _MODBUS_DATA = 4  # bytes between command and check of a usual Modbus request
 _UNKNOWN_COMMAND, _UNKNOWN_DATA = 1, 2
 
@@ -73,7 +73,7 @@ def _octets(text: str, name: str) -> bytes:
 
 @dataclasses.dataclass(frozen=True)
 class ReplyItem:
-    """One number of a reply."""
+    """Description of one number in a reply."""
 
     quantity: str = setting(
         doc="Quantity: for a probe rate_x, force_x, field_x (y, z), the same with precision_ before it for the "
@@ -144,7 +144,7 @@ class Poll:
 
 
 def _probe_polls() -> tuple[Poll, ...]:
-    """Return the default poll of a probe: Modbus registers 0 to 41 with time and all sensors."""
+    """Return the default poll of a probe: Modbus registers 0 to 36 with time, all sensors and status."""
     axes = [*NAMES["imu/data_raw"], *NAMES["imu/mag"], *NAMES["gyro/data_raw"], "temperature"]
     numbers = tuple(ReplyItem(name) for name in axes)
     items = (ReplyItem(TIME, "int64", 1e-9), *numbers, ReplyItem(STATUS, "uint16"))
@@ -304,7 +304,7 @@ def _unpacked(item: ReplyItem, data: bytes, frame: PolledFrame) -> float:
 
 
 def _ticks(item: ReplyItem) -> int:
-    """Return the time in ns for which the number of an item rises by 1, at least 1."""
+    """Return the time, ns, by which the value of a time item rises when its number rises by 1; at least 1."""
     return max(round(item.line[1] * NANOSECONDS), 1)
 
 
@@ -318,7 +318,7 @@ def _ordered(data: bytes, frame: PolledFrame) -> bytes:
 
 
 def _values(frame: PolledFrame, poll: Poll, data: bytes) -> dict[str, float]:
-    """Return the values in the data of a reply by quantity, in SI, the time in ns."""
+    """Decode the data of a reply; return quantity -> value in SI, except the time, which is in ns."""
     found, at = {}, 0
     for item in poll.items:
         size = struct.calcsize(FORMS[item.form])
@@ -342,7 +342,7 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[UnitSample]:
 
 
 class ReplyValues(NamedTuple):
-    """Values of a reply by quantity, in SI, the time in ns; steady time at which the request was sent, s."""
+    """Quantity -> value of a reply in SI, except the time in ns; steady time at which the request was sent, s."""
 
     values: dict[str, float]
     sent_s: float
@@ -352,12 +352,12 @@ class Master:
     """
     Master of a polled line: sends the requests in turn and reads the replies.
 
-    Times are any steady time in s. After a wait of `timeout_s` for a reply, the line must be quiet for another
+    Times are in s by any steady clock. After a wait of `timeout_s` for a reply, the line must be quiet for another
     `timeout_s` before the request is repeated, so that a late reply is not taken for the reply to the next request.
 
     Attributes
     ----------
-    counters : Counters
+    counters : FrameCounters
         Replies read, replies with errors, and requests without any reply in spite of all repetitions.
     trouble : dict of str to int
         Number of errors of each kind, by a sentence about the kind.
@@ -390,7 +390,7 @@ class Master:
         return self._sent
 
     def cancel(self) -> None:
-        """Take back a request that could not be sent; it is due again."""
+        """Take back a request that could not be sent; the request is due again."""
         self._sent = b""
 
     @property

@@ -43,7 +43,7 @@ def line(name: str, counter: int, *words: object) -> bytes:
 
 
 def sample(reading: UnitSample, counter: int, text: bool) -> bytes:
-    """Encode a sample as a frame or as a line."""
+    """Encode a sample as a binary frame or, if text is true, as a line of text."""
     kind, name = _BY_TOPIC[reading.topic]
     if text:
         return line(name, counter, reading.stamp_ns, *reading.values, reading.status)
@@ -59,7 +59,7 @@ def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
 
 
 def answer(given: UnitAnswer, counter: int, text: bool) -> bytes:
-    """Encode an answer of a probe."""
+    """Encode an answer of a probe as a binary frame or, if text is true, as a line of text."""
     if given.kind == "time":
         content = struct.pack("<qq", given.sent_ns, given.unit_ns)
         return line("CLOCK", counter, given.sent_ns, given.unit_ns) if text else frame(_TIME, counter, content)
@@ -69,7 +69,7 @@ def answer(given: UnitAnswer, counter: int, text: bool) -> bytes:
 
 class Splitter:
     """
-    Splits the bytes of a line, in blocks of any size, into frames or text lines with a valid check.
+    Splitter of the bytes of a line, in blocks of any size, into frames or text lines with a valid check.
 
     text selects lines of text instead of binary frames.
     """
@@ -124,13 +124,13 @@ def _of_line(data: bytes) -> tuple[str, int, bytes] | None:
 
 class ProbeReader:
     """
-    Decodes the bytes of a probe into samples and answers.
+    Decoder of the bytes of a probe: samples and answers.
 
     text selects lines of text instead of binary frames.
 
     Attributes
     ----------
-    counters : Counters
+    counters : FrameCounters
     """
 
     def __init__(self, text: bool) -> None:
@@ -176,7 +176,7 @@ def _parsed(kind: int | str, content: bytes) -> UnitSample | UnitAnswer | None:
 
 
 def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
-    """Return an integer that fits into the binary frame as well; raise ValueError otherwise."""
+    """Return the integer in a text; raise ValueError unless low <= integer < end, the range in a binary frame."""
     number = int(word)
     if not low <= number < end:
         raise ValueError(f"{word}: not within {low} and {end - 1}")
@@ -184,7 +184,7 @@ def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
 
 
 def requested(kind: int | str, content: bytes) -> tuple[str, int] | None:
-    """Return the name of a command and the host's time in it, ns, as a probe reads them; None if not a command."""
+    """Return name and host time, ns, of a command that a probe has received; None for another frame or line."""
     names = {number: name for name, number in COMMANDS.items()}
     if isinstance(kind, str):
         return (kind.lower(), int(content)) if kind.lower() in COMMANDS and content.isdigit() else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings and answers that a driver receives from a serial line, and their conversion to samples of the graph."""
+"""Samples and answers that a driver receives from a serial line, and their conversion to arrays of messages."""
 
 from __future__ import annotations
 

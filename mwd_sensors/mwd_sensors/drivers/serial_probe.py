@@ -22,7 +22,7 @@ from mwd_sensors.drivers.probe_protocol import ProbeReader
 from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, UnitAnswer, UnitSample
 
 _RETRY_S = 1.0  # time between two attempts to open the line
-# Time between two requests for the time of the unit, s; and the same while the offset of its clock is not known.
+# Time between two requests for the time of the unit, s: usually, and while the offset of its clock is not known.
 _EXCHANGE_S, _FIRST_S = 1.0, 0.1
 _END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 
@@ -146,17 +146,17 @@ class SerialProbe:
 
     @property
     def connected(self) -> bool:
-        """Return whether the line is open."""
+        """Whether the line is open."""
         return self._line is not None
 
     @property
     def reader(self) -> MtReader | ProbeReader | polled_line.Master:
-        """Return the decoder of the line, which holds its counters; each opening makes a new one."""
+        """Decoder of the line with its counters; each opening of the line makes a new decoder."""
         return self._reader
 
     @property
     def offset_ns(self) -> int:
-        """Return the offset that is added to the unit's stamps, ns."""
+        """Offset that is added to the unit's stamps, ns."""
         return self.clock.offset_ns if self._settings.clock == "host" else 0
 
     def poll(self, now_ns: int) -> list[UnitSample]:
@@ -268,7 +268,7 @@ class SerialProbe:
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
     def _exchange(self, now_ns: int) -> None:
-        """Ask for the unit's time. If no samples arrived, repeat the start command: a unit forgets it without power."""
+        """Request the unit's time. Repeat the start command if no samples arrived: the unit may have lost power."""
         silent, self._received_before = self.received == self._received_before, self.received
         if silent and self._wanted:
             self._ask_for_samples()
@@ -292,7 +292,11 @@ class SerialProbe:
         return self._write(probe_protocol.command(name, self._counter, self._settings.protocol == "ascii", now_ns))
 
     def _write(self, data: bytes) -> bool:
-        """Send bytes only if the line accepts them: on a full line pyserial would try without end."""
+        """
+        Send bytes if the line accepts data; return whether all bytes were sent.
+
+        On a full line pyserial would try without end.
+        """
         if self._line is None or not select.select([], [self._line], [], 0.0)[1]:
             return False
         return int(self._line.write(data)) == len(data)
@@ -324,7 +328,7 @@ _STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_
 
 class UnitClock:
     """
-    Offset from the unit's time to the host's.
+    Estimate of the offset from the unit's time to the host's time.
 
     Attributes
     ----------
@@ -348,7 +352,7 @@ class UnitClock:
 
         The offset is known once several observations agree on it: a unit that was just switched on may report a wrong
         time at first, and stamps that jump later would make the estimator lose its state. If the unit restarts, the
-        offset follows at once. If a clock was set, it follows when several observations agree.
+        offset changes at once. If a clock was set, the offset changes when several observations agree.
 
         on_the_way_ns is a known delay, such as half of the duration of an exchange, ns.
         """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of this package; only they and `mwd_sensors.ros` import ROS."""
+"""Nodes of this package; only these nodes and `mwd_sensors.ros` import ROS."""
 
 from mwd_sensors.core.linear_algebra import use_one_thread
 

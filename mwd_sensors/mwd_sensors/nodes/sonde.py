@@ -33,10 +33,10 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 
-_BLOCK_S = 0.1  # s of the scenario that are simulated at a time
+_BLOCK_S = 0.1  # length of a block that is simulated at a time, s of the scenario
 _TIMER_PERIOD = 0.005  # s; time between two timer callbacks, which simulate and publish
 _CALL_S = 0.05  # s; longest time of one timer callback, not counting the last simulated block
-_MOST_BEHIND_S = 1.0  # s of wall time that the simulation may lag before it gives up catching up
+_MOST_BEHIND_S = 1.0  # longest lag that the simulation catches up, s of wall time; a longer lag is skipped
 # Largest number of messages that one timer callback publishes: more messages at once, after a delay, would overrun the
 # middleware's queues.
 _MAX_PER_CALLBACK = 100
@@ -57,7 +57,7 @@ _ORDER = (
 )
 
 _NO_SAMPLES = wire.TRUTH.empty(0)
-_THINNED = ("imu/mag", "truth")
+_THINNED = ("imu/mag", "truth")  # topics to which the parameter `thin` applies
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
 
@@ -172,8 +172,8 @@ class SondeNode(GraphNode[SondeSettings]):
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _start(self) -> Sonde:
-        # Each start has other noise. If the noise of the first start came again, the estimator would reject the samples
-        # as a link's buffer that was sent twice.
+        # Each start has other noise. The estimator would reject samples with the noise of an earlier start as messages
+        # that were sent twice.
         sonde = self._sonde = Sonde(self._scenario, self.get_clock().now().nanoseconds, self._starts)
         self._starts += 1
         self._blocks: Iterator[dict[str, Samples]] = sonde.blocks(_BLOCK_S)
@@ -348,7 +348,7 @@ HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_r
 
 class TruthFile:
     """
-    CSV file with one row for each second of the run.
+    CSV file of the true attitude and depth, with one row for each second of the run.
 
     Parameters
     ----------
@@ -411,7 +411,7 @@ class SimulatedRigCommands:
         node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
 
     def obey(self, message: RigCommand) -> None:
-        """Carry out a command, or refuse it with the reason."""
+        """Carry out a command or refuse it, and publish the acknowledgement, with the reason of a refusal."""
         pumps = message.mode == steering.PUMP
         repeated = message.lease == self._lease and self._numbers.get(pumps) == message.sequence
         try:

@@ -24,14 +24,14 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import Telemetry
 
 _TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
-# The channel lags behind the run by the sum of these, s of wall time and s of the run, so that the tool's signals have
-# arrived when their time is simulated.
+# Lag of the simulated channel behind the run: wall time, s, and time of the run, s; both are added. The lag lets the
+# tool's signals arrive before their time is simulated.
 _WALL_S, _RUN_S = 2.0, 1.0
 
 
 class TelemetryTopics:
     """
-    Publishes and subscribes the topics of the links of a simulated sonde.
+    Publishers and subscription for the links of a simulated sonde.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class TelemetryTopics:
         self._sonde: Sonde | None = None
 
     def start(self, sonde: Sonde) -> None:
-        """Begin to serve a run."""
+        """Connect the topics to the simulation of a run that begins."""
         self._sonde = sonde
 
     def publish(self, until_s: float) -> None:
@@ -79,7 +79,7 @@ class TelemetryTopics:
             self._publish_heard(sonde, heard)
 
     def drained(self, since_s: float) -> bool:
-        """Publish the rest of a run that ended since_s seconds ago; return True when everything was published."""
+        """Publish the rest of a run; since_s: wall time since its end, s. Return True once everything is published."""
         sonde = self._sonde
         if since_s > _WALL_S and sonde is not None and sonde.link is not None:
             for heard in sonde.link.advance(sonde.duration):
@@ -122,7 +122,7 @@ class TelemetryTopics:
             )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return whether signals came too late for the channel."""
+        """Return one entry: a warning if signals came too late for the channel; nothing before the run starts."""
         link = self._sonde.link if self._sonde is not None else None
         if link is None:
             return []

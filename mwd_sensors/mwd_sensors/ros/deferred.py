@@ -62,7 +62,7 @@ class DeferredGoal:
 
     @property
     def done(self) -> bool:
-        """Return whether the goal was finished."""
+        """Whether the goal was finished."""
         return not self._handle.is_active
 
     def publish_feedback(self, feedback: Any) -> None:

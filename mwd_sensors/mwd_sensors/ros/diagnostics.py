@@ -40,7 +40,11 @@ class Diagnostic:
 
 
 class CallbackFailures:
-    """Counts failed callbacks and unsent messages; reports an error while they are recent, later only the counts."""
+    """
+    Counter of failed callbacks and unsent messages.
+
+    Its diagnostic entry is an error until `RECENT_S`, s, after the last failure; later the entry has only the counts.
+    """
 
     RECENT_S = 60.0
 
@@ -54,7 +58,7 @@ class CallbackFailures:
         self._last = time.monotonic()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return one entry with the counts, or none if nothing has failed yet."""
+        """Return one entry with the counts, or an empty list if nothing has failed yet."""
         if not self._counts:
             return []
         counts = tuple((name, str(count)) for name, count in self._counts.items())

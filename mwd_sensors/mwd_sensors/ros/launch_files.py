@@ -13,7 +13,7 @@ from launch import LaunchDescription
 from mwd_sensors.core.stop_time import STOP_LIMIT
 
 _RESPAWN_DELAY = 2.0  # s; time from the end of a node to its next start
-_SWITCHES = ("use_sim_time", "autostart")
+_SWITCHES = ("use_sim_time", "autostart")  # launch arguments that set boolean parameters of the node
 
 
 def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
@@ -43,7 +43,7 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 executable=name,
                 name=name,
                 namespace=LaunchConfiguration("namespace"),
-                # SROS2: the node's own keys and permissions; without security ROS ignores it.
+                # SROS2: the node has keys and permissions of its own. Without security ROS ignores this argument.
                 ros_arguments=["--enclave", PathJoinSubstitution(["/", LaunchConfiguration("namespace"), name])],
                 parameters=[defaults, given, LaunchConfiguration("params_file"), switches],
                 output="screen",

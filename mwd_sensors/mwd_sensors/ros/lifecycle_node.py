@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Base class of the graph's nodes: a lifecycle node with autostart, checked parameters and diagnostics.
+Base class of the nodes of this project: a lifecycle node with autostart, checked parameters and diagnostics.
 
 The ``add_...`` methods create the same entities as rclpy's ``create_...`` with the same arguments. In addition the
 entities exist only between configure and cleanup, their callbacks run only while the node is active, and an exception
@@ -55,7 +55,7 @@ _ACKNOWLEDGEMENT_TIME = 20.0
 
 class GraphNode(LifecycleNode, Generic[T]):
     """
-    Base class of the graph's nodes.
+    Base class of the nodes of this project.
 
     A subclass creates its topics, services and timers in `configure`; those made with the ``add_...`` methods are
     destroyed automatically. It may override `activate`, `deactivate` and `cleanup`, and reports its state in
@@ -148,7 +148,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return True
 
     def check_settings(self, settings: T) -> None:
-        """Raise ValueError for settings that the node cannot work with; they are then refused, also at start."""
+        """Raise ValueError for settings that the node cannot work with; such settings are refused, also at start."""
 
     def on_settings_changed(self, settings: T) -> None:
         """React to a change of parameters that was checked and is in force; called only on a configured node."""
@@ -158,7 +158,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return ()
 
     def prepare(self, warm_up: Callable[[], None]) -> None:
-        """Call `warm_up`, which compiles the kernels; `mwd run` waits for the two lines in the log."""
+        """Call `warm_up`, which compiles the kernels, and log its start and end; `mwd run` waits for these lines."""
         self.get_logger().info("preparing the filters; the first time after a change they are compiled")
         warm_up()
         self.get_logger().info("the filters are ready")
@@ -310,12 +310,12 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     @property
     def finalized(self) -> bool:
-        """Return whether the node is shut down for good."""
+        """Whether the node is shut down for good."""
         return self._finalized
 
     @property
     def state(self) -> str:
-        """State of the lifecycle, by its name in ROS."""
+        """State of the node's lifecycle, as ROS names it."""
         if self._finalized:
             return "finalized"
         return "active" if self.active else "inactive" if self._configured else "unconfigured"
@@ -456,7 +456,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             held.close()
 
     def destroy_node(self) -> None:
-        """Destroy the node; no executor may serve it any more."""
+        """Destroy the node; the node must have been removed from its executor."""
         for held in list(self._retired):
             self._let_go(held)
         super().destroy_node()
@@ -481,7 +481,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class Heartbeat:
-    """Creates the heartbeat messages of one node; `name` is its full name, `namespace` its namespace."""
+    """Source of the heartbeat messages of one node; `name` is the node's full name, `namespace` its namespace."""
 
     def __init__(self, name: str, namespace: str) -> None:
         self._name, self._namespace = name, namespace

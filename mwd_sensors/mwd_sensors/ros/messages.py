@@ -10,7 +10,7 @@ from typing import Any
 
 
 def make(name: str, fields: dict[str, Any]) -> Any:
-    """Return a message by its full name, such as "mwd_msgs/msg/Survey", with its fields."""
+    """Return a message of the type `name`, such as "mwd_msgs/msg/Survey", with the given fields."""
     return _type(name)(**fields)
 
 

@@ -18,7 +18,8 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 from mwd_sensors.ros.diagnostics import ERROR, Diagnostic
 
-_SEVERAL_S = 3.0  # s; two publishers for a longer time are not a hand-over from one to the next
+# Time for which a topic may have two publishers, s: a process that is replaced by another ends a little later.
+_SEVERAL_S = 3.0
 # Time after which a second node or publisher of the same name is reported, s: a killed process stays in the graph of
 # the middleware until its lease ends (Fast DDS: 20 s).
 _SAME_NAME_S = 25.0
@@ -68,7 +69,12 @@ class MiddlewareEvents:
         return PublisherEventCallbacks(incompatible_qos=incompatible)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return an error for each topic with an incompatible partner or several publishers, and for a second node."""
+        """
+        Return an error for each problem that lasts.
+
+        Problems are topics with an incompatible partner, topics with several publishers, and a second node of the same
+        name.
+        """
         found = self._second_node()
         for (topic, receives), qos in list(self._incompatible.items()):
             others = self._unfit(topic, receives, qos)

@@ -27,8 +27,8 @@ def given_at_start(node: Node) -> dict[str, Any]:
     """
     Return the parameters that were given at start, by name, and undeclare them, so that they can be declared again.
 
-    The node must have declared them by itself (`automatically_declare_parameters_from_overrides`). The parameters that
-    ROS itself reads stay declared and are not returned.
+    The node must have declared these parameters with the option `automatically_declare_parameters_from_overrides`. The
+    parameters that ROS itself reads stay declared and are not returned.
     """
     found = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
     given = {k: value for k, value in found.items() if k not in _OF_ROS and not k.startswith("qos_overrides.")}
@@ -122,7 +122,7 @@ class SettingsParameters(Generic[T]):
 
 
 def describe(name: str, value: Any, rule: Rule) -> ParameterDescriptor:
-    """Return the descriptor with meaning, unit and range; an open end of a range becomes the largest number."""
+    """Return the descriptor with meaning, unit and range; a missing bound becomes the largest number of that sign."""
     descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=rule.fixed)
     if rule.low is None and rule.high is None:
         return descriptor

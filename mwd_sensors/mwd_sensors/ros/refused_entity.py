@@ -18,7 +18,7 @@ RCLError = rclpy_implementation.RCLError
 
 
 class RefusedEntityError(RuntimeError):
-    """The middleware refused to create a topic, service or action; the text names it and the remedy."""
+    """The middleware refused to create a topic, service or action; the text gives its name and the remedy."""
 
 
 @contextlib.contextmanager

@@ -36,8 +36,8 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     """
     Run nodes in this process, one callback at a time, until one of them is stopped; shut them down in reverse order.
 
-    Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise. Files that the process
-    creates are not readable by other users.
+    Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE is set. Files that the process creates are
+    not readable by other users.
 
     SIGINT and SIGTERM shut the nodes down (deactivate, clean up) and the status is 0. If the shutdown takes longer than
     `STOP_PATIENCE`, the process ends with status 1. It ends with status 2 and a message if a parameter is not allowed,
@@ -65,7 +65,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
 
 
 def keep_private() -> None:
-    """Make files of this process readable by its user and group only: 0640, folders 0750, or the stricter umask."""
+    """Make new files of this process readable by its user and group only (0640, folders 0750), or less by the umask."""
     os.umask(os.umask(0o077) | 0o027)
 
 

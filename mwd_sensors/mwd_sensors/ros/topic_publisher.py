@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Publisher of every topic of a node, which loses only the one message that the middleware refuses.
+Publisher for the topics of a node; if the middleware refuses a message, only this message is lost.
 
 Fast DDS refuses a message if a lock, or a place in the writer's history, does not become free in time, as on an
 overloaded machine ("cannot publish data", rmw_fastrtps issues 310 and 463). Raised inside a callback, the refusal of

@@ -30,7 +30,7 @@ _BITS = {name: bit for bit, name in wire.SELF_TESTS.items()}
 
 @dataclasses.dataclass(frozen=True)
 class SondeBattery(Pack):
-    """Battery, consumption by duty, and self-tests of the sonde."""
+    """Settings of the sonde's battery, of its current with pumps on and off, and of its self-tests."""
 
     cells: int = setting(8, "Number of cells in series.", low=1, high=100)
     resistance_ohm: float = setting(
@@ -51,7 +51,7 @@ class SondeBattery(Pack):
     )
 
     def __post_init__(self) -> None:
-        """Raise ValueError as `Pack` does, or for an unknown self-test."""
+        """Raise ValueError for settings that `Pack` refuses, or for an unknown self-test."""
         super().__post_init__()
         for _, name in self.failures:
             if name not in _BITS:
@@ -60,11 +60,11 @@ class SondeBattery(Pack):
 
 class BatteryModel:
     """
-    Battery of a run.
+    State of the battery during a simulated run, and errors of the tool's meters.
 
     Parameters
     ----------
-    settings : Battery
+    settings : SondeBattery
     rng : Generator
         Random numbers for the errors of the meters.
 
@@ -82,7 +82,7 @@ class BatteryModel:
 
     def samples(self, t: Array, stamps: Stamps, celsius: Array, active: Array, step_s: float = 1.0) -> Samples:
         """
-        Return the state of the tool at the ends of steps.
+        Return the state of battery and self-tests at the ends of time steps.
 
         Parameters
         ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate the transmission of a tool with a carrier: after each flow-on the survey, then toolfaces repeatedly."""
+"""Simulate a tool with a carrier: after each flow-on it sends a survey once, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ from mwd_sensors.telemetry.carrier import BlockName, Complex
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
-# Share of a symbol in which the phase changes: a rotor needs time for it, a current source does not.
+# Medium -> share of a symbol's duration in which the phase changes. The rotor of a siren needs time for the change, a
+# current source does not.
 _SHIFT = {"mud": 0.1, "earth": 0.0, "coil": 0.0}
-SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop
-_SIREN_RISE_S = 0.005  # time constant of a siren's pressure drop
-_NO_GAP = 0.05  # spans with a smaller gap, in symbols, count as continuous, because stamps are rounded
+SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop, Pa
+_SIREN_RISE_S = 0.005  # time constant of a siren's pressure drop, s
+# Two spans of symbols count as one if the gap between them is shorter than this share of a symbol: stamps are rounded.
+_NO_GAP = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
 class CarrierSpan:
-    """Symbols, shape (n,), sent without a break from begin_s, s."""
+    """Symbols as complex numbers of magnitude 1, shape (n,), that are sent without a break from the time begin_s, s."""
 
     begin_s: float
     symbols: Complex
@@ -77,7 +79,7 @@ class CarrierStream:
 
     def add(self, begin_s: float, symbols: Complex, symbol_s: float, frequency_hz: float) -> None:
         """
-        Send symbols from a time on, s.
+        Send symbols from the time begin_s, s.
 
         If the new symbols follow the last ones without a gap, the carrier's phase continues. Symbols that are still
         being sent at that time are cut off at that time.
@@ -103,7 +105,7 @@ class CarrierStream:
 
 
 def _driven(span: CarrierSpan, frequency_hz: float, symbol_s: float, shift: float, time_s: Array) -> Array:
-    """Return the signal of one span at times, s, shape (n,)."""
+    """Return the signal of one span of symbols at times, s, shape (n,); 0 outside the span."""
     out = np.zeros(len(time_s))
     inside = (time_s >= span.begin_s) & (time_s < span.begin_s + len(span.symbols) * symbol_s)
     if not inside.any():
@@ -173,7 +175,7 @@ def transmit(
 def siren_run(
     channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
 ) -> LinkRun:
-    """Return the pressure in a channel with a siren instead of a pulse valve; seed is the seed of the noise."""
+    """Simulate the standpipe pressure of a channel with a siren in place of the valve; seed is that of the noise."""
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 

@@ -23,8 +23,8 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.telemetry.carrier import Coil
 
-RATE_HZ = 250.0
-# Half of the receiver's band, Hz, and the wandering of the mains: 1 sigma, Hz, and its correlation time, s.
+RATE_HZ = 250.0  # sample rate of the voltage, Hz
+# Half of the receiver's band, Hz. Random error of the mains frequency: 1 sigma, Hz, and correlation time, s.
 _HALF_BAND_HZ = 0.4 * RATE_HZ
 _MAINS_SIGMA_HZ, _MAINS_S = 0.01, 20.0
 
@@ -76,7 +76,7 @@ class CoilChannel:
 
 class CoilVoltage:
     """
-    Voltage of the receiver, produced block after block.
+    Voltage of the receiver of a coil, computed block after block.
 
     Parameters
     ----------
@@ -117,11 +117,11 @@ class CoilVoltage:
 
     @property
     def seconds(self) -> float:
-        """Time up to which blocks were produced, s."""
+        """Time up to which blocks have been computed, s."""
         return self._block * self._count / RATE_HZ
 
     def coupling(self, at_s: float) -> complex:
-        """Return the field of the unmodulated sonde along the receiving coil at a time, s; T, with its phase."""
+        """Return the complex amplitude of the unmodulated field along the receiving coil, T, at a time, s."""
         position, axis = self._place(at_s)
         offset = np.array(self._channel.position_m) - position
         return complex(dipole_field(offset, self._coil.moment_a_m2 * axis, self._wave) @ self._axis)
@@ -157,7 +157,7 @@ class CoilVoltage:
 
 
 def coil_run(channel: CoilChannel, coil: Coil, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Return times, s, and voltages, V, of a run with a level sonde at the wellhead that points north; (n,) each."""
+    """Simulate a level sonde at the wellhead that points north; return times, s, and voltages, V, (n,) each."""
     stream = CoilVoltage(channel, coil, lambda _at: (np.zeros(3), np.array([1.0, 0.0, 0.0])), sent.drive, seed)
     voltage = np.concatenate([stream.block() for _ in range(math.ceil(seconds))])
     return np.arange(len(voltage)) / RATE_HZ, voltage

@@ -20,8 +20,8 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.simulator.earth_line import Ground, response
 
-RATE_HZ = 250.0
-_RESPONSE_S = 4.096  # length of the impulse response
+RATE_HZ = 250.0  # sample rate of the voltage, Hz
+_RESPONSE_S = 4.096  # length of the impulse response, s
 _CORNERS_HZ = (0.05, 0.5, 5.0)  # corner frequencies of the low-passes whose sum falls as 1/f
 
 
@@ -50,7 +50,7 @@ class EarthNoise:
 
 @dataclasses.dataclass(frozen=True)
 class EarthChannel:
-    """A string in the ground and the noise at the surface."""
+    """Settings of an earth channel: layers and string in the ground, and noise at the surface."""
 
     ground: Ground = setting(Ground, "Layers, string, source, electrodes.")
     noise: EarthNoise = setting(EarthNoise, "Noise at the surface.")
@@ -58,7 +58,7 @@ class EarthChannel:
 
 class EarthVoltage:
     """
-    Voltage of a channel, produced block after block.
+    Surface voltage of an earth channel, computed block after block.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class EarthVoltage:
         self._block = 0
 
     def deepen(self, ground: Ground) -> None:
-        """Continue in a well that has become deeper."""
+        """Use the response of another ground from the next block on, for example of a deeper well."""
         taps = round(_RESPONSE_S * RATE_HZ)
         frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
         frequency[0] = 0.5 * frequency[1]
@@ -95,7 +95,7 @@ class EarthVoltage:
 
     @property
     def seconds(self) -> float:
-        """Time up to which blocks were produced, s."""
+        """Time up to which blocks have been computed, s."""
         return self._block * self._count / RATE_HZ
 
     def block(self) -> Array:
@@ -132,7 +132,7 @@ class EarthVoltage:
         return total
 
     def _switched(self) -> Array:
-        """Return voltage steps of switched loads; the electrodes' response decays within some seconds."""
+        """Return the voltage of switched loads in the next block, V: steps that decay within some seconds."""
         noise = self._channel.noise
         decay = math.exp(-1.0 / (3.0 * RATE_HZ))
         count = self._switch.poisson(noise.switching_per_hour * self._count / RATE_HZ / 3600.0)
@@ -145,7 +145,7 @@ class EarthVoltage:
 
 
 def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Return times, s, and voltages, V, of a run; shape (n,) each."""
+    """Simulate the surface voltage during a transmission; return times, s, and voltages, V, shape (n,) each."""
     stream = EarthVoltage(channel, sent.drive, seed)
     blocks = []
     while stream.seconds < seconds:

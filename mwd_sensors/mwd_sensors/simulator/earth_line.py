@@ -75,7 +75,7 @@ def _steel(ground: Ground, omega: Array) -> Complex:
 
 def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
     """
-    Return the electric mode of the string in uniform ground.
+    Return the properties of the electric wave along the string in uniform ground.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
 
 def response(ground: Ground, frequency_hz: Array) -> Complex:
     """
-    Return the voltage between wellhead and electrode for a source signal of 1 (its maximum), V, shape (n,).
+    Return the complex voltage between wellhead and electrode for the largest source signal, V, shape (n,).
 
     frequency_hz, shape (n,), must be above 0.
     """
@@ -122,12 +122,12 @@ def response(ground: Ground, frequency_hz: Array) -> Complex:
         for top, bottom, resistivity in zip(tops, ground.bottom_m, ground.resistivity, strict=True)
         if top < gap
     ]
-    # Start at the wellhead, where the line is open: voltage and current at the bottom of each layer for 1 V there.
+    # Compute voltage and current at the bottom of each layer for 1 V at the wellhead, where the line is open.
     voltage, current = np.ones(len(frequency), dtype=complex), np.zeros(len(frequency), dtype=complex)
     scale = np.zeros(len(frequency))
     for length, (constant, impedance, _) in layers:
         x = constant * length
-        # Keep the growth as an exponent in `scale`, because it would overflow in a deep well in clay.
+        # Keep the growth of the voltage as an exponent in `scale`: the voltage would overflow in a deep well in clay.
         ch, sh = 0.5 * (1.0 + np.exp(-2.0 * x)), 0.5 * (1.0 - np.exp(-2.0 * x))
         turn = np.exp(1j * x.imag)
         voltage, current = (

@@ -109,8 +109,9 @@ def check(fault: Fault) -> None:
     Raises
     ------
     ValueError
-        A fault of whole messages, or of a sensor without axes, is given for one axis; a unit belongs to another
-        quantity; two axes are given for anything but a swap; or a swap or turn has no axes.
+        A fault of whole messages, a fault of the temperature sensor, or a wrong unit (`in_g` and others) is given for
+        one axis; a fault of `MOUNTING` is given for the temperature sensor; a wrong unit is a unit of another quantity;
+        two axes are given for a fault other than a swap; or a swap or turn has no axes.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
@@ -144,7 +145,7 @@ class FaultState:
 
 
 def start(faults: Iterable[Fault], rng: np.random.Generator) -> FaultState:
-    """Return the state at time zero; each topic has its own random stream, so that topics are independent."""
+    """Return the state of the faults at time zero; each topic has a random stream of its own."""
     topics = sorted({topic for topic, _ in COMPONENTS.values()})
     return FaultState(list(faults), dict(zip(topics, rng.spawn(len(topics)), strict=True)))
 
@@ -191,11 +192,11 @@ def _stops(fault: Fault, field: str) -> bool:
 
 
 def _published(fault: Fault, t: NDArray[np.float64], index: Indices) -> NDArray[np.bool_]:
-    """Return which messages are still published under a fault that suppresses messages."""
+    """Return which messages are published in spite of a fault that suppresses messages, shape (n,)."""
     if fault.fault == "slow":
         return np.asarray(index % 10 == 0)
     if fault.fault == "intermittent":
-        # About half a second on and half a second off, with an irregular beat.
+        # Messages come for about half a second and stop for about half a second, irregularly.
         return np.asarray(np.sin(2.0 * math.pi * t) + np.sin(2.0 * math.pi * 0.37 * t) > 0.0)
     return np.zeros(len(t), dtype=bool)
 
@@ -245,7 +246,7 @@ def mounting(fault: Fault) -> NDArray[np.float64]:
     elif fault.fault == "flipped":
         matrix *= -1.0 if fault.axis == "all" else np.where(np.arange(3) == at, -1.0, 1.0)[:, None]
     elif fault.fault == "turned":
-        # By 90 deg, right-handed: for axis x, y turns to z and z to -y; other axes cyclically.
+        # Turn by 90 deg, right-handed: for axis x, y turns to z and z to -y; other axes cyclically.
         first, second = (at + 1) % 3, (at + 2) % 3
         matrix[first, first] = matrix[second, second] = 0.0
         matrix[second, first], matrix[first, second] = 1.0, -1.0
@@ -255,7 +256,7 @@ def mounting(fault: Fault) -> NDArray[np.float64]:
 
 
 def _repeat(state: FaultState, fault: Fault, samples: Samples, hit: NDArray[np.bool_]) -> None:
-    """Publish every stamp twice: the second of each two samples gets the stamp of the first."""
+    """Give the second of each two samples in `hit` the stamp of the first, so that every stamp occurs twice."""
     key = (fault.component, f"stamp{fault.start_s}")
     for k in range(len(samples)):
         held = state.held.get(key)
@@ -282,7 +283,7 @@ def _delay(
     key = (fault.component, f"{fault.start_s}")
     fresh = np.column_stack([t, values])
     past = np.vstack([state.past[key], fresh]) if key in state.past else fresh
-    # Value of the newest sample that is old enough; if there is none yet, the oldest sample.
+    # Use the newest sample that is older than the delay; before such a sample exists, use the oldest sample.
     rows = np.searchsorted(past[:, 0], t - fault.delay_s + 1e-9, side="right") - 1
     values[hit] = past[np.maximum(rows, 0)][hit, 1:]
     state.past[key] = past[past[:, 0] > t[-1] - fault.delay_s - 1.0] if len(t) else past

@@ -104,7 +104,7 @@ class Gamma:
 
 class GammaDetector:
     """
-    Gamma detector in a hole.
+    Simulated gamma detector in a hole.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class GammaDetector:
         self, index: Stamps, stamps: Stamps, toolface: Array, bit: Array, rate_hz: int
     ) -> tuple[Samples, Array]:
         """
-        Return the counts of one step, and the outputs at which the counting intervals end.
+        Return the counts of the counting intervals that end within n outputs of the sonde.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class GammaDetector:
 
 
 def _sensitivity(angle: Array, leak: float) -> Array:
-    """Return the sensitivity at an angle from the window, rad; its mean over the circle is 1."""
+    """Return the detector's sensitivity to rays at an angle from the window, rad; its mean over the circle is 1."""
     lobe = (0.5 + 0.5 * np.cos(angle)) ** 2
     # The mean of the lobe over the circle is 3/8.
     return np.asarray((leak + (1.0 - leak) * lobe) / (leak + (1.0 - leak) * 0.375))

@@ -108,7 +108,7 @@ _MARKOV_PEAK = 0.6174
 
 
 def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a gyro triad, rad/s."""
+    """Draw the errors of a gyro triad of a grade at random; the unit of the readings is rad/s."""
     deg_h = math.radians(1.0) / 3600.0
     return Triad(
         matrix=_matrix(g.scale_ppm, g.misalignment_mrad, rng),
@@ -127,7 +127,7 @@ def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
 
 
 def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of an accelerometer triad, m/s^2."""
+    """Draw the errors of an accelerometer triad of a grade at random; the unit of the readings is m/s^2."""
     ug = STANDARD_GRAVITY * 1e-6
     return Triad(
         matrix=_matrix(a.scale_ppm, a.misalignment_mrad, rng),
@@ -146,7 +146,7 @@ def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Tria
 
 
 def magnetometer_triad(m: MagnetometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a magnetometer triad, T; its `noise` is 1 sigma of one sample, T."""
+    """Draw the errors of a magnetometer triad of a grade at random, T; `noise` is 1 sigma of one sample, T."""
     return Triad(
         matrix=_matrix(m.scale_ppm, m.misalignment_mrad, rng),
         bias=m.bias_nt * 1e-9 * rng.standard_normal(3),
@@ -172,10 +172,10 @@ def _matrix(scale_ppm: float, misalignment_mrad: float, rng: np.random.Generator
 
 def low_pass(bandwidth_hz: float, delay: float, rate: float) -> Array:
     """
-    Return the weights of a Gaussian low-pass at the kinematic rate: an odd number of weights with sum 1.
+    Return the weights of a Gaussian low-pass: an odd number of weights with sum 1.
 
-    bandwidth_hz is the -3 dB point (0 for none). delay, s, shifts the weights into the past. The middle weight belongs
-    to the instant of the output.
+    bandwidth_hz is the -3 dB point, Hz (0: no low-pass). delay, s, shifts the weights into the past. rate is the rate
+    of the input samples, Hz. The middle weight belongs to the input sample at the instant of the output.
     """
     sigma = math.sqrt(math.log(2.0)) / (2.0 * math.pi * bandwidth_hz) * rate if bandwidth_hz else 0.0
     shift = delay * rate
@@ -247,7 +247,7 @@ def slow_bias(triad: Triad, state: TriadState, warm: float) -> Array:
 @compiled
 def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array, out: Array) -> None:
     """
-    Convert analogue to digital values; fills out, shape (m, 3).
+    Convert true vectors to readings with the errors of a converter; fills out, shape (m, 3).
 
     x and f, shape (m, 3), are input and specific force, SI; gravity is in m/s^2; noise, shape (m, 3), is added to each
     sample, SI. The rectification term is f^2 - gravity^2 / 3, so that a tool at rest reads its bias.

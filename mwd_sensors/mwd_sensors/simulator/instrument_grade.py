@@ -90,7 +90,7 @@ class MagnetometerGrade:
 
 @dataclasses.dataclass(frozen=True)
 class Grade:
-    """A named class of instrument with the source of its figures."""
+    """Error figures of a class of instruments, with its name and the source of the figures."""
 
     name: str = setting(doc="name of the grade")
     source: str = setting(doc="source of the figures")

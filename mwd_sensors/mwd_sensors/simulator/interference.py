@@ -45,7 +45,11 @@ class CasedWell:
 
 @dataclasses.dataclass(frozen=True)
 class Anomaly:
-    """Disturbance of the field at one depth, interpolated between entries and constant outside of them."""
+    """
+    Disturbance of the field at one depth.
+
+    Between two depths it is interpolated linearly; above the first and below the last depth it is constant.
+    """
 
     md_m: float = setting(doc="measured depth of the sonde", unit="m", low=-100.0, high=20000.0)
     field_nt: tuple[float, float, float] = setting(doc="field: north, east, down", unit="nT", low=-1e6, high=1e6)
@@ -53,7 +57,7 @@ class Anomaly:
 
 @dataclasses.dataclass(frozen=True)
 class ToolJoints:
-    """Magnetised joints of the string around the sonde, passed one by one (a wireline probe inside the pipe)."""
+    """Magnetised joints of the string, which the sonde passes one by one, as a wireline probe inside the pipe does."""
 
     spacing_m: float = setting(9.0, "Distance between two joints.", unit="m", low=0.5, high=50.0)
     axial_nt: float = setting(1500.0, "Field along the axis at a joint.", unit="nT", low=-1e6, high=1e6)
@@ -112,7 +116,7 @@ class Interference:
 
 @dataclasses.dataclass(frozen=True)
 class Disturbance:
-    """An `Interference` with its random poles drawn, ready for evaluation; SI."""
+    """Magnetic disturbances of one run in SI units; the random poles of the settings (`Interference`) are drawn."""
 
     hard: Array
     soft: Array
@@ -142,7 +146,7 @@ class Disturbance:
         return total_t
 
     def daily(self, seconds_of_day: Array) -> Array:
-        """Return the daily variation, NED, T, shape (n, 3), at seconds of the universal day, shape (n,)."""
+        """Return the daily variation, NED, T, shape (n, 3), at times of the day in UTC, s, shape (n,)."""
         if self.diurnal is None:
             return np.zeros((len(seconds_of_day), 3))
         phase = 2.0 * math.pi * (seconds_of_day / 86400.0 - self.diurnal.peak_hour / 24.0)
@@ -150,7 +154,7 @@ class Disturbance:
 
 
 def disturbance(interference: Interference, total: float, rng: np.random.Generator) -> Disturbance:
-    """Draw the random poles of an `Interference` and convert it to SI; total: strength of the Earth's field, T."""
+    """Convert an `Interference` to SI and draw its random poles; total is the strength of the Earth's field, T."""
     positions = [pole.position_m for pole in interference.poles]
     strengths = [pole.strength_uwb * 1e-6 for pole in interference.poles]
     for well in interference.offset_wells:

@@ -162,7 +162,11 @@ def _hole_point(path: WellPath, arc: int, x: float) -> HolePoint:
 
 @compiled
 def _hole_rotation(hole: HolePoint, v: float, v_dot: float) -> tuple[Vector, Vector]:
-    """Return the rate of the hole axes, rad/s, and its derivative, in hole axes; v, m/s, v_dot, m/s^2: feed."""
+    """
+    Return angular rate, rad/s, and angular acceleration, rad/s^2, of the hole axes, in hole axes.
+
+    v and v_dot are rate and acceleration of the measured depth, m/s and m/s^2.
+    """
     inc_1, azi_1 = hole.inc_s * v, hole.azi_s * v
     inc_2 = hole.inc_ss * v * v + hole.inc_s * v_dot
     azi_2 = hole.azi_ss * v * v + hole.azi_s * v_dot
@@ -255,7 +259,7 @@ def sensed(k: Kinematics, lever_t: Array, place: EarthAtPlace, rate_it: Array, f
         Motion of the tool's reference point.
     lever_t : ndarray, shape (3,)
         Position of the sensors relative to the reference point, tool axes, m.
-    place : Place
+    place : EarthAtPlace
         Earth rate and gravity.
     rate_it, f_t : ndarray, shape (n, 3)
         Output: rotation relative to inertial space, rad/s, and specific force, m/s^2, in tool axes.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Channels of a tool's telemetry links in a running scenario: signals of the tool in, received signals out."""
+"""Channels of the telemetry links in a running scenario: they convert the tool's signals to received signals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mwd_sensors.simulator.serial_channel import SerialChannel, SerialStream
 from mwd_sensors.telemetry.carrier import Coil
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
-BLOCK_S = 1.0
+BLOCK_S = 1.0  # length of a block of received samples, s
 
 
 class OnAir(NamedTuple):
@@ -52,7 +52,11 @@ class OnAir(NamedTuple):
     frequency_hz: float = 0.0
 
     def on_true_clock(self, fast: float) -> OnAir:
-        """Return the signal in true time; `fast` is the relative error of the tool's clock, `start_s` is true time."""
+        """
+        Return the signal with all times in true time.
+
+        fast is the relative error of the tool's clock, positive if it runs fast; start_s is true time already.
+        """
         scale = 1.0 / (1.0 + fast)
         edges = tuple(edge * scale for edge in self.edges_s)
         return self._replace(edges_s=edges, width_s=self.width_s * scale, frequency_hz=self.frequency_hz / scale)
@@ -81,10 +85,10 @@ class Heard(NamedTuple):
 
 
 class LinkChannel(Protocol):
-    """Channel of one telemetry link."""
+    """Interface of the channel of one telemetry link."""
 
     def send(self, signal: OnAir) -> int:
-        """Transmit a signal; return the number of its parts that are lost because their time is already simulated."""
+        """Transmit a signal; return how many of its pulses, symbol groups or frames are lost because they are late."""
         ...
 
     def deepen(self, depth_m: float) -> None:
@@ -92,7 +96,7 @@ class LinkChannel(Protocol):
         ...
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a time of the run, s."""
+        """Return the blocks received since the last call, up to a time of the run, s."""
         ...
 
 
@@ -252,7 +256,7 @@ class WireLink:
 
 
 def _add(stream: CarrierStream, signal: OnAir, done_s: float) -> int:
-    """Add the phases of a signal to a carrier; return 1 if they came too late, otherwise 0."""
+    """Add a signal to a carrier; return 1 if its start is before done_s, the end of the simulated time, s, else 0."""
     if not signal.phases:
         return 0
     if signal.start_s < done_s:

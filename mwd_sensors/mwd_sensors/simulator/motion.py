@@ -2,7 +2,8 @@
 """
 Motion of the sonde, exact at every instant: along the hole, about its axis, and vibration.
 
-The position is the point on the hole's arc plus a bounded displacement; `kinematics` combines it with the rotation.
+The position is the point on the hole's arc plus the bounded displacement of the vibration. `kinematics` combines
+position and rotation.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Ar
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedMotion:
-    """Motion of a whole run with its random numbers drawn; `at` evaluates it."""
+    """Motion of a whole run, for which all random numbers are drawn; `at` computes it at any instant."""
 
     path: WellPath
     timeline: Timeline

@@ -67,9 +67,10 @@ class PumpStream:
 
     def block(self, flow: Array) -> Array:
         """
-        Return the flow of the next samples, m^3/s, shape (n,).
+        Return the flow of this pump at the next n samples, m^3/s, shape (n,).
 
-        flow, shape (n,), is the flow as a share of the full flow; the stroke rate is proportional to the flow.
+        flow, shape (n,), is the mean flow at these samples as a share of the full flow; the stroke rate is proportional
+        to it.
         """
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))
@@ -87,7 +88,7 @@ class PumpStream:
         return np.asarray(self._delivered(2.0 * math.pi * turns[:-1]) * self._flow * flow)
 
     def _counted(self, time: Array) -> Array:
-        """Return the counted strokes, with the counter's errors, from the true times of the strokes, s."""
+        """Return the times at which the counter counts strokes, s, from the true times of the strokes, s."""
         kept = self._counter.uniform(size=len(time)) >= self._pump.counter_missed
         return np.sort(time + self._pump.counter_jitter_s * self._counter.normal(size=len(time)))[kept]
 
@@ -96,7 +97,7 @@ class PumpStream:
         return np.concatenate(self._strokes) if self._strokes else np.zeros(0)
 
     def _delivered(self, angle: Array) -> Array:
-        """Return the flow of the three pistons divided by its mean, at a crank angle, rad."""
+        """Return the flow of the three pistons divided by their mean flow, at crank angles, rad, shape (n,)."""
         total = np.zeros(len(angle))
         for k in range(3):
             turn = angle - 2.0 * math.pi * k / 3.0
@@ -106,10 +107,10 @@ class PumpStream:
         return np.asarray(total * math.pi / 3.0)
 
 
-RATE_HZ = 100.0
+RATE_HZ = 100.0  # sample rate of the pressure, Hz
 _RESPONSE_S = 40.96  # length of the impulse responses, s; echoes in a deep well have decayed by then
 _TAPS = round(_RESPONSE_S * RATE_HZ)
-_BAND_HZ = 35.0  # bandwidth of the gauge
+_BAND_HZ = 35.0  # bandwidth of the gauge, Hz
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,7 +136,7 @@ class PressureNoise:
 
 @dataclasses.dataclass(frozen=True)
 class MudChannel:
-    """A well with its pumps, its noise and the valve of its tool."""
+    """Settings of a mud channel: well, pumps, noise, and valve of the tool."""
 
     well: WellGeometry = setting(WellGeometry, "Geometry, mud, surface piping.")
     pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps in parallel, which share the flow.")
@@ -147,7 +148,7 @@ class MudChannel:
 
 class Pressure:
     """
-    Pressure of a channel, produced block after block.
+    Standpipe pressure of a mud channel, computed block after block.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ class Pressure:
         self._stalled = np.zeros(0)
 
     def modulate(self, drive: Callable[[Array], Array]) -> None:
-        """Add a signal with maximum 1 to the pulses of the valve; drive returns the signal at times, s."""
+        """Add the signal of a siren to the pulses of the valve; drive returns the signal, -1 to 1, at times, s."""
         self._drive = drive
 
     def deepen(self, well: WellGeometry) -> None:
@@ -206,7 +207,7 @@ class Pressure:
 
     @property
     def seconds(self) -> float:
-        """Time up to which blocks were produced, s."""
+        """Time up to which blocks have been computed, s."""
         return self._block * self._count / RATE_HZ
 
     def add_pulse(self, begin: float, end: float) -> bool:

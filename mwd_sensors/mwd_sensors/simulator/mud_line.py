@@ -23,12 +23,12 @@ from mwd_sensors.core.settings import setting
 Complex = NDArray[np.complex128]
 _STEEL = 2.07e11  # Young's modulus of steel, Pa
 _GAS = 1.2  # polytropic exponent of the gas in a dampener, between isothermal and adiabatic
-_ATMOSPHERE = 1.0e5  # Pa
+_ATMOSPHERE = 1.0e5  # atmospheric pressure, Pa
 
 
 @dataclasses.dataclass(frozen=True)
 class WellGeometry:
-    """Geometry, mud and surface piping."""
+    """Settings of a well for the pressure waves: geometry, mud and surface piping."""
 
     depth_m: float = setting(3000.0, "Measured depth of the bit.", unit="m", low=100.0, high=12000.0)
     flow_m3_s: float = setting(0.033, "Flow rate.", unit="m^3/s", low=0.002, high=0.2)
@@ -63,7 +63,12 @@ def wave_speed(well: WellGeometry) -> float:
 
 
 def _line(well: WellGeometry, omega: Array, radius: float, area: float, friction: float) -> tuple[Complex, Complex]:
-    """Return propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe; omega, (n,), in rad/s."""
+    """
+    Return propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe, shape (n,) each.
+
+    omega, shape (n,): angular frequencies, rad/s. radius, m, and area, m^2, of the flow. friction: pressure gradient of
+    the mean flow, Pa/m.
+    """
     s = radius * np.sqrt(1j * omega * well.density / well.viscosity)
     # Compute I1 / I0 from exponentially scaled functions, because the unscaled functions overflow above some hertz.
     series = 1j * omega * well.density / area / (1.0 - 2.0 * scipy.special.ive(1, s) / (s * scipy.special.ive(0, s)))
@@ -101,9 +106,9 @@ def responses(well: WellGeometry, frequency_hz: Array) -> tuple[Complex, Complex
 
     Parameters
     ----------
-    well : Well
+    well : WellGeometry
     frequency_hz : ndarray, shape (n,)
-        Positive frequencies.
+        Frequencies, Hz, above 0.
 
     Returns
     -------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate the transmission of a pulse tool: after each flow-on a sync and the survey, then toolfaces repeatedly."""
+"""Simulate a pulse tool: after each flow-on it sends a sync and a survey once, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 
 
 class SentWord(NamedTuple):
-    """One transmitted word; start and end by the clock of the surface, s."""
+    """
+    One transmitted word.
+
+    start_s and end_s are by the clock of the surface, s. frame is the number of the transmitted sequence, from 0; raw
+    is the transmitted code.
+    """
 
     start_s: float
     end_s: float
@@ -37,7 +42,12 @@ class SentTransmission:
 
 @dataclasses.dataclass(frozen=True)
 class LinkRun:
-    """A simulated run: pressure, Pa, at times, s, shape (n,) each; strokes of each pump; the transmission."""
+    """
+    Simulated run with a transmission through mud.
+
+    time_s and pressure_pa, shape (n,): times, s, and standpipe pressure, Pa. strokes_s: times of the counted strokes
+    of each pump, s. sent: the transmission.
+    """
 
     time_s: Array
     pressure_pa: Array

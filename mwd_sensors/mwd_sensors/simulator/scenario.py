@@ -2,8 +2,8 @@
 """
 Scenario: the settings of one simulated run of a sonde.
 
-They describe place and date, hole, schedule, vibration, instruments, magnetic disturbances, faults, and the seed of all
-random numbers.
+The settings describe place and date, hole, schedule, vibration, instruments, magnetic disturbances, faults, and the
+seed of all random numbers.
 """
 
 from __future__ import annotations
@@ -170,7 +170,13 @@ class Scenario:
     )
 
     def __post_init__(self) -> None:
-        """Check the values against each other."""
+        """
+        Check the scenario.
+
+        Raise ValueError for a date that is not readable, a schedule without phases, a fault that is not possible,
+        stick-slip or hunting in a run with steering, or rates of kinematics, converter, output and rig that are not
+        multiples of each other.
+        """
         parse_date(self.date)
         if not self.schedule:
             raise ValueError("schedule: at least one phase is needed")

@@ -18,6 +18,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.vibration import ENVELOPES
 
+# Kinds of phases.
 KINDS = ("drill", "slide", "circulate", "still", "connection", "move")
 # Values of `activity` in mwd_msgs/Truth.
 STILL, SLIDING, ROTATING, TRIPPING = range(4)
@@ -112,7 +113,7 @@ class Timeline:
     seconds: float
 
     def active(self, when: str) -> list[tuple[float, float]]:
-        """Return the intervals, s, in which an envelope is constant and above 0.5."""
+        """Return the intervals, s, in which the envelope `when`, a name of `ENVELOPES`, is constant and above 0.5."""
         profile = self.envelopes[ENVELOPES.index(when)]
         ends = np.append(profile.starts[1:], self.seconds)
         steady = (profile.terms[:, 0] > 0.5) & (np.abs(profile.terms[:, 1:]).max(axis=1) == 0.0)
@@ -156,7 +157,7 @@ class _Lanes:
         return self.bit.rate != 0.0 or self.angle.rate != 0.0
 
     def jump(self, targets: Targets) -> None:
-        """Set the targets at once, for a run that starts in the middle of a phase."""
+        """Set the profiles to their targets at once, for a run that starts in the middle of a phase."""
         for name, value in targets.items():
             if name in ("bit_rate", "angle_rate"):
                 (self.bit if name == "bit_rate" else self.angle).rate = value
@@ -166,7 +167,7 @@ class _Lanes:
                 self.lanes[name].value = value
 
     def step(self, seconds: float, targets: Targets) -> None:
-        """Change to the targets within a time, s."""
+        """Append a piece of a length, s, to all profiles, in which the profiles change to their targets."""
         if seconds <= 0.0:
             self.jump(targets)
             return
@@ -378,7 +379,7 @@ class Profile:
 
 
 class ProfileBuilder:
-    """Builds a `Profile` by adding one piece after the other, from a value and a rate at time 0."""
+    """Builder of a `Profile`, to which pieces are added one after the other; starts with a value and a rate."""
 
     def __init__(self, value: float = 0.0, rate: float = 0.0) -> None:
         self.time = 0.0
@@ -388,7 +389,7 @@ class ProfileBuilder:
         self._terms: list[list[float]] = []
 
     def hold(self, seconds: float) -> None:
-        """Keep the present rate for a time, s."""
+        """Add a piece of a length, s, with the present rate."""
         if seconds > 0.0:
             self._add(seconds, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0])
 

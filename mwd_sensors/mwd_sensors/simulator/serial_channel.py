@@ -26,7 +26,7 @@ class SerialChannel:
 
 class SerialStream:
     """
-    Serial line with its errors over time.
+    Serial line that changes and loses bytes and breaks at random times.
 
     Parameters
     ----------
@@ -47,7 +47,11 @@ class SerialStream:
         self._break += self._breaks.exponential(3600.0 / hourly) if hourly > 0.0 else np.inf
 
     def carry(self, start_s: float, data: bytes) -> bytes:
-        """Return the received bytes of `data`, sent without a pause from start_s, s, which rises from call to call."""
+        """
+        Return the bytes that arrive if `data` is sent.
+
+        The bytes are sent without a pause from the time start_s, s, which must rise from call to call.
+        """
         raw = np.frombuffer(data, dtype=np.uint8).copy()
         wrong = np.flatnonzero(self._errors.random(len(raw) * 8) < self._channel.bit_errors)
         np.bitwise_xor.at(raw, wrong // 8, (1 << wrong % 8).astype(np.uint8))

@@ -26,7 +26,7 @@ from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
-# Streams of random numbers. Their order must never change; append new ones, so that old seeds give the same runs.
+# Streams of random numbers. Append new streams and keep the order, so that old seeds give the same runs.
 _STREAMS = (
     "timeline",
     "lines",
@@ -70,7 +70,7 @@ class Sonde:
         Reference field for surveys at the place and date, or the scenario's override.
     duration : float
         Length of the run, s.
-    motion : Motion
+    motion : SimulatedMotion
         Exact motion of the sonde.
     string : String or None
         Top drive and string, if the scenario has steering.
@@ -182,12 +182,14 @@ class Sonde:
 
     def command(self, command: steering.SteeringCommand) -> None:
         """
-        Pass a command to the top drive or the pumps; it acts within 0.2 s (a step and the sensors' delay) after `time`.
+        Pass a command to the top drive or the pumps.
+
+        The command acts at most 0.2 s after `time` (one step and the delay of the sensors).
 
         Raises
         ------
         ValueError
-            The scenario has no steering, or the rig cannot do this (see `steering.check`).
+            The scenario has no steering, or the rig cannot carry out the command (see `steering.check`).
         """
         if self.string is None or self._pumps is None:
             raise ValueError("the rig of this scenario does not obey commands; add `steering: {}` to the scenario")
@@ -208,7 +210,7 @@ class Sonde:
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
         """
-        Yield the samples of every topic in blocks of this length, s, to the end of the schedule.
+        Yield the samples of every topic in blocks of `seconds`, s, to the end of the schedule.
 
         Each block holds, for each topic of `topics`, the samples that arrive in it (possibly none). A second
         call continues where the last block ended.
@@ -558,9 +560,9 @@ class CommandedFlow:
 
     def _ramp(self, time: float, share: float, *, follows: bool = False) -> float:
         """
-        Ramp to a share of the full flow from a time on, s; return the time at which it is reached, s.
+        Ramp the flow to a share of the full flow from a time on, s; return the time at the end of the ramp, s.
 
-        follows appends the ramp to the last one; otherwise it replaces all later changes.
+        follows: append the ramp to the last ramp; otherwise the new ramp replaces all changes after its start.
         """
         now = self._knots[-1][1] if follows else float(self._share(np.array([time]))[0])
         if not follows:
@@ -583,7 +585,7 @@ class MeasuringUnit:
 
     Parameters
     ----------
-    unit : Unit
+    unit : SimulatedUnit
         Grade, lever arm and output of the unit.
     step, rate : int
         Rate of the kinematics and of the output, Hz.

@@ -5,8 +5,8 @@ Top drive that obeys commands, and a string below it that winds up, sticks and s
 The string is a torsional spring with a lumped inertia at its end. The defaults of spring, inertia and damping are from
 Jansen and van den Steen, Journal of Sound and Vibration 179 (1995). Friction on the wall falls with speed,
 which causes stick-slip. Friction acts against the direction in which the pipe moves over the wall. A string that slides
-along the hole therefore yields slowly to any torque, and one that does not slide sticks. The reactive torque of a mud
-motor turns the string to the left (counter-clockwise looking down-hole). Angles and speeds are positive clockwise.
+along the hole therefore yields slowly to any torque, and a string that does not slide sticks. The reactive torque of a
+mud motor turns the string to the left (counter-clockwise looking down-hole). Angles and speeds are positive clockwise.
 
 Unlike the rest of the motion, the angle of such a string has no closed form. It is integrated at the instants of the
 kinematics, one after the other, so that the same commands at the same steps give the same bits.
@@ -32,8 +32,10 @@ HOLD, ROTATE, ORIENT, PUMP, RELEASE = range(5)
 _SCHEDULE = -1
 _RPM = math.pi / 30.0
 _LINES = 24  # number of sines in the motor's unsteady torque
-_YIELD = 10.0  # 1/s; gain from excess wind-up, rad, to the speed, rad/s, at which a torque-limited top drive unwinds
-_LEAST_SLIDE = 1e-5  # rad/s; a string with a smaller sliding speed divided by the pipe radius counts as not sliding
+# Speed at which a top drive at its torque limit unwinds, per angle of wind-up beyond the limit, rad/s per rad.
+_YIELD = 10.0
+# Lower limit of the sliding speed divided by the pipe radius, rad/s: friction of a string that does not slide.
+_LEAST_SLIDE = 1e-5
 
 
 class State:
@@ -141,7 +143,7 @@ class Steering:
     most_turn_deg: float = setting(720.0, "Largest turn in one command.", unit="deg", low=1.0, high=36000.0)
 
     def __post_init__(self) -> None:
-        """Check the values against each other."""
+        """Raise ValueError if friction rises with speed, or the band of the motor's torque has no width."""
         if self.kinetic_nm > self.static_nm:
             raise ValueError(f"kinetic_nm {self.kinetic_nm:g} must not be above static_nm {self.static_nm:g}")
         if self.motor_band_hz[0] >= self.motor_band_hz[1]:
@@ -314,10 +316,11 @@ def advance(
     drive: Array,
 ) -> None:
     """
-    Integrate over n instants dt apart; changes state, shape (1,), and fills turn and drive.
+    Integrate top drive and string over n instants that are dt, s, apart.
 
-    slide, shape (n,): speed along the hole divided by the pipe radius, rad/s. scheduled, rad/s, and motor, N m, shape
-    (n,).
+    Changes state, shape (1,), and fills turn and drive (see `String.advance`). slide, shape (n,): speed along the hole
+    divided by the pipe radius, rad/s. scheduled, shape (n,): speed of the top drive by the schedule, rad/s. motor,
+    shape (n,): reactive torque, N m.
     """
     s = state[0]
     for i in range(len(slide)):
@@ -333,7 +336,7 @@ def advance(
             wanted = s.speed
         elif s.mode == ORIENT:
             rest = s.target - s.drive
-            # As fast as the top drive can still stop at the target; slower close to the target.
+            # Use the highest speed from which the top drive can still stop at the target; be slower close to it.
             wanted = min(p.fastest, math.sqrt(1.6 * p.ramp * abs(rest)), 10.0 * abs(rest))
             if rest < 0.0:
                 wanted = -wanted

@@ -35,7 +35,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 FLOW_HZ = 5.0  # rate at which the tool measures the flow
 _FLOW_SIGMA = 2e-4  # m^3/s; noise of the tool's own turbine
-# The channels are computed again after a change of depth by this, m, which shifts the pulses by some milliseconds.
+# Change of depth, m, after which the channels are computed again; it shifts the pulses by some milliseconds.
 _DEEPER_M = 10.0
 
 
@@ -119,12 +119,12 @@ class TelemetryLink:
         return float(self._timeline.bit(np.array([at_s]))[0, 0])
 
     def send(self, signal: OnAir) -> None:
-        """Transmit a signal whose times, except the start, are on the tool's clock; count late signals in `late`."""
+        """Transmit a signal whose times, except the start, are on the tool's clock; add its late parts to `late`."""
         self.late += self._channels[signal.link].send(signal.on_true_clock(self._clock))
 
     def flows(self, until_s: float) -> tuple[Array, Array]:
         """
-        Return the flow that the tool measured since the last call.
+        Return the flow that the tool measured since the last call, up to the time until_s of the run, s.
 
         Returns
         -------

@@ -38,7 +38,7 @@ class RandomVibration:
     when: str = setting("drilling", "Phases of the schedule in which it acts.", choices=WHEN)
 
     def __post_init__(self) -> None:
-        """Check the values against each other."""
+        """Raise ValueError if the lowest frequency is not below the highest."""
         if self.band_hz[0] >= self.band_hz[1]:
             raise ValueError(f"band_hz {self.band_hz}: the lowest frequency must be below the highest")
 
@@ -92,7 +92,7 @@ class Whirl:
 
 @dataclasses.dataclass(frozen=True)
 class Sweep:
-    """A sine whose frequency rises and falls linearly, as on a shaker (S3's vibration test)."""
+    """A sine whose frequency rises and falls linearly, as on a shaker (test in S3, docs/references.md)."""
 
     low_hz: float = setting(10.0, "Frequency at the start.", unit="Hz", low=0.5, high=900.0)
     high_hz: float = setting(150.0, "Frequency after half the period.", unit="Hz", low=0.5, high=900.0)

@@ -43,7 +43,12 @@ class PerTurnLines(NamedTuple):
 
 
 class SweepLines(NamedTuple):
-    """A frequency sweep; shape (6,): amplitude in m/s^2 (power 2) or rad/s (power 1), and phase, rad."""
+    """
+    A frequency sweep.
+
+    Each array has one element per channel, shape (6,): amplitude of the acceleration, m/s^2 (power 2), or of the
+    angular rate, rad/s (power 1), and phase, rad.
+    """
 
     low_hz: float
     high_hz: float
@@ -74,7 +79,7 @@ class Hits(NamedTuple):
 
 
 def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> SpectralLines:
-    """Draw the sines of all vibrations that are sums of sines."""
+    """Return the sines of random vibration, tones, whirl, hunting and stick-slip; most have a random phase."""
     rows: list[tuple[int, int, float, float, float]] = []
 
     def band(when: str, channel: int, band_hz: tuple[float, float], count: int, rms: float, power: int) -> None:

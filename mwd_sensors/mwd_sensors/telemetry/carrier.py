@@ -3,8 +3,8 @@
 Send words on a carrier: blocks of words with header and CRC-16, coded, interleaved, modulated as BPSK, DPSK or QPSK.
 
 A block is sent as first half, marker of known symbols, second half. From the marker in the middle, which is close to
-both ends, the receiver estimates time, phase and channel. All blocks have the same length and each names the words that
-it holds, so that a receiver can start with any block.
+both ends, the receiver estimates time, phase and channel. All blocks have the same length, and the header of each block
+identifies its words, so that a receiver can start with any block.
 Sources: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, sections 3.2 and 4.5; S. Crozier, New
 high-spread high-distance interleavers for turbo-codes, 2000 (relative prime interleaver).
 """
@@ -95,7 +95,7 @@ class Carrier:
 
     @property
     def half(self) -> int:
-        """Number of symbols before the marker."""
+        """Number of symbols of a block before its marker."""
         return self.coded_bits // _BITS_PER_SYMBOL[self.modulation] // 2 + (self.modulation == "dpsk")
 
     @property
@@ -135,7 +135,7 @@ class Coil:
 
 
 class BlockName(NamedTuple):
-    """Identifies the words in a block: kind and number of the sequence, and position of the block in the sequence."""
+    """Identity of the words in a block: kind and number of the sequence, and position of the block in the sequence."""
 
     kind: str
     number: int
@@ -164,7 +164,11 @@ def interleaver(count: int) -> Indices:
 
 @functools.cache
 def data_places(carrier: Carrier) -> Indices:
-    """Return the positions of symbols with coded bits, (n,); DPSK codes a bit in the change from the symbol before."""
+    """
+    Return the positions, within a block, of the symbols that carry coded bits, shape (n,).
+
+    DPSK codes a bit in the change from the symbol before, so the first symbol of a block carries no bit.
+    """
     places = np.arange(carrier.block_symbols)
     inside = (places >= carrier.half) & (places < carrier.half + MARKER_SYMBOLS)
     return places[~inside & (places >= (carrier.modulation == "dpsk"))]
@@ -214,7 +218,7 @@ def unpacked(data: bytes, lengths: Sequence[int]) -> tuple[int, ...]:
 def block_bits(
     carrier: Carrier, name: BlockName, codes: Sequence[int], lengths: Sequence[int], start: int = START
 ) -> Indices:
-    """Return header, words and check of a block as bits before coding, shape (24 + block_bits,)."""
+    """Return header, words and check of a block as bits, 0 or 1, before coding, shape (24 + block_bits,)."""
     header = KINDS.index(name.kind) << 7 | name.number << 4 | name.place
     data = signed(bytes([header]) + packed(codes, lengths, carrier.block_bits), start)
     return np.unpackbits(np.frombuffer(data, dtype=np.uint8)).astype(np.int64)

@@ -8,7 +8,7 @@ import binascii
 CRC_BYTES = 2
 
 
-START = 0xFFFF  # usual start value of the register
+START = 0xFFFF  # usual start value of the CRC register
 
 
 def crc16(data: bytes, start: int = START) -> int:

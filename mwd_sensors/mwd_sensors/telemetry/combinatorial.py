@@ -21,7 +21,7 @@ from mwd_sensors.core.arrays import Indices
 from mwd_sensors.telemetry.pulse_position import Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 
-# Least time between two leading edges, TU: a pulse of 2 TU, and 2 TU in which the valve closes and the mud settles.
+# Shortest time between two leading edges, TU: a pulse of 2 TU, and 2 TU in which the valve closes and the mud settles.
 SPACING_TU = 4
 # Time from the last possible edge to the next word, TU: a pulse of 2 TU, and a gap of 2 TU.
 _TAIL_TU = 4
@@ -46,7 +46,7 @@ def check(items: Sequence[SequenceItem]) -> None:
 @functools.cache
 def shape(bits: int) -> tuple[int, int]:
     """
-    Return the number of pulses and of slots for a word of this many bits.
+    Return the number of pulses, and the number of slots of 1 TU, of a word with this many bits.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def values(bits: int) -> Indices:
 
 @functools.cache
 def odd(bits: int) -> Indices:
-    """Return whether each code has an odd number of ones, 0 or 1; shape (2^bits,)."""
+    """Return 1 for each code with an odd number of binary ones, else 0; shape (2^bits,)."""
     return np.array([code.bit_count() & 1 for code in range(2**bits)])
 
 

@@ -20,7 +20,11 @@ STATES = 1 << MEMORY
 
 @functools.cache
 def outputs() -> Indices:
-    """Return the two coded bits of each step, first bit high; shape (states, 2), indexed by state and input bit."""
+    """
+    Return the two coded bits of a step as one number (2 times the first bit plus the second bit).
+
+    The result has shape (states, 2), indexed by state and input bit.
+    """
     table = np.empty((STATES, 2), dtype=np.int64)
     for state in range(STATES):
         for bit in (0, 1):

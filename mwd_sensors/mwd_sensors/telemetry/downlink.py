@@ -145,7 +145,7 @@ class Symbol(NamedTuple):
 
 def levels(frame: DownlinkFrame, downlink: Downlink) -> tuple[int, ...]:
     """
-    Return the levels of a command in order, from 0 (lowest) to 3 (drilling value).
+    Return the levels of the symbols of a command in order: 0 is the lowest level, 3 the drilling value.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def levels(frame: DownlinkFrame, downlink: Downlink) -> tuple[int, ...]:
 
 
 def decode(data: tuple[int, ...], downlink: Downlink) -> DownlinkFrame | None:
-    """Return the command of 9 data levels, or None if the check fails."""
+    """Return the command in 9 data levels, or None if the check fails or the code is not valid."""
     bits = 0
     for level in data:
         bits = bits << 2 | _GRAY[level]
@@ -233,7 +233,7 @@ def programme(frame: DownlinkFrame, downlink: Downlink) -> DownlinkProgramme:
 
 
 def _crc8(value: int, bits: int, start: int) -> int:
-    """Return the CRC-8 with polynomial 0x2F (AUTOSAR CRC8H2F), which detects any three wrong bits of up to 119."""
+    """Return the CRC-8 with polynomial 0x2F (AUTOSAR CRC8H2F); it detects three wrong bits in up to 119 bits."""
     register = start
     for k in reversed(range(bits)):
         feedback = register >> 7 & 1 ^ value >> k & 1

@@ -27,8 +27,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MOST_SECTORS = 16
 # Bits of the quality, as in mwd_msgs/LogSample.
 NO_TOOLFACE, INCOMPLETE, SATURATED, FROM_WORD, ONE_SIDED = 1, 2, 4, 8, 16
-#: A word carries the mean over the newest interval that ended at a whole second of the tool's clock and at least this
-#: long, s, before the word begins.
+#: Shortest time from the end of an interval to the start of the word that carries its mean, s. The word carries the
+#: newest interval that ended early enough; intervals end at whole seconds of the tool's clock.
 SETTLE_S = 1.0
 
 
@@ -96,7 +96,7 @@ class LogChannel:
         Raises
         ------
         ValueError
-            There are 1 to 3 sectors, another source than gamma has sectors, or their words do not fit their number.
+            There are 1 to 3 sectors, another source than gamma has sectors, or the number of sector words differs.
         """
         if self.sectors and (self.sectors < 4 or self.source != GAMMA):
             raise ValueError(f"sectors: must be 0, or 4 to {MOST_SECTORS} of a gamma detector, got {self.sectors}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meanings of words by the names that MWD kits use, with their SI units; tool and surface share this table."""
+"""Quantities that the words of MWD kits measure, by the names of the words, with SI units, for tool and surface."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class GroupSignal(NamedTuple):
 
 def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]:
     """
-    Split one pass of a sequence into groups: single words for pulses, blocks for a carrier, one frame for a line.
+    Split a sequence, sent once, into groups: single words for pulses, blocks for a carrier, one frame for a line.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
 
 
 def sync(tool: ToolConfiguration) -> GroupSignal:
-    """Return the sync that starts a transmission in pulses."""
+    """Return the signal of the sync, the pulse pattern with which a transmission starts."""
     duration = tool.sync.length_tu * tool.tu_s
     return GroupSignal(duration, duration, edges_s=tuple(edge * tool.tu_s for edge in tool.sync.edges_tu))
 

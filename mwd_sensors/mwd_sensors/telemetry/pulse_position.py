@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-PULSE_TU = 2
-GAP_TU = 4
+PULSE_TU = 2  # width of a pulse, TU
+GAP_TU = 4  # gap after the window of a packet, TU
 
 
 class Pulses(NamedTuple):
-    """Leading edges relative to the start, and total length, in TU."""
+    """Pulses of a word or of a sequence: leading edges from its start, and its length, TU."""
 
     edges: tuple[int, ...]
     length: int

@@ -16,7 +16,8 @@ from typing import NamedTuple
 from mwd_sensors.core.settings import unknown_key
 from mwd_sensors.telemetry.words import COMMON, MAX_BITS, Word
 
-# Largest number of words in one pass; a longer sequence is taken for a typing error in a repeat count.
+# Largest number of words of a sequence with its repeats written out; more words are taken for a typing error in a
+# repeat count.
 MAX_WORDS = 1000
 _TOKEN = re.compile(
     r"[\s,;]*(?:(\d*)\s*\{|(\})|([A-Za-z][A-Za-z0-9_]*)(?:\s*:\s*(\d+))?(?:\s*:\s*([PpNn]))?(?=[\s},;]|$))"
@@ -32,7 +33,7 @@ class SequenceItem(NamedTuple):
 
     @property
     def length(self) -> int:
-        """Number of transmitted bits."""
+        """Number of transmitted bits, parity bit included."""
         return self.bits + self.parity
 
 

@@ -86,7 +86,7 @@ def cobs(data: bytes) -> bytes:
 
 
 def uncobs(data: bytes) -> bytes | None:
-    """Decode bytes made by `cobs`; return None if they are not valid."""
+    """Decode bytes made by `cobs`; return None if they are not valid COBS."""
     out, at = bytearray(), 0
     while at < len(data):
         code = data[at]
@@ -104,7 +104,7 @@ def encode(
     name: tuple[str, int], counter: int, codes: Sequence[int], items: Sequence[SequenceItem], start: int = START
 ) -> bytes:
     """
-    Encode one pass of a sequence as a binary frame, including its end.
+    Encode the words of a sequence, each sent once, as a binary frame with its end byte.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def written(item: SequenceItem, word: Word, code: int) -> str:
 
 
 def encode_line(values: Sequence[str], check: bool) -> bytes:
-    """Return a line of text with values written by `written`."""
+    """Return a line of text; values are texts that `written` has returned."""
     line = ",".join(values).encode("ascii")
     return line + (b"*%04X" % crc16(line) if check else b"") + b"\r\n"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Debounce of flow or rotation: a change counts when it has held for a time. Tool and surface use the same rule."""
+"""Debounce of flow or rotation: a new state counts when it has held for a time. Tool and surface use the same rule."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Switch:
         if condition == self.on:
             self._candidate_ns = None
             return False
-        # A later candidate had a wrong stamp.
+        # A candidate later than this stamp had a wrong stamp: start again.
         if self._candidate_ns is None or stamp_ns < self._candidate_ns:
             self._candidate_ns = stamp_ns
         if stamp_ns - self._candidate_ns < self.hold_ns:

@@ -104,7 +104,7 @@ def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguratio
 
 def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]:
     """
-    Return index and argument of a command that a user names.
+    Return the index in `COMMANDS` and the argument of a command, from the name and the value that a user gave.
 
     Parameters
     ----------
@@ -143,7 +143,8 @@ def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
     """
     Return the commands of a tool with the values that a user can choose.
 
-    survey_now and mute have no values. Other commands without a choice, such as for a single sequence, are left out.
+    survey_now and mute have no values. Other commands that offer no choice are left out, such as `sequence` for a tool
+    with one sequence.
     """
     downlink = downlink_of(tool)
     count = max(len(tool.surveys), len(tool.toolfaces))

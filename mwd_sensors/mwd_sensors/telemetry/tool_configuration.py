@@ -231,7 +231,7 @@ class ToolConfiguration:
 
     @property
     def shortest_s(self) -> float:
-        """Time unit of pulses, s, or the equivalent for a carrier: the signal's band ends at 1.6 / shortest_s, Hz."""
+        """Time unit of pulses, s; for a carrier, 1.6 divided by the highest frequency of its band, s."""
         if self.code == "psk":
             return 1.6 / (self.carrier.frequency_hz + 2.0 * self.carrier.symbol_rate_hz)
         return self.tu_s
@@ -264,7 +264,7 @@ class ToolConfiguration:
         return sum(self.pulses(0, item.length).length for item in items)
 
     def seconds(self, items: tuple[SequenceItem, ...]) -> float:
-        """Return the duration of one pass of a sequence (all words once), s; for pulses without sync and header."""
+        """Return the time to send a sequence once, s; for pulses, sync and header are not included."""
         if self.code == "psk":
             return len(blocks_of(items, self.carrier.block_bits)) * self.carrier.block_s
         if self.code == "serial":
@@ -297,7 +297,7 @@ def encode(
     tool: ToolConfiguration, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...], number: int | None = None
 ) -> Pulses:
     """
-    Return the pulses of one pass of a sequence.
+    Return the pulses of a sequence that is sent once.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ def encode(
     codes : tuple of int
         Value of each word without parity; None for a missing measurement.
     number : int, optional
-        Number of the sequence, if sync and header come first; None for a pass without them.
+        Number of the sequence, if sync and header come first; None to leave out sync and header.
 
     Returns
     -------
@@ -398,7 +398,7 @@ def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
 
 def starting(code: str) -> ToolConfiguration:
     """
-    Return a configuration to start from for a code, with the usual sequences of MWD kits.
+    Return the default configuration for a code, with the usual sequences of MWD kits, as a template for users.
 
     Raises
     ------

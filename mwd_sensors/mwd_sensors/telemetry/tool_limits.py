@@ -2,8 +2,8 @@
 """
 Limits of a tool: battery, times that the tool withstands temperature and vibration, parts and their calibration.
 
-They are the section `health` of a tool configuration. Without a configuration the figures below are used and count as
-assumed: they are typical of MWD kits and not from a data sheet.
+The limits are the section `health` of a tool configuration. Without a configuration the figures below are used and
+count as assumed: they are typical of MWD kits and not from a data sheet.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Pack:
 
 @dataclasses.dataclass(frozen=True)
 class BatteryLimits(Pack):
-    """Battery of a tool, from its data sheet."""
+    """Data of a tool's battery with their sigmas, and limits for alarms."""
 
     capacity_sigma: float = setting(
         0.05,
@@ -98,8 +98,8 @@ class ExposureLimit:
         """
         Return the time that the tool withstands a level, h.
 
-        It is infinite below the first level, interpolated in its logarithm between two rows, and constant above the
-        last level.
+        The time is infinite below the first level and constant above the last level. Between two rows its logarithm is
+        interpolated linearly.
         """
         if level < self.hours[0][0]:
             return math.inf
@@ -109,7 +109,7 @@ class ExposureLimit:
 
 @dataclasses.dataclass(frozen=True)
 class ToolPart:
-    """A part of the tool."""
+    """Part of a tool, with its serial number and calibration."""
 
     serial_number: str = setting("", "Serial number.")
     calibrated: str = setting("", "Day of the last calibration, such as 2026-03-01; empty: not calibrated.")

@@ -19,7 +19,7 @@ MAX_BITS = 24
 
 @dataclasses.dataclass(frozen=True)
 class Word:
-    """Range of one measured value. Numbers stay in the given unit, as users write them."""
+    """Coding of one measured value as a word; low, high and sigma are in the word's unit, as users write them."""
 
     bits: int = setting(0, "Length of the word; 0 if the sequence gives it.", low=0, high=MAX_BITS)
     low: float = setting(0.0, "Value of the code 0.")
@@ -57,7 +57,7 @@ class Word:
 
     @property
     def circular(self) -> bool:
-        """Return whether the value wraps."""
+        """Whether the value is a direction, which wraps."""
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
     def missing(self, bits: int = 0) -> int | None:

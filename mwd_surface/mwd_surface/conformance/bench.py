@@ -40,7 +40,7 @@ class View:
 
 @dataclasses.dataclass(frozen=True)
 class ControlAnswer:
-    """Answer to a request for control, with the fields of `control.status.Decision`."""
+    """Answer to a request for control, with the fields of `control.status.ControlDecision`."""
 
     permission: int
     lease: int
@@ -61,7 +61,7 @@ class Wish:
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """Set-point, in SI and rad."""
+    """Set-point of top drive or pumps, in SI units and rad."""
 
     mode: int = Mode.ROTATE
     speed: float = 0.5
@@ -74,7 +74,7 @@ class AuthorityClient(Protocol):
     """Client of an interface, which the authority can distinguish from all other clients."""
 
     def ask(self, wish: Wish) -> ControlAnswer:
-        """Request control, or the renewal of a lease."""
+        """Request control, or the renewal of a lease; return the answer of the authority."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
         """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""
@@ -151,7 +151,7 @@ class Bench:
         return self.interface.view()
 
     def ask(self, peer: AuthorityClient, **wish: object) -> ControlAnswer:
-        """Request control; a pending request is not granted by the person."""
+        """Request control; the person at the rig does not grant a pending request."""
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Cases that every interface of a control authority must pass: each misuses the interface and reads the public state.
+Cases for every interface of a control authority; each uses or misuses the interface and reads the public state.
 
 A case is a function that takes a `Bench` and returns whether the authority behaved correctly, and what was observed.
 """
@@ -18,8 +18,8 @@ from mwd_surface.control.set_point import Mode
 from mwd_surface.control.status import Permission
 
 Case = Callable[[Bench], tuple[bool, str]]
-CASES: list[tuple[str, str, Case]] = []
-_OBEYS = (Mode.ROTATE, Mode.ORIENT, Mode.PUMP)
+CASES: list[tuple[str, str, Case]] = []  # title, expected result and function of each case
+_OBEYS = (Mode.ROTATE, Mode.ORIENT, Mode.PUMP)  # modes in which a set-point moves top drive or pumps
 _FAR = 1e6  # value that exceeds every limit, in any unit
 
 
@@ -35,7 +35,7 @@ class Result:
 
 
 def case(title: str, expected: str) -> Callable[[Case], Case]:
-    """Return a decorator that adds a case to the list."""
+    """Return a decorator that adds a function to `CASES`."""
 
     def add(function: Case) -> Case:
         CASES.append((title, expected, function))
@@ -61,7 +61,11 @@ def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iter
 
 
 def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
-    """Return whether a misuse was refused, so that the owner's set-point stays in force, and a text about this."""
+    """
+    Return whether a misuse was refused and the owner's set-point stays in force, and the observation as text.
+
+    taken: whether the interface reported the misuse as accepted. sequence: number of the owner's set-point.
+    """
     view = bench.view()
     if not taken and view.lease != lease:
         # The misuse was refused, but the lease ended: a heartbeat of this program was late, or the MWD fell silent.
@@ -74,7 +78,7 @@ def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[
     return True, f"refused; set-point {sequence} stays in force"
 
 
-# Correct use.
+# Correct use, renewals of a lease, and its end.
 
 
 @case("a controller that keeps the rules", "control is granted, obeyed and given back")

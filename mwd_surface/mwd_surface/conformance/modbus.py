@@ -83,7 +83,7 @@ class ModbusConformance:
 
 
 class ModbusPeer:
-    """One Modbus connection."""
+    """Client with a Modbus connection of its own."""
 
     def __init__(self, interface: ModbusConformance, client: Any) -> None:
         self._interface, self.client = interface, client
@@ -111,7 +111,7 @@ class ModbusPeer:
         return answer
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send the command block."""
+        """Send a set-point or a heartbeat as a command block; return whether there was no exception."""
         return self.write(_COMMAND, block(lease, sequence, point))
 
     def release(self, lease: int) -> bool:
@@ -121,7 +121,7 @@ class ModbusPeer:
 
 
 def block(lease: int, sequence: int, point: Point) -> list[int]:
-    """Return the words of a command block."""
+    """Return the register values, 16 bit each, of a command block."""
     if not 0 <= point.mode <= 0xFFFF:
         raise NotPossibleError("a mode is a register")
     values = (point.speed / _RPM, point.turn / _DEGREE, point.flow / _LITRE_PER_MINUTE, point.valid_for)

@@ -108,7 +108,7 @@ class OpcuaConformance:
 
 
 class OpcuaPeer:
-    """One OPC UA session."""
+    """Client with an OPC UA session of its own."""
 
     def __init__(self, interface: OpcuaConformance) -> None:
         from asyncua import ua
@@ -182,7 +182,7 @@ class OpcuaPeer:
         return ControlAnswer(permission, lease, message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point."""
+        """Send a set-point or a heartbeat; return whether the server accepts it."""
         whole = ((lease, self._kinds.UInt32), (sequence, self._kinds.UInt32), (int(point.mode), self._kinds.Byte))
         floats = (point.speed, point.turn, point.flow, point.valid_for)
         arguments = [self._variant(value, kind) for value, kind in whole]
@@ -190,7 +190,7 @@ class OpcuaPeer:
         return bool(self.call("set_point", *arguments)[0])
 
     def release(self, lease: int) -> bool:
-        """Give a lease back."""
+        """Give a lease back; return whether the server accepts this."""
         return bool(self.call("release_control", self._variant(lease, self._kinds.UInt32), "conformance")[0])
 
     def close(self) -> None:

@@ -6,13 +6,13 @@ The state machine follows the D-WIS interface to a drilling control system (ADCS
 denied; the owner of the lease sends set-points and a heartbeat; the loss of the controller or of the MWD causes a
 reaction set in advance. The owner can prolong a lease and command within the granted limits, and nobody else can use
 the lease. The machine reads no clock: every call takes `now`, s, of one steady clock, and first ends the leases,
-requests and set-points that have expired by then. Calls from several threads are safe, because page and rig interfaces
-have their own threads.
+requests and set-points that have expired by then. Several threads may call it: page and rig interfaces have their own
+threads.
 
 A part of the surface node that needs the rig, for example a downlink, is a controller like any other::
 
     me = Sender("surface", "downlink")
-    decision = authority.request(Request(me, "downlink", priority=50), now)
+    decision = authority.request(ControlRequest(me, "downlink", priority=50), now)
     if decision.permission == Permission.GRANTED:
         authority.command(SetPoint(Mode.PUMP, decision.lease, 1, flow_rate=0.02), now, me)
         ...                                         # send sequence 0 (heartbeat) at least once in heartbeat_s
@@ -42,9 +42,10 @@ from mwd_surface.control.status import (
 )
 
 _SWITCHED_OFF = "control is switched off at this rig; set control.enabled to allow it"
-_TORQUE_TIME = 1.0  # s for which the torque must exceed its limit; stick-slip peaks are shorter
+_TORQUE_TIME = 1.0  # time above the torque limit after which the lease ends, s; stick-slip peaks are shorter
 _LONGEST_NAME = 100  # largest number of characters of the name or the role of a controller
-# A larger step back, s, is a clock that was set back; a smaller step is due to calls of several threads out of order.
+# Largest step back of `now`, s, that calls of several threads out of order can cause. After a larger step the clock
+# counts as set back.
 _CLOCK_BACK = 1.0
 _WORDS = {
     Reaction.KEEP: "the last set-point stays in force until a person or a new lease ends it",
@@ -55,7 +56,12 @@ _WORDS = {
 
 @dataclasses.dataclass
 class _Lease:
-    """Lease or waiting request: number, request, limits; begin, end and the controller's last sign of life, all s."""
+    """
+    Lease or waiting request.
+
+    since, ends, heard: time of the request, end of the lease, and time of the controller's last message that proves it
+    alive, steady time, s. waits: reason why a request waits; empty for a lease.
+    """
 
     number: int
     request: ControlRequest
@@ -202,7 +208,7 @@ class ControlAuthority:
             return True, f"{pending.name} is denied"
 
     def _abort(self, operator: str, because: str) -> None:
-        """Give top drive and pumps to the driller in any state; drop a waiting request, which would be granted next."""
+        """Give top drive and pumps to the driller in any state; drop a waiting request, else it would be granted."""
         if self._pending is not None:
             self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None
@@ -339,7 +345,7 @@ class ControlAuthority:
                 self._refusal = f"the rig refuses: {message}"
 
     def on_rig(self, achieved: Achieved, now: float) -> None:
-        """Store the state of the rig."""
+        """Store the state that the rig reports, and the time since which its torque is above the limit."""
         with self._lock:
             self._achieved = achieved
             limit = math.inf if self._lease is None else self._lease.limits.torque
@@ -457,7 +463,7 @@ class ControlAuthority:
 
 
 def _not_the_same(lease: _Lease, request: ControlRequest) -> str:
-    """Return the reason to deny a request that has the sender or the name of a lease or waiting request, not both."""
+    """Return the reason to deny a request that shares only sender or only name with a lease or waiting request."""
     if lease.sender == request.sender:
         return f"controller: you already are {lease.name}; give lease {lease.number} back to ask under another name"
     return f"controller: {lease.name} is the name of another controller on {lease.sender.interface}; use another name"

@@ -17,8 +17,8 @@ from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 
-_BLOCK = 1000  # numbers reserved at a time
-_LARGEST = 2**32 - 1  # uint32 on the wire
+_BLOCK = 1000  # number of lease numbers that are reserved at a time
+_LARGEST = 2**32 - 1  # largest lease number, uint32 on the wire
 
 
 class LeaseNumbers:
@@ -69,7 +69,7 @@ class LeaseNumbers:
 
     def reserve(self, upcoming: int) -> None:
         """
-        Make sure that a block of numbers is reserved before the next number is given.
+        Reserve a block of numbers from `upcoming`, the next number, unless half a block is reserved already.
 
         Raises
         ------

@@ -13,9 +13,9 @@ import math
 
 from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check, ramped
 
-RIG_TIMEOUT = 2.0  # s without a command after which the rig reacts by itself
-_REFRESH = 0.5  # s between repetitions of a command
-_MOST_UNANSWERED = 100  # commands whose answer is still expected; older commands are forgotten
+RIG_TIMEOUT = 2.0  # time without a command after which the rig reacts by itself, s
+_REFRESH = 0.5  # time between repetitions of a command, s
+_MOST_UNANSWERED = 100  # largest number of commands whose answer is still expected; older commands are forgotten
 # Longest time step of a ramp, s. The surface calls `due` ten times per second. After a pause of the process the speed
 # must not jump to the value that the ramp would have reached during the pause.
 _LONGEST_STEP = 0.2
@@ -96,7 +96,7 @@ class RigCommands:
                     self.let_go()
 
     def take(self, point: SetPoint, achieved_speed: float, now: float) -> None:
-        """Set a checked set-point; achieved_speed: present speed of the top drive, rad/s, at which a ramp begins."""
+        """Put a checked set-point into force; achieved_speed: present speed, rad/s, at which a ramp begins."""
         if point.mode == Mode.RELEASE:
             self.let_go()
         elif point.mode == Mode.PUMP:
@@ -116,7 +116,7 @@ class RigCommands:
                 channel.lapses = now + channel.point.valid_for
 
     def hold(self) -> None:
-        """Hold the string without a time limit."""
+        """Command the top drive to hold the string, without a time limit."""
         self._set(self._drive, SetPoint(Mode.HOLD, 0, 1), math.inf)
 
     def keep(self) -> None:

@@ -132,7 +132,8 @@ def check(point: SetPoint, limits: LeaseLimits) -> None:
     Raises
     ------
     ValueError
-        The mode is unknown, a number is not finite or beyond its limit, or the validity is not positive.
+        The mode is unknown, the sequence number is not from 1 to `LARGEST_NUMBER`, a number is not finite or beyond its
+        limit, or the validity is not positive.
     """
     if point.mode not in set(Mode):
         raise ValueError(f"mode: must be one of {', '.join(f'{m.value} {m.name.lower()}' for m in Mode)}")

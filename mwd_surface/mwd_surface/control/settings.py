@@ -12,7 +12,7 @@ REACTIONS = ("keep", "hold", "release")
 
 @dataclasses.dataclass(frozen=True)
 class ControlSettings:
-    """Settings of who may command top drive and pumps, and within which limits."""
+    """Settings for control of top drive and pumps by controllers: permission, limits, reactions to faults."""
 
     enabled: bool = setting(
         False, "Let controllers take control of top drive and pumps. If false, every request is denied.", fixed=True

@@ -51,7 +51,7 @@ class InterlockReadings(NamedTuple):
     no_control: str = ""
 
 
-# Values that are larger than on any rig, in m^3/s, rad/s and Pa.
+# Readings of this size or larger are impossible on any rig: m^3/s, rad/s, Pa.
 _MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
 
 

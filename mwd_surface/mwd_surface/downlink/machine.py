@@ -22,13 +22,13 @@ from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.tool_echo import ToolEcho
 
 PERMISSION_S = 120.0  # time after which an unused permission lapses, s
-# Delay of an answer due to receiver and depth, in addition to the time to send two surveys, s.
+# Delay of an answer due to receiver and depth, in addition to the time to send two sequences, s.
 _LATE_S = 120.0
 _STEADY = 0.04  # largest change of the drilling value before the first symbol, as a share of the value
-# The quantity that the command does not change (flow, m^3/s, or speed, rad/s) is checked for deviations only if its
-# initial value is at least this.
+# Lower limits, m^3/s and rad/s, of the value from which the allowed deviation of the quantity that the command does not
+# change (flow or speed) is computed. A share of a value near 0 would not allow for noise.
 _LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0
-_LOST_S = 2.0  # longest time between two updates, s; after a longer time the rig was not monitored
+_LOST_S = 2.0  # longest time between two updates, s; after a longer time the rig counts as not monitored
 
 
 class DownlinkState(enum.IntEnum):
@@ -297,8 +297,9 @@ class Machine:
         """
         Longest time from the last symbol to the answer, s.
 
-        The time is that of two surveys, with the slower of the present and the commanded configuration, one symbol and
-        the delay of receiver and depth.
+        The time is that of sending the longest sequence twice, by the slower of two configurations, plus one symbol and
+        the delay of receiver and depth. The configurations are the present one, and the commanded one while its answer
+        is awaited, else that of the tool as delivered.
         """
         slowest = 0.0
         for tool in (tool_commands.applied(self.tool, self.in_force), self.expected or self.tool):
@@ -307,7 +308,7 @@ class Machine:
         return 2.0 * slowest + self.downlink.symbol_s + _LATE_S
 
     def elapsed(self, now: float) -> float:
-        """Return the time since the first symbol, s; 0 before it, the programme's duration after the last symbol."""
+        """Return the time since the start of the first symbol, s: 0 before it, at most the programme's duration."""
         if self.programme is None or self.state not in (DownlinkState.RUNNING, DownlinkState.SENT):
             return 0.0
         return min(max(now - self._started, 0.0), self.programme.duration_s)

@@ -74,12 +74,13 @@ class Memory:
         """
         Read the stored data; return defaults if there is no file.
 
-        If the file belongs to another tool, the stored settings are replaced by the settings of `tool` as delivered.
+        If `tool` does not support the stored settings (the file is that of another tool), they are replaced by the
+        settings of `tool` as delivered.
 
         Raises
         ------
         ValueError
-            The file cannot be parsed; the message says what to do.
+            The file cannot be read or parsed; the message says what to do.
         """
         try:
             kept = _kept(read_text(self._file, budgets.JSON))
@@ -111,7 +112,7 @@ class Memory:
 
 
 def _kept(text: str) -> Kept:
-    """Parse the content of a file; ValueError, TypeError or KeyError if it is not valid."""
+    """Parse the content of a file; raise ValueError, TypeError or KeyError if it is not valid."""
     given = load_json(text)
     kept = Kept(
         ToolSettings(**given["in_force"]), given["counter"], given["number"], given["heard"], tuple(given["sent"])

@@ -34,5 +34,5 @@ class RigClock:
         return self._given
 
     def silent(self, steady: float) -> bool:
-        """Return whether no data of the rig have arrived for two seconds, or ever; steady: steady time, s."""
+        """Return whether the rig has sent no data in the last two seconds; steady: steady time, s."""
         return steady - self._steady > _SILENT_S

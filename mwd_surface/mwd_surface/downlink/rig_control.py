@@ -9,8 +9,8 @@ from mwd_surface.control.status import ControlJudgement, ControlRequest, Permiss
 
 _NAME, _ROLE = "downlink", "command to the tool"
 _SENDER = Sender("surface", _NAME)
-_PRIORITY = 100  # of the request for control, 0 to 255; takes control from owners with a lower priority
-_VALID_S = 5.0  # if the surface stops, the rig returns to the driller after this time
+_PRIORITY = 100  # priority of the request for control, 0 to 255; owners with a lower priority lose control
+_VALID_S = 5.0  # if the surface stops, the rig returns to the driller's settings after this time, s
 
 
 class RigControl:
@@ -32,7 +32,11 @@ class RigControl:
         return self._lease > 0
 
     def why_not(self, now: float) -> str:
-        """Return why the rig does not, or would not, accept set-points, or an empty string. now: steady time, s."""
+        """
+        Return the reason why the rig refuses set-points of the downlink, or would refuse them; empty if it does not.
+
+        now: steady time, s.
+        """
         status = self._authority.status(now)
         if not status.enabled:
             return "the rig does not take set-points: set control.enabled once it does"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the downlink."""
+"""Settings of the downlink at the surface: tool file and limits."""
 
 from __future__ import annotations
 

@@ -66,8 +66,8 @@ class ToolEcho:
         """
         Return the frame with the counter to send, and whether its echo will prove that the command arrived.
 
-        last: counter sent last, 0 if unknown. If it is unknown, the counters that come last after the counter of the
-        last echo are tried first, because the surface may have sent the next counters before its memory was lost.
+        last: counter sent last; 0: unknown. Without it, counters are tried backwards from the counter before that of
+        the last echo, because the surface may have sent the counters after the echo before its memory was lost.
         """
         known = frame_of(self.heard) if self.heard is not None else None
         if last == 0 and known is not None:
