@@ -22,8 +22,8 @@ class AlarmLog:
     ----------
     clock : WellClock
     tell : callable, optional
-        `tell(text, severity)`, called with each event, as INFO, and with each alarm of `raise_alarm`, as CRITICAL,
-        whatever the severity of the event or alarm. Alarms of `set_alarms` are not passed on.
+        `tell(text, severity)`, called with each event and with each alarm of `raise_alarm`. Alarms of `set_alarms`
+        are not passed on.
     stamp : callable, optional
         Returns the time with which alarms and events are stamped, ns; by default the time of `clock`. With simulated
         time, this is the simulated time.
@@ -50,12 +50,12 @@ class AlarmLog:
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:
         """Log an event that is not an alarm."""
         self.book.note(source, text, self.now_ns(), severity)
-        self._tell(printable(f"{source}: {text}"), Severity.INFO)
+        self._tell(printable(f"{source}: {text}"), severity)
 
     def raise_alarm(self, alarm_id: str, severity: Severity, text: str, remedy: str = "") -> None:
         """Raise an alarm, or update it if it is raised already (`AlarmBook.raise_alarm`)."""
         self.book.raise_alarm(alarm_id, severity, text, remedy, self.now_ns())
-        self._tell(printable(f"{text}; {remedy}" if remedy else text), Severity.CRITICAL)
+        self._tell(printable(f"{text}; {remedy}" if remedy else text), severity)
 
     def clear_alarm(self, alarm_id: str) -> None:
         """Clear an alarm whose cause has ended; no effect if the alarm is not raised."""

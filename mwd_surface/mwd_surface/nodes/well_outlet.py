@@ -84,9 +84,11 @@ class NodeOutlet(WellOutlet):
     def tell(self, text: str, severity: Severity) -> None:
         """Write an event or an alarm into the log of the process."""
         logger = self._node.get_logger()
-        # Use two lines, because rclpy allows only one severity for each line of code.
+        # rclpy allows only one severity for each line of code.
         if severity == Severity.CRITICAL:
             logger.error(text)
+        elif severity == Severity.WARNING:
+            logger.warning(text)
         else:
             logger.info(text)
 

@@ -74,5 +74,5 @@ def bias_text(bias: Bias) -> str:
     value, sigma, expected = (factor * x for x in (bias.value, bias.sigma, bias.expected))
     return (
         f"{bias.sensor} {bias.axis} bias {value:+.{decimals}f} +- {sigma:.{decimals}f} {unit}"
-        f" (tool code {expected:.{decimals}f})"
+        f" (1 sigma of the tool code {expected:.{decimals}f})"
     )

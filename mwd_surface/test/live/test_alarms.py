@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.well_clock import WellClock
 
 
 def raised(book, alarm_id="link.stale", severity=Severity.WARNING, stamp=10, text="no sonde"):
@@ -148,3 +150,12 @@ def test_every_change_that_people_see_changes_the_version():
     book.acknowledge("", "A. Berg", 20)
     versions.append(book.version)
     assert len(set(versions)) == 4
+
+
+@pytest.mark.parametrize("severity", list(Severity))
+def test_the_log_of_the_process_has_the_severity_of_the_event_or_alarm(severity):
+    logged = []
+    log = AlarmLog(WellClock(), lambda text, level: logged.append((text, level)))
+    log.log_event("survey", "withdrawn", severity)
+    log.raise_alarm("disk.full", severity, "the disk is full", "free some space")
+    assert logged == [("survey: withdrawn", severity), ("the disk is full; free some space", severity)]

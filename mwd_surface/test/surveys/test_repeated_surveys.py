@@ -54,7 +54,7 @@ def test_a_bias_is_named_with_what_the_tool_code_allows():
     ((shot, _),) = shots_of(_list(600.0).records, "MWD+SRGM")
     assert shot.verdict != "pass"
     assert "magnetometer y bias +600" in sentence(shot)
-    assert "(tool code 70)" in sentence(shot)
+    assert "(1 sigma of the tool code 70)" in sentence(shot)
 
 
 def test_a_rejected_survey_and_another_tool_are_told_apart():
