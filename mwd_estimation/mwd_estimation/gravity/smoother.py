@@ -38,7 +38,7 @@ def smooth(params: BoundedParams, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_
 
 
 def joined(parts: list[Track]) -> Track:
-    """Concatenate tracks."""
+    """Return the tracks of consecutive blocks as one track."""
     return Track._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
 
 
@@ -69,7 +69,7 @@ class Smoother:
         return self._state.samples_are
 
     def continued(self) -> Smoother:
-        """Return a smoother for the samples after a silence, with the kind of the samples that was found so far."""
+        """Return a new smoother for the samples after a pause in the stream; it keeps the detected kind of samples."""
         smoother = Smoother(self.params)
         smoother._state.keep_meaning(self._state)
         return smoother
@@ -112,10 +112,10 @@ class Smoother:
 
 def _back(part: Track, updates: Any, north_t: Array) -> None:
     """
-    Replace directions and sigmas of `part` by smoothed ones (equation (12) of the bounded filter).
+    Replace directions and sigmas of `part` by smoothed values (equation (12) of the bounded filter).
 
-    updates: structured array of `Update`, shape (m,); its `sample` is an index in the part, and may be negative or
-    after its end. north_t: first level axis in tool axes at each sample, shape (at least n, 3).
+    updates: structured array of `Update`, shape (m,); the field `sample` is an index in `part`, and may be negative or
+    beyond the end of `part`. north_t: first level axis in tool axes at each sample, shape (at least n, 3).
     """
     if len(updates) < 2:
         return
