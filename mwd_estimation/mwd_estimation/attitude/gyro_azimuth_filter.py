@@ -28,8 +28,8 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle
 
-# Smallest number of turns in a bin from which the leakage is estimated. And 1 sigma of the true rate across the axis (a
-# fast curve, whirl), rad/s, which does not average out over the incomplete turn of a bin.
+# Smallest number of turns in a bin from which the leakage is estimated; and 1 sigma of the true rate across the axis
+# (in a fast curve or by whirl), rad/s, which does not average out over the incomplete turn of a bin.
 _MIN_TURNS, _ACROSS_RATE = 0.5, math.radians(0.05)
 # Innovation over its sigma above which a magnetic azimuth is not used.
 GATE = 4.0
@@ -335,7 +335,9 @@ def magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: MagneticAzimut
 @compiled
 def seek(p: GyroAzimuthParams, s: GyroAzimuthState, azimuth: float, sigma: float) -> None:
     """
-    Process the azimuth of a north seek and its 1 sigma, rad; if it disagrees, the azimuth restarts from it.
+    Process the azimuth of a north seek and its 1 sigma, rad.
+
+    If it disagrees with the propagated azimuth, the propagated azimuth restarts from the north seek.
 
     North seeks of one gyro have a common error. If the azimuth already comes from an earlier seek, use the more
     accurate of the two and not their mean.
@@ -362,8 +364,8 @@ def station(s: GyroAzimuthState, accepted: StationAzimuth) -> None:
     """
     Begin to propagate the azimuth of an accepted station.
 
-    A station without a gyro azimuth that disagrees with the propagated azimuth of the previous station is not used at
-    first; only if the next station disagrees too, the azimuth of that next station is propagated.
+    If a station without gyro azimuth disagrees with the propagated azimuth of the previous station, its azimuth is not
+    used. If the next station disagrees too, the azimuth of this next station is propagated.
     """
     if not s.have_azimuth:
         return
