@@ -108,7 +108,7 @@ class Binner:
         return [closed for closed, _ in self.add_placed(stamp_ns, values)]
 
     def add_placed(self, stamp_ns: Stamps, values: Array) -> list[tuple[Bin, int]]:
-        """Add a block as `add`; return each closed bin with the index in the block of the sample that closed it."""
+        """Add a block as `add` does; return each closed bin and the index in the block of the sample that closed it."""
         closed: list[tuple[Bin, int]] = []
         start, n = 0, len(stamp_ns)
         while start < n:
