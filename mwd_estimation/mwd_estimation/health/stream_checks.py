@@ -118,7 +118,11 @@ def _pace(s: Any, samples: Samples) -> PaceCounts:
 
 @compiled
 def _usual_interval(s: Any, samples: Samples) -> float:
-    """Return the usual interval of the half second, s: the lower third, because a third of the samples may be lost."""
+    """
+    Return the usual interval between samples of the half second, s.
+
+    It is the interval at one third of the sorted intervals: up to about a third of the samples may be lost.
+    """
     return float(
         1e-9
         * np.sort(samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1])[(s.stop - s.first) // 3]
@@ -127,7 +131,7 @@ def _usual_interval(s: Any, samples: Samples) -> float:
 
 @compiled
 def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
-    """Accept a new sample rate after it has been constant for _SET_BINS half seconds: the unit was set to it."""
+    """Accept a new sample rate, as set in the unit, after it has been constant for _SET_BINS half seconds."""
     if checks[FaultCode.RATE.value, 0].state != FAULT or s.stop - s.first <= _FEW_INTERVALS:
         s.at_other = 0
         return

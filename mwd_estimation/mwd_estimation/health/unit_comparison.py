@@ -38,9 +38,10 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.records import dtype_of
 
-# Number of half seconds of motion after which the conventional unit would be doubtful if its axes were wrong; of rest
-# before a rate is checked; and in which this rate must be steady. Largest variation of a steady rate, as a share of the
-# rate. Smallest number of samples in a half second for a mean rate.
+# _MOVED_BINS: number of half seconds of motion after which the conventional unit would be doubtful if its axes were
+# wrong. _REST_BINS: number of half seconds at rest before a rate is checked. _STEADY_BINS: number of half seconds in
+# which a rate that is too high must be steady. _STEADY: largest variation of a steady rate, as a share of the rate.
+# _SAMPLES: smallest number of samples in a half second for a mean rate.
 _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
 # A rate at rest is too high if it is above the sum of _BIASES times the bias sigma, twice the Earth rate, and _PULLED,
 # rad/s: the rate of a string that is pulled steadily through a bend of 10 deg in 30 m at 1 m/s, and that all other
