@@ -43,13 +43,14 @@ _RAMP_S = 3600.0
 _BIAS, _RAMP, _G, _SIZE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 # Indices in the Gaussian of a seek.
 _EARTH, _INSTRUMENT, _HEADING = slice(0, 2), slice(2, 12), 12
-# Kinds of unit whose biases stepped earlier in the run, and those that step before this station.
+# Indices in `GyroErrors.kind` for a unit whose biases stepped earlier in the run, and for a unit whose biases step
+# before this station.
 _EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
 # Centres of overlapping arcs of azimuth, rad, which are so short that the Earth rate along an arc is nearly a straight
 # line; and smallest probability of an arc with its own Gaussian.
 _ARCS, _WORTH_AN_ARC = np.arange(12) * math.tau / 12.0, 1e-4
-# Smallest odds of a kind relative to the most probable one, because the unit may change; and a probability that counts
-# as zero.
+# Smallest odds of a kind relative to the most probable kind, so that a unit that changes can still be recognised; and a
+# probability that counts as zero.
 _LEAST_ODDS, _NONE = 1e-6, 1e-300
 # Probability that the biases step between two stations (a shock): a guess of one shock in a run of fifty stations.
 _STEP = 0.02
@@ -91,7 +92,8 @@ class Sought:
 
     mean: Array  #: shape (14,)
     covariance: Array  #: shape (14, 14)
-    #: shape (10, 10); covariance of biases, ramps and g-sensitivity at the end that the seek assumed, about zero
+    #: shape (10, 10); prior covariance, about zero, that the seek assumed for biases, ramps and g-sensitivity,
+    #: propagated to the end of the seek
     prior: Array
 
 
@@ -130,7 +132,12 @@ def stated(params: SeekParams) -> GyroErrors:
 
 
 def _as_stated(params: SeekParams, weight: Array, kind: Indices, scale: Array) -> GyroErrors:
-    """Return Gaussians of these kinds with these scales of the stated bias, shape (k,)."""
+    """
+    Return Gaussians of gyro errors with mean zero and the sigmas that the parameters state.
+
+    weight, shape (k,): probabilities; kind, shape (k, 3): see `GyroErrors`; scale, shape (k,): factors on the stated
+    bias.
+    """
     p = kernel_params(params)
     one = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]) * DEG_PER_HOUR
     sigmas = np.empty((len(scale), _SIZE))
@@ -174,7 +181,11 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
 
 
 def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
-    """Return the gyro errors before the next station, to which the biases may step to those of a unit as stated."""
+    """
+    Return the gyro errors before the next station, between the stations of a run.
+
+    With the probability `_STEP` a shock changes the biases; the new biases have the stated sigma and mean zero.
+    """
     weight = np.exp(errors.log_weight)
     # A step leaves drift and g-sensitivity as they are: one Gaussian for each pair of their kinds.
     pairs, of_pair = np.unique(errors.kind[:, 1:], axis=0, return_inverse=True)

@@ -164,7 +164,7 @@ class GyroStation:
         return seek.turns and quiet and self._turned_s <= self.unit.longest_turn_s
 
     def solution(self) -> Solution | None:
-        """Return north so far, or the reason why there is none; None without a precision unit."""
+        """Return the azimuth so far, or the reason why there is none; None before the first precision sample."""
         if not self._has_samples:
             return None
         if self._refusal is not None:
