@@ -50,7 +50,7 @@ from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T; a sample with no larger component on any axis is not a measurement
+_WEAKEST = 1e-9  # T; a magnetic sample is a measurement only if at least one component is larger
 # Number of samples in a row whose stamps are not later than the newest one, after which the stamps count as stopped. It
 # is more than the samples of a fast unit in a second, because single stamps may be wrong by a second
 # (`time_jumps.BACK_NS`).
@@ -66,7 +66,7 @@ class _Ahead:
         self._count = 0
 
     def add(self, samples: Samples) -> int:
-        """Add a block; if there are too many samples, drop the oldest and return their number."""
+        """Add a block; drop the oldest blocks if more than `MOST_AHEAD` samples wait; return the number dropped."""
         self._parts.append(samples)
         before = self._count = self._count + len(samples)
         while self._count - len(self._parts[0]) >= MOST_AHEAD:
@@ -74,7 +74,7 @@ class _Ahead:
         return before - self._count
 
     def take(self) -> Samples | None:
-        """Remove and return all waiting samples; None if there are none."""
+        """Remove and return all waiting samples; None if no samples wait."""
         parts = list(self._parts)
         self._parts.clear()
         self._count = 0
@@ -164,7 +164,7 @@ class Estimate:
         return self._gravity.samples_are
 
     def set_reference(self, reference: Reference) -> None:
-        """Check and correct with this reference from now on; restart the estimate of the interference."""
+        """Use this reference for all checks and corrections from now on; restart the estimate of the interference."""
         self._given = reference
         self.field.set_reference(reference)
         if self._ready:
@@ -175,9 +175,9 @@ class Estimate:
         """
         Accept samples of another stream: mag, precision or temperature.
 
-        Their dtype is that of `wire.MAG`, `wire.IMU` or `wire.TEMPERATURE`.
-        They wait for the next block of the conventional unit. If the conventional unit sends nothing, or its stamps do
-        not advance, the oldest samples are rejected, because they would be paired with gravity of another time.
+        Their dtype is that of `wire.MAG`, `wire.IMU` or `wire.TEMPERATURE`. The samples wait for the next block of the
+        conventional unit. If the conventional unit sends nothing, or its stamps do not advance, the oldest samples are
+        rejected, because they would be paired with gravity of another time.
         """
         self._counters.rejected += self._ahead[name].add(samples)
 
@@ -277,7 +277,7 @@ class Estimate:
         self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
 
     def _correct_delay(self, span: int) -> None:
-        """If a new time span begins, correct the delay of the magnetometer's stamps that was found so far."""
+        """If a new time span (index `span`) begins, correct the delay of the magnetometer's stamps found so far."""
         if span > self._delay_span:
             self._delay_span = span
             self._shift_mag(self._delay.judge(span * SPAN_NS))
@@ -384,7 +384,7 @@ class Estimate:
 # Status of the attitude at the end of each bin, for surveys that are completed later.
 
 
-# Number of bins kept, ten minutes: a survey waits a shorter time for the gyro.
+# Number of bins whose status is kept (ten minutes): a survey waits a shorter time for the gyro.
 _KEPT = 1200
 _SLACK_NS = 1_000_000  # tolerance for the end of a survey, ns: more than its rounding error
 
