@@ -167,7 +167,7 @@ def _write_attitude(
 
 @compiled
 def _sigma(sigma: float, known: bool, unsure: bool) -> float:
-    """Return the sigma for the message, rad: NaN if the value is unknown, pi if nothing is known about its error."""
+    """Return the sigma for the message, rad: NaN if the value is unknown, pi if its error may have any size."""
     return (math.pi if unsure else sigma) if known else math.nan
 
 

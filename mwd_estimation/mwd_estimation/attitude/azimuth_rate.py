@@ -184,7 +184,7 @@ def precision_sums(
 
 @compiled
 def _scale(sums: BinSums, factor: float) -> None:
-    """Multiply the sums that contain rates of the precision unit."""
+    """Multiply the sums that contain rates of the precision unit by a factor."""
     sums.turn *= factor
     sums.noise *= factor
     sums.spin *= factor

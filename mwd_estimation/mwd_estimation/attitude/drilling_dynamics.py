@@ -35,7 +35,7 @@ _NONE = np.iinfo(np.int64).min
 
 
 class DynamicsParams(NamedTuple):
-    """Settings of the summary."""
+    """Settings of the summary of drilling dynamics."""
 
     shock_threshold: float = 25.0 * STANDARD_GRAVITY  #: non-gravity acceleration that counts as a shock, m/s^2
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
@@ -59,7 +59,7 @@ class Slot:
 
 
 class DynamicsState:
-    """State of the summary."""
+    """State of the summary of drilling dynamics."""
 
     index: int  #: index of the open slot; _NONE before the first
     slots: Annotated[MutableSequence[Slot], SLOTS]  #: last slots, each stored at its index modulo SLOTS

@@ -204,7 +204,7 @@ def _run(
     rows: Samples,
     propagated: Samples,
 ) -> int:
-    """Fill the last two arguments and return the number of magnetic azimuths used; arguments as in `run`."""
+    """Fill `rows` and `propagated`, and return the number of magnetic azimuths used; arguments as in `run`."""
     used, precision_used, step = 0, 0, 0
     sigma = kalman_filter.azimuth_sigma(s)
     earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])

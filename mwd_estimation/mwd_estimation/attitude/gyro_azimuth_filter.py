@@ -75,9 +75,9 @@ def begin(p: GyroAzimuthParams, s: GyroAzimuthState) -> None:
 @compiled
 def _update(s: GyroAzimuthState, ph: Array, innovation: float, variance: float) -> None:
     """
-    Update the states with one measured number; the station's azimuth has no gain.
+    Update the states with one scalar measurement, which does not change the propagated azimuth of the station.
 
-    ph, shape (STATES,): covariance of the number with the states; variance: variance of the innovation.
+    ph, shape (STATES,): covariance of the measured quantity with the states; variance: variance of the innovation.
     """
     # The gains of the other states change the station azimuth's covariances, not its variance (Joseph form, zero gain).
     azimuth, own = s.x[Error.STATION], s.P[Error.STATION, Error.STATION]
@@ -107,7 +107,7 @@ def correct(s: GyroAzimuthState, azimuth: float, slow: float, constant: float, v
 
 @compiled
 def _innovation(s: GyroAzimuthState, azimuth: float, slow: float, constant: float) -> float:
-    """Return the azimuth minus the predicted one, rad in [-pi, pi)."""
+    """Return the measured azimuth minus the predicted azimuth, rad in [-pi, pi); slow, constant: as in `correct`."""
     x = s.x
     return wrap_angle(azimuth - x[Error.AZIMUTH] - slow * x[Error.SLOW_ERROR] - constant * x[Error.CONSTANT_ERROR])
 
@@ -177,7 +177,7 @@ def open_bias(s: GyroAzimuthState, sums: BinSums) -> None:
     Increase the bias variances of the conventional unit if the gravity estimate found a step of the biases in this bin.
 
     Gravity shows only the component of a step across the vertical, and the azimuth needs the component along the
-    vertical. From the step to the end of the bin this unknown component has turned both azimuths.
+    vertical. From the step to the end of the bin this unknown component has turned both propagated azimuths.
     """
     if sums.gyro_step <= 0.0 or sums.time <= 0.0:
         return

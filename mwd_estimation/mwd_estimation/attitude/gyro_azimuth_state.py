@@ -113,7 +113,7 @@ class GyroAzimuthParams(NamedTuple):
 
 
 def at_latitude(params: GyroAzimuthParams, latitude_deg: float | None) -> GyroAzimuthParams:
-    """Return the settings with the Earth's rotation at a latitude; if it is None, the rotation counts as drift."""
+    """Return the settings with the Earth's rotation at a latitude; without latitude, the rotation counts as drift."""
     if latitude_deg is None:
         drifting = tuple(unit._replace(drift=math.hypot(unit.drift, EARTH_RATE)) for unit in params.units)
         return params._replace(units=(drifting[0], drifting[1]))

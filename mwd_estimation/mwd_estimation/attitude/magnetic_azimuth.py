@@ -86,7 +86,7 @@ class MagneticAzimuths:
         return self._state is not None
 
     def update(self, station: StationUpdate | None) -> None:
-        """Use the interference found at a station."""
+        """Use the interference and the gyro azimuth found at a station; do nothing if `station` is None."""
         state = self._state
         if station is None or state is None or self._reference is None:
             return

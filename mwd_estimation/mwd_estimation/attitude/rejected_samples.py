@@ -117,7 +117,7 @@ def _nearest(s: RejectedState, stamp: int) -> tuple[int, float]:
 
 @compiled
 def _propagate(s: RejectedState, sample: Sample) -> None:
-    """Rotate gravity to the stamp of a rejected sample; if impossible, mark its toolface as unknown."""
+    """Rotate gravity to the stamp of a rejected sample; if this is impossible, mark its toolface as unknown."""
     sample.rate_x, down = math.nan, sample.down
     if not math.isfinite(down[0] + down[1] + down[2]):
         return

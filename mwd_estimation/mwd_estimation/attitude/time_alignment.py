@@ -42,7 +42,7 @@ def last_totals(state: Samples) -> tuple[float, float] | None:
 
 
 def restart_smoothing(state: Samples) -> None:
-    """Let the next magnetic sample replace the smoothed azimuth and toolface, as after a change of the field model."""
+    """Let the next magnetic sample replace the smoothed azimuth and toolface, because the field model has changed."""
     state["restart"] = True
 
 
@@ -255,7 +255,12 @@ def _write(
     across_axis: float,
     row: AttitudeRow,
 ) -> None:
-    """Write the row of a sample; across_axis: axial interference across the azimuth in a horizontal hole, T."""
+    """
+    Write the row of a sample.
+
+    across_axis: 1 sigma of the component of the axial interference across magnetic north if the hole were horizontal,
+    T.
+    """
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
     row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi

@@ -113,7 +113,7 @@ class SensorFault:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """For INVALID and NOISE: the faulty axes."""
+        """For INVALID and NOISE: the faulty axes, 0 (x) to 2 (z)."""
         return tuple(k for k in range(3) if self.which[0] >> k & 1)
 
     @property

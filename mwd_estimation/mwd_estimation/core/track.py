@@ -162,7 +162,7 @@ def take(
     """
     Check one sample for any gravity method, and return its step in time and its status bits.
 
-    Arguments as in `admit`; gyro_range, rad/s, accel_range, m/s^2 : ranges beyond which the sensors clip.
+    Arguments as in `admit`; gyro_range, rad/s, accel_range, m/s^2 : ends of the ranges, at which the sensors clip.
 
     Returns
     -------

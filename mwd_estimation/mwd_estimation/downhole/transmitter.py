@@ -263,7 +263,7 @@ class Transmitter:
         return sent
 
     def _begin_sending(self, at_ns: int) -> None:
-        """Start to send with the survey at a time, ns, and use the configuration changed by the received commands."""
+        """Start to send at a time, ns, beginning with the survey; use the configuration changed by commands so far."""
         self.state, self._next_ns, self._commanded, self._begins_anew = TransmitterState.SENDING, at_ns, False, False
         self.tool = self._commands.tool()
         self._on_air = self._frames() if self.wired else self._parts(with_survey=True)
@@ -279,7 +279,7 @@ class Transmitter:
 
     @property
     def _number(self) -> int:
-        """Number of the sequences (survey and toolface) to send now."""
+        """Index of the survey and the toolface sequence to send now."""
         if not self.tool.names_sequences:
             return 0
         switches = self._settings.rotation_switching_s > 0.0

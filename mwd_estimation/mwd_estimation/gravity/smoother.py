@@ -77,7 +77,7 @@ class Smoother:
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:
-        """Accept a block; return the gravity of the samples that are now finished, in order of time."""
+        """Accept a block; return the gravity of the samples that now have enough later samples, in order of time."""
         part, log = bounded.run_logged(self.params, self._state, stamp_ns, gyro_t, accel_t, clipped)
         updates = log.updates[: log.entries[0]].copy()
         updates["sample"] += self._count
@@ -128,7 +128,7 @@ def _back(part: Track, updates: Any, north_t: Array) -> None:
 @compiled
 def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array) -> None:
     """
-    Fill the smoothed tilt after and before each update, rad, shape (m, 2) each, and its covariance, rad^2, (m, 2, 2).
+    Fill the smoothed tilt after and before each update, rad, (m, 2), and the covariance after it, rad^2, (m, 2, 2).
 
     The updates are processed backwards. A is the information matrix that later measurements add, with their information
     vector in its last column. With the filter's covariance P after update k, the smoothed errors are P A[:, -1] and

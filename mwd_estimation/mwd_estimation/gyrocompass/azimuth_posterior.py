@@ -54,7 +54,7 @@ def part(
     log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0, misfit: float = 0.0
 ) -> MixturePart:
     """
-    Return the part for a Gaussian of filter states.
+    Return the mixture part for a Gaussian of filter states.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class _Cost:
 
 def along(parts: Sequence[MixturePart], horizontal: float) -> tuple[Array, Array, Array]:
     """
-    Evaluate each part along the circle.
+    Evaluate each part at angles along the circle.
 
     Returns
     -------

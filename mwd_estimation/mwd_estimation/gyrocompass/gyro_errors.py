@@ -76,7 +76,7 @@ class GyroErrors:
 
     @property
     def bias_sigma(self) -> Array:
-        """1 sigma of the mean bias, rad/s, shape (3,)."""
+        """1 sigma of the bias of x, y, z, rad/s, shape (3,)."""
         own = np.diagonal(self.covariance, axis1=1, axis2=2)[:, _BIAS]
         return np.sqrt(np.exp(self.log_weight) @ (own + (self.mean[:, _BIAS] - self.bias) ** 2))
 
@@ -107,7 +107,7 @@ class Joined(NamedTuple):
     misfit: Array
 
     def at(self, down: float) -> Joined:
-        """Return the Gaussians given the vertical Earth rate `down`, rad/s."""
+        """Return the Gaussians under the condition that the vertical Earth rate is `down`, rad/s."""
         mean, S = self.mean, self.covariance
         variance = S[:, -1, -1]
         gain, off = S[:, :-1, -1] / variance[:, None], down - mean[:, -1]
@@ -182,9 +182,9 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
 
 def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
     """
-    Return the gyro errors before the next station, between the stations of a run.
+    Return the gyro errors before the next station of a run, when the biases may have stepped.
 
-    With the probability `_STEP` a shock changes the biases; the new biases have the stated sigma and mean zero.
+    With the probability `_STEP` a shock has changed the biases; the new biases have the stated sigma and mean zero.
     """
     weight = np.exp(errors.log_weight)
     # A step leaves drift and g-sensitivity as they are: one Gaussian for each pair of their kinds.
@@ -229,7 +229,11 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
 
 
 def parts(errors: GyroErrors, found: Joined) -> list[MixturePart]:
-    """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
+    """
+    Return Gaussians of the horizontal Earth rate, weighted by their evidence.
+
+    found: result of `Joined.at` with the vertical Earth rate at the latitude.
+    """
     heading = np.eye(_HEADING + 1)[_HEADING]
     return [
         part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]), float(misfit))

@@ -50,7 +50,7 @@ class NorthSeek:
         north_seek.run(self.params, self.state, stamps, values[:, :3], values[:, 3:], clipped)
 
     def solution(self) -> Solution:
-        """Return north so far, or the reason why there is none."""
+        """Return the azimuth so far, or the reason why it must not be used."""
         return north_seek.solution(self.params, self.state, self.errors)
 
 
@@ -89,7 +89,7 @@ class StaticSeek:
         self._last_ns = int(stamp_ns[-1])
 
     def solution(self) -> Solution:
-        """Return north so far, or the reason why there is none."""
+        """Return the azimuth so far, or the reason why it must not be used."""
         params, found = self.params, static_ekf.north(self._state)
         horizontal = EARTH_RATE * math.cos(math.radians(params.latitude_deg))
         noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR

@@ -118,7 +118,7 @@ def run(
 
 def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = None) -> Solution:
     """
-    Return the azimuth so far, or the reason why there is none; it may be called at any time.
+    Return the azimuth so far, or the reason why it must not be used; this function may be called at any time.
 
     The reasons are those of `seek_refusal`. errors: gyro errors known at the start of the seek; None: those that the
     parameters state.

@@ -118,7 +118,11 @@ def _lose(p: KernelParams, s: SeekState, dt: float, w: Array, f: Array, flags: i
 
 @compiled
 def transition(s: SeekState, phi: Array) -> None:
-    """Fill phi, shape (5, 37): derivative of attitude and velocity errors after the block by the errors before it."""
+    """
+    Fill the transition matrix of the block.
+
+    phi, shape (5, 37): derivatives of attitude and velocity errors after the block with respect to all errors before.
+    """
     sums = s.sums
     t = sums.time
     en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, s.earth_rate[2] * t
@@ -181,7 +185,7 @@ def _drift(s: SeekState, i: int, t: float) -> None:
 
 @compiled
 def _begin(p: KernelParams, s: SeekState, work: SeekWork) -> None:
-    """Level the frame by the mean force, with the heading of the tool axis, and set the start covariance."""
+    """Set the level frame by the mean force, with the tool axis in the direction of its x axis; set the covariance."""
     level, mat, sums = work.level, s.mat, s.sums
     for i in range(3):
         work.down[i], work.forward[i] = -sums.force[i], sums.mat[i, 0]

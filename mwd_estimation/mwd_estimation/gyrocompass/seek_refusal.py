@@ -87,7 +87,7 @@ def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | Non
 
 
 def vertical_hole(inclination: float) -> Reason | None:
-    """Return the refusal of a vertical hole, which has no azimuth; inclination in rad."""
+    """Return the refusal of a vertical hole, which has no azimuth, or None; inclination: rad."""
     if _LEAST_INCLINATION <= inclination <= math.pi - _LEAST_INCLINATION:
         return None
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)

@@ -66,7 +66,7 @@ CHECK = dtype_of(Check)
 
 
 class DebounceRule(NamedTuple):
-    """Rule by which a check becomes a fault and the fault ends."""
+    """Numbers of observations after which a check becomes a fault and the fault ends, with further properties."""
 
     #: `need`, `clear`: number of observations in a row for the fault, and against it.
     need: int

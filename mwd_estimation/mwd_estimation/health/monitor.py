@@ -65,7 +65,7 @@ class MonitorParams(NamedTuple):
 
 class Tables(NamedTuple):
     """
-    All arrays that change.
+    Arrays that the kernels change.
 
     checks: see `fault_debounce`; channels: see `signal_checks`; stream: dtype STREAM, shape (1,); steps: steps of the
     window, see `motion_window`; kept: hashes of old samples, see `replayed_samples`; refused: refused readings of the

@@ -77,7 +77,7 @@ STREAM = dtype_of(Stream)
 
 
 class PaceCounts(NamedTuple):
-    """Counts of half a second."""
+    """Numbers of intervals and samples in half a second."""
 
     steps: int  #: number of intervals
     long: int  #: number of long intervals

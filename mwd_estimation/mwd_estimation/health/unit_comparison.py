@@ -54,7 +54,7 @@ _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
 
 
 class UnitState:
-    """Values kept from earlier half seconds."""
+    """Results of the comparison of the two units that are kept from earlier half seconds."""
 
     most_at_rest: float  #: largest rate across the tool at rest of a healthy gyro, rad/s
     still: int  #: number of half seconds in a row at rest

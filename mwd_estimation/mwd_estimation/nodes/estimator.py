@@ -433,7 +433,7 @@ class SampleCounts:
 
 class RecordingGate:
     """
-    Holds the first samples back until the recorder receives samples too, if a recorder runs.
+    Gate that holds the first samples back until the recorder receives samples too, if a recorder runs.
 
     node: node in which the subscription to `recorder` is created.
     """

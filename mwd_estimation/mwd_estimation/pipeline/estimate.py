@@ -139,7 +139,7 @@ class Estimate:
         self._dynamics_params = derivation.dynamics_params(settings, known)
 
     def _begin(self, first_ns: int) -> None:
-        """Set everything that depends on the date and place of the first sample."""
+        """Set reference and gravity, which depend on the place and on the date of the first sample."""
         if self._given is None:
             self.field.set_reference(derivation.reference_or_none(self.settings, first_ns))
         self._ready = True
@@ -189,7 +189,7 @@ class Estimate:
             self.bin_stage.precision.take_refused(refused)
 
     def _use_beside(self) -> None:
-        """Pass the waiting samples to the stages."""
+        """Pass the waiting samples of the other streams to the stages."""
         use = {"mag": self._use_mag, "precision": self._use_precision, "temperature": self._use_temperature}
         for name, ahead in self._ahead.items():
             samples = ahead.take()

@@ -65,10 +65,10 @@ class ObservatoryRecord:
 
 def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
-    Read a record in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F; ignore others.
+    Read a record in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F.
 
-    Several daily files may be joined, each with its own header. The baseline declination (DECBAS) of a header is added
-    to the angles that variometers report relative to it.
+    Other components are ignored. Several daily files may be joined, each with its own header. The baseline declination
+    (DECBAS) of a header is added to the angles that variometers report relative to the baseline.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> 
 
 
 def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
-    """Return the parameters of a gravity method: its defaults, changed by the facts of tool and place."""
+    """Return the parameters of a gravity method: its defaults, with values from the settings of tool and place."""
     usual, calibration, gyro = Gyro(), accelerometer_tilt(tool), tool.gyro
     if tool.accelerometer.assumed:
         # A figure with the default value counts as not stated: use the error of a unit without calibration instead.

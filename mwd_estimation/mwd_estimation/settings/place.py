@@ -237,7 +237,7 @@ def _of_model(place: Place, first_ns: int) -> Reference:
 
 
 def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
-    """Return the fields that a user may have meant if the dip was entered wrongly; total: T; dip_deg: entered dip."""
+    """Return the fields that a user may have meant if the dip, `dip_deg`, was entered wrongly; total: strength, T."""
     meant = {
         f"a dip of {-dip_deg:g} deg instead of {dip_deg:g} deg": -dip_deg,
         f"a dip of {90.0 - dip_deg:g} deg: {dip_deg:g} deg is its angle from the vertical": 90.0 - dip_deg,

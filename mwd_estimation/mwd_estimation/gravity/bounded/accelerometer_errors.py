@@ -29,7 +29,7 @@ def begin(s: BoundedRecord) -> None:
 
 @compiled
 def follow(p: BoundedParams, s: BoundedRecord) -> None:
-    """Update the mean influence of the errors with the interval of one update."""
+    """Update the mean influence of each error on the level force with the interval of one update."""
     errors, turn2 = s.accelerometer, s.turning**2
     errors.age += s.sums.time
     share = s.sums.time / min(RESPONSE, errors.age)

@@ -77,12 +77,13 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
 @compiled
 def jump_gate(s: BoundedRecord) -> float:
     """
-    Return the gate: a larger squared innovation over its variance shows a velocity that was lost in a hidden shock.
+    Return the gate: the ratio of squared innovation to variance above which velocity was lost in a hidden shock.
 
-    Above the gate, chance causes an innovation less often than hidden shocks. The square of a normal innovation exceeds
-    x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks are assumed to
-    occur at random, and as frequently, n, as visible shocks less those that are vibration by chance: the probability of
-    at least one shock within a time T is 1 - exp(-n T). Without shocks the gate is `FARTHEST`.
+    Above the gate, an innovation comes from a hidden shock more often than from chance. The square of a normal
+    innovation exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks
+    are assumed to occur at random with the frequency n of the visible shocks, without the part of these that is
+    vibration by chance: the probability of at least one shock within a time T is 1 - exp(-n T). Without shocks the gate
+    is `FARTHEST`.
 
     After a rotation was lost, a large innovation comes from a wrong roll more often than from a shock. The gate is then
     `NEVER`, because a filter that takes the innovation for a shock keeps the wrong roll.

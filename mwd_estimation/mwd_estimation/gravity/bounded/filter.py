@@ -174,7 +174,7 @@ def _run(
 
 @compiled
 def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
-    """Keep the newest magnetic sample that may be used at a sample of the conventional unit."""
+    """Store the newest magnetic sample that is due at the sample of the conventional unit with this stamp, ns."""
     while f.used < len(mag.stamp_ns) and mag.stamp_ns[f.used] <= stamp_ns - mag.lag_ns:
         f.stamp_ns = mag.stamp_ns[f.used]
         for j in range(3):

@@ -149,7 +149,7 @@ def shaken_by_shocks(s: BoundedRecord) -> bool:
 @compiled
 def whole(s: BoundedRecord) -> float:
     """
-    Return the share, 0 to 1, of the density from neighbouring samples that counts as aliased vibration.
+    Return the share, 0 to 1, of the force density `MotionAverages.rough` that counts as aliased vibration.
 
     The share is above 0 if shocks are rare and the displacement of the last 20 s is a large part of the displacement
     that this density explains. With a shorter averaging time, the density would sometimes be too small by chance, and

@@ -41,7 +41,7 @@ def _integrated(s: BoundedRecord) -> bool:
 @compiled
 def propagate(s: BoundedRecord, rate: float) -> None:
     """
-    Propagate the errors caused by point samples from the last update to the present sample.
+    Propagate the errors that the state has if the samples are points (`Meaning.effect`) over one update interval.
 
     rate: newest rate about the x axis, rad/s.
     """

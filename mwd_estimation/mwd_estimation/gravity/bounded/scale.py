@@ -57,7 +57,7 @@ def tilts(s: BoundedRecord) -> tuple[float, float]:
 @compiled
 def follow_corrections(s: BoundedRecord, turn: float, along: float, across: float) -> None:
     """
-    Update the scales with the corrections of one update.
+    Update the covariance scales along and across the hole with the tilt corrections of one update.
 
     along, across: tilt variances before the measurements, rad^2; turn: variance that the interval added to each, rad^2.
     """
