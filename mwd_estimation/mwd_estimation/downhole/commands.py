@@ -53,7 +53,7 @@ class Commands:
             try:
                 tool_commands.applied(self._tool, settings)
             except ValueError:
-                # The tool cannot carry out the command. It does not echo the command, so the surface can see this.
+                # The tool cannot carry out the command. It does not echo the command, so that the surface detects this.
                 continue
             self.settings, self.echo = settings, frame.echo
         return self.echo != before

@@ -126,7 +126,7 @@ def stated(params: SeekParams) -> GyroErrors:
     kind = np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES), len(_OF_G))).reshape(3, -1).T
     bias, drift, _ = kind.T
     of_drift = _beforehand(_DRIFT_SCALES)[drift]
-    # If the bias of a unit is worse than stated, its drift is assumed to be worse with the same probability as not.
+    # If the bias of a unit is worse than stated, a drift as stated and a worse drift are assumed equally probable.
     of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
     return _as_stated(params, _beforehand(_BIAS_SCALES)[bias] * of_drift * _G_SHARE, kind, _BIAS_SCALES[bias])
 
@@ -279,8 +279,8 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
     """
     kinds, of_kind = np.unique(errors.kind, axis=0, return_inverse=True)
     of_kind = of_kind.ravel()
-    # Weights relative to the best of each kind; relative to the whole mixture those of an improbable kind would
-    # underflow.
+    # Weights relative to the best weight of each kind. Relative to the whole mixture, the weights of an improbable kind
+    # would underflow.
     most = np.full(len(kinds), -math.inf)
     np.maximum.at(most, of_kind, log_weight)
     weight = np.exp(log_weight - most[of_kind])[:, None] * mass

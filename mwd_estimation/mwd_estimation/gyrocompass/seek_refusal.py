@@ -20,7 +20,7 @@ _MAX_LATITUDE_DEG = 85.0
 # Largest share of clipped samples, largest share of time with rotation in a still seek, and smallest share of time with
 # rotation in a rotating seek.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Largest rms sway of the hole axis at rest, rad, because sway turns the Earth rate that the gyros measure. And smallest
+# Largest rms sway of the hole axis at rest, rad, because sway turns the Earth rate that the gyros measure; and smallest
 # angle of the hole from the vertical with an azimuth, rad.
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Smallest share of the horizontal Earth rate that must be measured; it is small if the tool rotates about an axis near

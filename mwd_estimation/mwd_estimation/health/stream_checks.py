@@ -20,8 +20,8 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# A stamp that does not advance adds 2 to a score, any other stamp subtracts 1. The stamps are a fault from the first
-# value of the score on; the second value is the upper limit of the score.
+# A stamp that does not advance adds 2 to a score, any other stamp subtracts 1. The stamps are a fault if the score
+# reaches _STAMP_FAULT; _STAMP_MOST is the upper limit of the score.
 _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Smallest number of intervals for learning the sample rate; and multiples of the usual interval above which an interval
 # is long, and below which it is short.

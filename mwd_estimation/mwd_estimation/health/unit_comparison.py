@@ -44,8 +44,8 @@ from mwd_sensors.core.records import dtype_of
 # _SAMPLES: smallest number of samples in a half second for a mean rate.
 _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
 # A rate at rest is too high if it is above the sum of _BIASES times the bias sigma, twice the Earth rate, and _PULLED,
-# rad/s: the rate of a string that is pulled steadily through a bend of 10 deg in 30 m at 1 m/s, and that all other
-# sensors measure as rest.
+# rad/s. _PULLED is the rate of a string that is pulled steadily through a bend of 10 deg in 30 m at 1 m/s; all other
+# sensors then show a tool at rest.
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
 # Number of half seconds without a difference after which an earlier difference is forgotten.
 _FORGOTTEN_BINS = 120

@@ -156,7 +156,7 @@ def _azimuth(s: InterferenceState, g: Array, b: Array) -> tuple[float, float, Ar
     m = np.zeros(1, dtype=INNOVATION)[0]
     _directions(s, g, b, m)
     row = np.zeros(STATES)
-    # Subtracting a field towards east turns the measured north west and increases the azimuth.
+    # Subtracting a field towards east turns the measured north towards west, which increases the azimuth.
     row[: Error.SCALE], row[Error.SCALE : Error.HORIZONTAL] = m.east / m.horizontal, m.east * m.clean / m.horizontal
     return math.atan2(m.east[0], m.north[0]), float(m.horizontal), row
 

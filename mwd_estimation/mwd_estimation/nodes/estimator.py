@@ -187,7 +187,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     @property
     def _frame(self) -> str:
-        """Frame id of tool axes: that of the sonde if the mount rotates the samples, else that of the samples."""
+        """Frame id of tool axes: the sonde's frame if the mount rotates the samples, else the frame of the samples."""
         frame = self._inputs.frames.get("imu/data_raw", "")
         return self.frame(wire.SONDE_FRAME) if self._pipeline.mount.turns else frame
 

@@ -66,7 +66,7 @@ class _Ahead:
         self._count = 0
 
     def add(self, samples: Samples) -> int:
-        """Add a block; drop the oldest blocks if more than `MOST_AHEAD` samples wait; return the number dropped."""
+        """Add a block; drop the oldest blocks while at least `MOST_AHEAD` samples remain; return the number dropped."""
         self._parts.append(samples)
         before = self._count = self._count + len(samples)
         while self._count - len(self._parts[0]) >= MOST_AHEAD:
@@ -85,9 +85,9 @@ class Estimate:
     """
     State from one start of the estimate to the next.
 
-    reference : reference that replaces the one of the settings. mat_tu : rotation from the axes of the unit to tool
-    axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps, ns; rotation
-    of the string corrects it later.
+    reference : reference that replaces the reference of the settings, or None. mat_tu : rotation from the axes of the
+    unit to tool axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps,
+    ns; rotation of the string corrects it later.
     """
 
     def __init__(
@@ -308,7 +308,7 @@ class Estimate:
             self._attitude.set_reference(self.field.reference)
         stretch = dataclasses.replace(stretch, gyro=self._jumps.without(stretch.stamps, stretch.gyro))
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
-        # Gravity.
+        # Estimate gravity.
         faulty_mag = (stretch.suspect | np.uint8(unusable)) & MAG != 0
         self._gravity.mag._replace(due_ns=stamps).leave_out(faulty_mag)
         given = followed.part(stretch.part) if followed is not None else None
@@ -320,9 +320,9 @@ class Estimate:
         # Do not store samples whose stamps do not advance: their number has no limit.
         later = advances(stamps, self._newest_ns)
         self._newest_ns = max(self._newest_ns, int(stamps.max()))
-        # Bins, and the surveys that begin in them.
+        # Close the bins that end here, and begin their surveys.
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
-        # Attitude.
+        # Estimate the attitude.
         gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, faulty_mag)
@@ -338,7 +338,7 @@ class Estimate:
         )
         self._counters.rejected += rejected
         self._heated.widen(output.attitude, output.gravity, self.field.reference)
-        # Surveys: complete them now, because the attitude up to their end is known.
+        # Complete the surveys: the attitude up to their end is known now.
         self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated
         output.surveys += [self._completed(taken, propagated[at]) for at, taken in bins.taken]
@@ -349,7 +349,7 @@ class Estimate:
                 output.rotary.append(average)
             else:
                 output.rotary.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
-        # Dynamics.
+        # Summarise the drilling dynamics.
         output.dynamics = drilling_dynamics.run(self._dynamics_params, self._dynamics_state, samples, output.attitude)
         self.last_imu_ns = int(stamps[-1])
         return output

@@ -49,7 +49,7 @@ class Pipeline:
     ----------
     settings : EstimatorSettings
     reference : Reference, optional
-        Reference that replaces the one of the settings, such as a field measured before the run.
+        Reference that replaces the reference of the settings, such as a field measured before the run.
     mount : Mount, optional
         Mount of the units in the tool; by default from the settings, without frames and static transforms.
     noise : mapping of Noise, optional

@@ -355,7 +355,11 @@ def _string_nt(tool: Tool) -> tuple[float, float]:
 
 
 def _sag_deg(tool: Tool, described: Assembly | None) -> float:
-    """Return 1 sigma of the sag error, deg: of the assembly file, of a set correction, or without any correction."""
+    """
+    Return 1 sigma of the remaining sag error, deg.
+
+    It is given by the assembly file. Without a file it depends on whether the settings state a sag correction.
+    """
     if described is not None:
         return described.sigma_sag_deg
     return SIGMA_CORRECTED_DEG if tool.sag_correction_deg != 0.0 else SensorErrors().sag_deg
