@@ -125,7 +125,7 @@ def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tup
 
 
 def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
-    """Solve for the rows that are not fixed; the matrix has three diagonals on each side of the main one."""
+    """Solve the equations of the rows that are not fixed; the matrix has three diagonals beside the main diagonal."""
     band = np.zeros((4, len(load)))
     for k in range(4):
         band[3 - k, k:] = np.where(fixed[k:] | fixed[: len(load) - k], 0.0, np.diagonal(matrix, k))

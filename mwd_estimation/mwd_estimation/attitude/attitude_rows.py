@@ -61,11 +61,12 @@ def write(
 
     Parameters
     ----------
-    stretch : Stretch
+    stretch : OneFieldStretch
     last : LastMagnetic
         Changed in place.
     samples, plain, azimuth : ndarray, shape (n,)
-        Dtypes `sample.SAMPLE`, `time_alignment_state.ATTITUDE_ROW` and `gyro_azimuth_state.AZIMUTH_ROW`.
+        Samples, attitude without interference filter and gyros, and gyro-propagated azimuth; dtypes `sample.SAMPLE`,
+        `time_alignment_state.ATTITUDE_ROW` and `gyro_azimuth_state.AZIMUTH_ROW`.
     magnetic : ndarray of dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,)
         Magnetic azimuths measured within the stretch.
     attitude, gravity : ndarray, shape (n,)
@@ -92,7 +93,7 @@ def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
 
 @compiled
 def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: float) -> tuple[bool, float, float]:
-    """Return whether there is an azimuth, the azimuth, rad, and 1 sigma, rad."""
+    """Return whether the azimuth is known, the azimuth, rad, and its sigma, rad; last_sigma: `LastMagnetic.sigma`."""
     if math.isfinite(azimuth.azimuth):
         return True, azimuth.azimuth, azimuth.sigma
     # If no azimuth is propagated (at the start, near vertical), use the plain magnetic one.
@@ -108,8 +109,8 @@ def _magnetic_toolface(
     """Return the angle of the scribe line from north and 1 sigma, rad; down_x: x component of the unit vector down."""
     if near_vertical or not math.isfinite(azimuth.azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
-    # Add to the magnetic toolface the difference of the propagated from the plain azimuth. Without a plain azimuth,
-    # compute the magnetic toolface from the propagated azimuth and the gravity toolface.
+    # Add the propagated azimuth minus the plain azimuth to the magnetic toolface. Without a plain azimuth, compute the
+    # magnetic toolface from the propagated azimuth and the gravity toolface.
     if math.isfinite(plain.azimuth):
         toolface = plain.magnetic_toolface + (azimuth.azimuth - plain.azimuth)
     else:
@@ -166,7 +167,7 @@ def _write_attitude(
 
 @compiled
 def _sigma(sigma: float, known: bool, unsure: bool) -> float:
-    """Return the sigma for the message, rad: NaN if the value is unknown, pi if nothing is known about its error."""
+    """Return the sigma for the message, rad: NaN if the value is unknown, pi if its error may have any size."""
     return (math.pi if unsure else sigma) if known else math.nan
 
 

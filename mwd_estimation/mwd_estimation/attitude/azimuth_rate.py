@@ -45,7 +45,7 @@ def clear_sums(sums: BinSums, bin_index: int) -> None:
 @compiled
 def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: float, wy: float, wz: float) -> float:
     """
-    Add a rate that lasted for dt to the sums of its unit; return the rotation of the axis in this time, rad.
+    Add a rate that lasted for dt to the sums of its unit; return the change of the azimuth in this time, rad.
 
     dt: s; share: dt / across^2, s; dy, dz: unit vector down across the tool; wx, wy, wz: rate, rad/s.
     """
@@ -121,19 +121,19 @@ def precision_sums(
     p: GyroAzimuthParams, s: GyroAzimuthState, sums: BinSums, precision: PrecisionRates, start: int
 ) -> tuple[bool, int]:
     """
-    Fill `s.precision_sums` for the bin of `sums`; return whether these sums can be used.
+    Fill `s.precision_sums` with the sums of the precision unit over one bin; return whether these sums can be used.
 
     Each rate of the precision unit is combined with gravity and x rate of the first conventional sample at or after its
     stamp. A rate is the mean over the interval that ends at its stamp.
 
     Parameters
     ----------
-    p, s : Params, State
+    p, s : GyroAzimuthParams, GyroAzimuthState
     sums : BinSums
         Sums of the closed bin from the conventional unit.
     precision : PrecisionRates
     start : int
-        Index of the first rate of this bin or of an earlier one.
+        Index in `precision` from which the rates of this bin are searched.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def precision_sums(
 
 @compiled
 def _scale(sums: BinSums, factor: float) -> None:
-    """Multiply the sums that contain rates of the precision unit."""
+    """Multiply the sums that contain rates of the precision unit by a factor."""
     sums.turn *= factor
     sums.noise *= factor
     sums.spin *= factor

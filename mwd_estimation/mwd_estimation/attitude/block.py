@@ -54,12 +54,13 @@ class MagneticModelInForce:
 
 
 class StationAzimuth(NamedTuple):
-    """Azimuth of an accepted station from the reference north, to propagate to the next station; NaN if none."""
+    """Azimuth of an accepted station from the reference north, to propagate to the next station; NaN if unknown."""
 
     #: `azimuth`, `sigma`: azimuth of the tool axis and 1 sigma, rad, without the tool's misalignment in the hole.
     azimuth: float = math.nan
     sigma: float = math.nan
-    constant_sigma: float = math.nan  #: 1 sigma of the error common to all magnetic azimuths, rad; contained in `sigma`
+    #: 1 sigma of the part of the error that all magnetic azimuths share, rad; contained in `sigma`.
+    constant_sigma: float = math.nan
     by_gyro: bool = False  #: whether a gyro found north at the station
 
 

@@ -60,9 +60,9 @@ class AttitudeStream:
 
     Parameters
     ----------
-    alignment : time_alignment_state.Params
-    interference : interference_state.Params
-    azimuth : gyro_azimuth_state.Params
+    alignment : time_alignment_state.TimeAlignmentParams
+    interference : interference_state.InterferenceParams
+    azimuth : gyro_azimuth_state.GyroAzimuthParams
     errors : SensorErrors
     latitude_deg : float or None
 
@@ -138,7 +138,8 @@ class AttitudeStream:
         """
         Correct the stamps of waiting magnetic samples, and let all magnetic samples wait longer for gravity.
 
-        late_ns: delay of the stamps that is removed, ns; wait_ns: time added to the set `mag_lag_ns`, ns.
+        late_ns: delay of the stamps that is removed, ns; wait_ns: time added to the lag of the settings, `mag_lag_ns`,
+        ns.
         """
         self._mag = self._mag._replace(stamp_ns=self._mag.stamp_ns - late_ns)
         self._alignment = self._alignment._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
@@ -209,7 +210,7 @@ class AttitudeStream:
         return interference, rejected
 
     def _align(self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]]) -> tuple[Samples, Samples]:
-        """Return the plain attitude of the block's samples, and the magnetic azimuths measured in it."""
+        """Return the attitude of the block's samples without gyros, and the magnetic azimuths measured in the block."""
         plain: list[Samples] = []
         magnetic: list[Samples] = []
         handed_on: list[Samples] = []

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Drilling dynamics in the field's usual numbers, from IMU samples and their gravity.
+Drilling dynamics in the quantities that are usual in drilling, from IMU samples and their gravity.
 
-The numbers are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed), rms
+They are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed), rms
 vibration along and across the axis without gravity, peaks, and shocks counted as separate excursions above a threshold.
 A summary is computed every second over the last ten seconds. If the unit sends strapdown-integrated samples, a sample
 is the average over its interval, and vibration above half the sample rate is not included.
@@ -35,7 +35,7 @@ _NONE = np.iinfo(np.int64).min
 
 
 class DynamicsParams(NamedTuple):
-    """Settings of the summary."""
+    """Settings of the summary of drilling dynamics."""
 
     shock_threshold: float = 25.0 * STANDARD_GRAVITY  #: non-gravity acceleration that counts as a shock, m/s^2
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
@@ -59,7 +59,7 @@ class Slot:
 
 
 class DynamicsState:
-    """State of the summary."""
+    """State of the summary of drilling dynamics."""
 
     index: int  #: index of the open slot; _NONE before the first
     slots: Annotated[MutableSequence[Slot], SLOTS]  #: last slots, each stored at its index modulo SLOTS
@@ -88,7 +88,7 @@ def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samp
 
     Parameters
     ----------
-    params : Params
+    params : DynamicsParams
     state : ndarray, shape (1,)
         From `initial`; changed in place.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)

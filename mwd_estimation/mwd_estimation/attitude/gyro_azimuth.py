@@ -58,7 +58,7 @@ def run(
 
     Parameters
     ----------
-    p : Params
+    p : GyroAzimuthParams
     state : ndarray, shape (1,)
         State from `gyro_azimuth_state.initial`, changed in place; the result does not depend on the cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
@@ -77,7 +77,7 @@ def run(
     propagated : ndarray of dtype PROPAGATED_AZIMUTH, shape (m,)
         Propagated azimuths at each bin.
     used : int
-        Number of magnetic azimuths used; give the rest again with the next block.
+        Number of magnetic azimuths used; the caller passes the remaining ones again with the next block.
     """
     rows = np.zeros(len(samples), dtype=AZIMUTH_ROW)
     propagated = np.full(len(steps), np.nan, dtype=PROPAGATED_AZIMUTH)
@@ -162,7 +162,11 @@ def _take_magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: Magnetic
 
 @compiled
 def _correct(p: GyroAzimuthParams, s: GyroAzimuthState, step: BinEvent, propagated: Any, has_azimuth: bool) -> None:
-    """Apply a north seek and a station at the end of a bin; `propagated` holds the azimuths before the station."""
+    """
+    Correct the azimuth by a north seek and begin to propagate a station's azimuth, at the end of a bin.
+
+    `propagated` is filled with the azimuths before the station is applied.
+    """
     if has_azimuth and math.isfinite(step.seek_azimuth) and step.seek_sigma > 0.0:
         kalman_filter.seek(p, s, step.seek_azimuth, step.seek_sigma)
     _write_propagated(s, propagated)
@@ -200,7 +204,7 @@ def _run(
     rows: Samples,
     propagated: Samples,
 ) -> int:
-    """Fill the last two arguments and return the number of magnetic azimuths used; arguments as in `run`."""
+    """Fill `rows` and `propagated`, and return the number of magnetic azimuths used; arguments as in `run`."""
     used, precision_used, step = 0, 0, 0
     sigma = kalman_filter.azimuth_sigma(s)
     earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])

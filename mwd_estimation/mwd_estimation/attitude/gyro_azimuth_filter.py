@@ -28,8 +28,8 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle
 
-# Smallest number of turns in a bin from which the leakage is estimated. And 1 sigma of the true rate across the axis (a
-# fast curve, whirl), rad/s, which does not average out over the incomplete turn of a bin.
+# Smallest number of turns in a bin from which the leakage is estimated; and 1 sigma of the true rate across the axis
+# (in a fast curve or by whirl), rad/s, which does not average out over the incomplete turn of a bin.
 _MIN_TURNS, _ACROSS_RATE = 0.5, math.radians(0.05)
 # Innovation over its sigma above which a magnetic azimuth is not used.
 GATE = 4.0
@@ -75,9 +75,9 @@ def begin(p: GyroAzimuthParams, s: GyroAzimuthState) -> None:
 @compiled
 def _update(s: GyroAzimuthState, ph: Array, innovation: float, variance: float) -> None:
     """
-    Update the states with one measured number; the station's azimuth has no gain.
+    Update the states with one scalar measurement, which does not change the propagated azimuth of the station.
 
-    ph, shape (STATES,): covariance of the number with the states; variance: variance of the innovation.
+    ph, shape (STATES,): covariance of the measured quantity with the states; variance: variance of the innovation.
     """
     # The gains of the other states change the station azimuth's covariances, not its variance (Joseph form, zero gain).
     azimuth, own = s.x[Error.STATION], s.P[Error.STATION, Error.STATION]
@@ -107,7 +107,7 @@ def correct(s: GyroAzimuthState, azimuth: float, slow: float, constant: float, v
 
 @compiled
 def _innovation(s: GyroAzimuthState, azimuth: float, slow: float, constant: float) -> float:
-    """Return the azimuth minus the predicted one, rad in [-pi, pi)."""
+    """Return the measured azimuth minus the predicted azimuth, rad in [-pi, pi); slow, constant: as in `correct`."""
     x = s.x
     return wrap_angle(azimuth - x[Error.AZIMUTH] - slow * x[Error.SLOW_ERROR] - constant * x[Error.CONSTANT_ERROR])
 
@@ -177,7 +177,7 @@ def open_bias(s: GyroAzimuthState, sums: BinSums) -> None:
     Increase the bias variances of the conventional unit if the gravity estimate found a step of the biases in this bin.
 
     Gravity shows only the component of a step across the vertical, and the azimuth needs the component along the
-    vertical. From the step to the end of the bin this unknown component has turned both azimuths.
+    vertical. From the step to the end of the bin this unknown component has turned both propagated azimuths.
     """
     if sums.gyro_step <= 0.0 or sums.time <= 0.0:
         return
@@ -335,7 +335,9 @@ def magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: MagneticAzimut
 @compiled
 def seek(p: GyroAzimuthParams, s: GyroAzimuthState, azimuth: float, sigma: float) -> None:
     """
-    Process the azimuth of a north seek and its 1 sigma, rad; if it disagrees, the azimuth restarts from it.
+    Process the azimuth of a north seek and its 1 sigma, rad.
+
+    If it disagrees with the propagated azimuth, the propagated azimuth restarts from the north seek.
 
     North seeks of one gyro have a common error. If the azimuth already comes from an earlier seek, use the more
     accurate of the two and not their mean.
@@ -362,8 +364,8 @@ def station(s: GyroAzimuthState, accepted: StationAzimuth) -> None:
     """
     Begin to propagate the azimuth of an accepted station.
 
-    A station without a gyro azimuth that disagrees with the propagated azimuth of the previous station is not used at
-    first; only if the next station disagrees too, the azimuth of that next station is propagated.
+    If a station without gyro azimuth disagrees with the propagated azimuth of the previous station, its azimuth is not
+    used. If the next station disagrees too, the azimuth of this next station is propagated.
     """
     if not s.have_azimuth:
         return

@@ -113,7 +113,7 @@ class GyroAzimuthParams(NamedTuple):
 
 
 def at_latitude(params: GyroAzimuthParams, latitude_deg: float | None) -> GyroAzimuthParams:
-    """Return the settings with the Earth's rotation at a latitude; if it is None, the rotation counts as drift."""
+    """Return the settings with the Earth's rotation at a latitude; without latitude, the rotation counts as drift."""
     if latitude_deg is None:
         drifting = tuple(unit._replace(drift=math.hypot(unit.drift, EARTH_RATE)) for unit in params.units)
         return params._replace(units=(drifting[0], drifting[1]))
@@ -169,8 +169,8 @@ class GyroAzimuthState:
     #: good magnetic azimuths.
     innovation_ratio: float
     innovation_mean: float
-    #: `rejected`, `disturbed`, `resets`: number of magnetic azimuths beyond the gate, of those that failed the field
-    #: check, and of resets of the azimuth.
+    #: `rejected`, `disturbed`, `resets`: number of magnetic azimuths beyond the gate, number of magnetic azimuths that
+    #: failed the field check, and number of resets of the azimuth.
     rejected: int
     disturbed: int
     resets: int
@@ -180,7 +180,7 @@ class GyroAzimuthState:
     slow_sigma: float  #: 1 sigma that is the unit of the state Error.SLOW_ERROR, rad
     by_gyro_only: bool  #: whether the azimuth comes from a north seek and the gyros only
     have_station: bool  #: whether a station's azimuth is propagated
-    station_constant_sigma: float  #: 1 sigma of the error of this azimuth common to all magnetic azimuths, rad
+    station_constant_sigma: float  #: 1 sigma of the part of its error that all magnetic azimuths share, rad
     station_disagreed: bool  #: whether the last station disagreed with the propagated azimuth of an earlier station
     sums: Annotated[Sequence[BinSums], BINS]  #: sums of the last bins
     precision_sums: BinSums  #: sums of the last closed bin from the precision unit
@@ -210,12 +210,14 @@ class MagneticAzimuth:
 
 
 class PropagatedAzimuth(NamedTuple):
-    """Azimuths propagated to the end of a bin, rad from the reference north; NaN if there is none."""
+    """Azimuths propagated to the end of a bin, from the reference north, rad; NaN for an azimuth that is unknown."""
 
     #: `station_azimuth`, `station_sigma`: azimuth of the last accepted station, propagated by the gyros alone.
     station_azimuth: float
     station_sigma: float
-    station_constant_sigma: float  #: 1 sigma of its error common to all magnetic azimuths; contained in `station_sigma`
+    #: 1 sigma of the part of the station azimuth's error that all magnetic azimuths share, rad; contained in
+    #: `station_sigma`.
+    station_constant_sigma: float
     #: `azimuth`, `sigma`: azimuth of the filter, and 1 sigma.
     azimuth: float
     sigma: float

@@ -15,9 +15,10 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 class HeatedSigmas:
     """
-    Increase the sigmas of attitude rows by the biases that are expected at the temperature of the tool.
+    Increase of the sigmas of attitude rows by the biases that are expected at the temperature of the tool.
 
-    The temperature of a row is the last one measured before it. Without a temperature the sigmas stay unchanged.
+    The temperature of a row is the last temperature measured before the row. Without a temperature the sigmas stay
+    unchanged.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ _CONTRADICTED = 4.0
 # Time for which the field must pass the check after a disturbed sample before it is used again, ns: when the sensor
 # leaves a casing, the field passes through values that drill-string interference could explain.
 _SETTLED_NS = 3_000_000_000
-# 1 sigma of external interference after a disturbed sample, T, and its decay time, ns: the check does not detect the
-# component across its two directions, and this component turns the azimuth.
+# 1 sigma of external interference after a disturbed sample, T, and its decay time, ns. The field check tests the
+# vertical and the horizontal field. It does not detect a disturbance towards east, which turns the azimuth.
 _EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
 
 
@@ -50,7 +50,7 @@ class MagneticAzimuths:
 
     Parameters
     ----------
-    params : interference_state.Params
+    params : interference_state.InterferenceParams
     errors : SensorErrors
 
     Attributes
@@ -76,7 +76,7 @@ class MagneticAzimuths:
         self._disturbed_ns = -_SETTLED_NS
 
     def start_anew(self) -> None:
-        """Restart the interference estimate; its azimuth and the propagated azimuth are then two hypotheses."""
+        """Restart the interference estimate; its first azimuth and the propagated azimuth are then equally probable."""
         self.set_reference(self._reference)
         self._new_start = True
 
@@ -86,7 +86,7 @@ class MagneticAzimuths:
         return self._state is not None
 
     def update(self, station: StationUpdate | None) -> None:
-        """Use the interference found at a station."""
+        """Use the interference and the gyro azimuth found at a station; do nothing if `station` is None."""
         state = self._state
         if station is None or state is None or self._reference is None:
             return
@@ -177,7 +177,12 @@ class MagneticAzimuths:
 def _correction_status(
     found: Samples, samples: FieldSamples, corrected: NDArray[np.bool_], horizontal: float
 ) -> NDArray[np.uint32]:
-    """Return status bits: CORRECTED; else UNCORRECTED, with CORRECTION_REFUSED if the interference matters."""
+    """
+    Return the status bits of the azimuths, shape (n,).
+
+    They are CORRECTED where `corrected` is True, otherwise UNCORRECTED. CORRECTION_REFUSED is added if the sigma of the
+    axial interference turns the azimuth by more than `_MAX_UNOBSERVED`. horizontal: horizontal reference field, T.
+    """
     sine = np.sqrt(np.maximum(1.0 - samples.g_t[:, 0] ** 2, 0.0))
     unobserved = found["sigma"][:, 0] * sine * np.abs(np.sin(found["azimuth"])) / horizontal
     bits = np.where(unobserved > _MAX_UNOBSERVED, _UNCORRECTED | _REFUSED, _UNCORRECTED)

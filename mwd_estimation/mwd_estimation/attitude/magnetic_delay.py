@@ -3,10 +3,10 @@
 Delay of the magnetometer's stamps relative to the IMU, estimated from changes of the rotary speed.
 
 Gravity and field across the tool rotate together: seen from the tool, the angle between them depends only on the
-attitude of the hole. If the field is stamped late by L, it belongs to an earlier toolface, and the angle is wrong by
-the rotary speed times L. A filter with two states, angle and delay, follows the mean angle of each half second. At one
-speed, angle and delay cannot be separated; with two speeds they can. Errors of the field that rotate with the tool
-average out over turns.
+attitude of the hole. If the field is stamped late by L, the field belongs to an earlier toolface, and the angle is
+wrong by the rotary speed times L. A Kalman filter with two states, angle and delay, processes the mean angle of each
+half second. At one speed, angle and delay cannot be separated; with two speeds they can. Errors of the field that
+rotate with the tool average out over turns.
 
 The speed is taken from the gyro, because the toolface also changes while a filter settles or an accelerometer fails. If
 the gyro has no value, the rate of change of the toolface is used.
@@ -78,7 +78,7 @@ class MagneticDelay:
         self._last_b, self._hangs = np.full(2, np.nan), False
 
     def begin_anew(self) -> None:
-        """Discard the estimate and the waiting gravity, as after wrong rates; keep the waiting magnetic samples."""
+        """Discard estimate and waiting gravity, for example after wrong rates; keep the waiting magnetic samples."""
         self._angle, self._begun = 0.0, False
         self._field = np.full(2, np.nan)
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
@@ -160,9 +160,10 @@ class MagneticDelay:
 
     def _measured(self, b: Array, spun: Array) -> NDArray[np.bool_]:
         """
-        Return which magnetic samples are not stuck, shape (n,): a stuck one stays the same while the string turns.
+        Return a mask of the magnetic samples that are not stuck, shape (n,).
 
-        b, shape (n, 2): field across the tool, T; spun, shape (n,): angle of the string, rad.
+        Samples are stuck if they are equal while the string turns. b, shape (n, 2): field across the tool, T; spun,
+        shape (n,): angle of the string, rad.
         """
         same = np.array([*(b[:1] == self._last_b).all(axis=1), *(b[1:] == b[:-1]).all(axis=1)])
         begin = np.maximum.accumulate(np.where(same, 0, np.arange(len(b))))
@@ -194,7 +195,12 @@ class MagneticDelay:
             self._P[0, 0] += changed * changed
 
     def _update(self, angle: float, rate: float) -> None:
-        """Update with a bin: its mean angle, rad, which is the angle state minus rate times delay; rate: rad/s."""
+        """
+        Update angle and delay with one bin.
+
+        angle: mean measured angle of the bin, rad, which is expected to be the state of the angle minus rate times
+        delay; rate: mean rotary speed of the bin, rad/s.
+        """
         P = self._P
         P[0, 0] = min(P[0, 0] + _WALK**2, math.pi**2) if self._begun else math.pi**2
         h, noise = np.array([1.0, -rate]), (_ANGLE if abs(rate) > _RESTS else _REST_ANGLE) ** 2
@@ -213,6 +219,6 @@ class MagneticDelay:
 
 
 def _beside(stamps: Stamps, at: Stamps) -> NDArray[np.bool_]:
-    """Return which times lie between two stamps without a gap."""
+    """Return a mask of the times `at`, ns, that lie between two stamps which are less than `_GAP_NS` apart."""
     right = np.searchsorted(stamps, at).clip(1, len(stamps) - 1)
     return np.asarray((stamps[right] - stamps[right - 1] < _GAP_NS) & (at >= stamps[0]) & (at <= stamps[-1]))

@@ -58,7 +58,7 @@ def run(state: Samples, samples: Samples) -> None:
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Samples; `down`, the sigmas, `turned` and `rate_x` of rejected ones are changed in place.
     """
-    # If no sample is rejected, only the last ones are needed, for later blocks.
+    # If no sample is rejected, store only the last samples, which later blocks may need.
     rejected = (samples["status"] & _REJECTED != 0).any()
     _run(state[0], samples if rejected else samples[-_RING:])
 
@@ -104,9 +104,9 @@ def _changes(s: RejectedState, near: int) -> tuple[float, float]:
 @compiled
 def _nearest(s: RejectedState, stamp: int) -> tuple[int, float]:
     """
-    Return the ring index of the used sample to propagate from, and the step before this sample, s.
+    Return the ring index of the used sample from which gravity is propagated, and the step before this sample, s.
 
-    It is the first used sample at or after the stamp, ns; if there is none, the last one.
+    The used sample is the first one at or after `stamp`, ns, or the last one if all used samples are earlier.
     """
     back = max(ring.first_from(s, stamp), 1)
     place = ring.place(s, back)
@@ -117,7 +117,7 @@ def _nearest(s: RejectedState, stamp: int) -> tuple[int, float]:
 
 @compiled
 def _propagate(s: RejectedState, sample: Sample) -> None:
-    """Rotate gravity to the stamp of a rejected sample; if impossible, mark its toolface as unknown."""
+    """Rotate gravity to the stamp of a rejected sample; if this is impossible, mark its toolface as unknown."""
     sample.rate_x, down = math.nan, sample.down
     if not math.isfinite(down[0] + down[1] + down[2]):
         return

@@ -35,9 +35,12 @@ class Sample:
     #: `status`, `suspect`: bits of `Status`; and suspect sensors, as bits of `core.sensor_fault`.
     status: int
     suspect: int
-    rate_x: float  #: rate about the axis, rad/s; for a rejected sample the rate used to propagate it, NaN if none
+    #: Rate about the axis, rad/s. For a rejected sample: the rate by which gravity was propagated to its stamp, NaN if
+    #: gravity was not propagated.
+    rate_x: float
     sigma_down: float  #: 1 sigma of the direction down, rad: the larger of the sigmas along and across the tilt
-    #: 1 sigma added to the toolfaces of a rejected sample, rad; 0 for a used sample, infinite if it is unknown.
+    #: 1 sigma added to the toolfaces of a rejected sample, rad: 0 for a used sample, infinite if the toolfaces are
+    #: unknown.
     turned: float
     #: `turn`, `gyro_turn`: rotation about the tool axis since the start, from `time_alignment`, and azimuth rotation of
     #: the tool axis, from `azimuth_rate`, rad.

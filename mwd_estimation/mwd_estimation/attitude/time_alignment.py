@@ -42,7 +42,7 @@ def last_totals(state: Samples) -> tuple[float, float] | None:
 
 
 def restart_smoothing(state: Samples) -> None:
-    """Let the next magnetic sample replace the smoothed azimuth and toolface, as after a change of the field model."""
+    """Let the next magnetic sample replace the smoothed azimuth and toolface, because the field model has changed."""
     state["restart"] = True
 
 
@@ -54,7 +54,7 @@ def run(
 
     Parameters
     ----------
-    p : Params
+    p : TimeAlignmentParams
     state : ndarray, shape (1,)
         State from `time_alignment_state.initial`, changed in place; the result does not depend on the cut into blocks.
     model : FieldModel
@@ -96,7 +96,12 @@ def _turn_at(s: TimeAlignmentState, at: int) -> float:
 
 @compiled
 def _gravity_at(s: TimeAlignmentState, at: int, down: Array) -> tuple[float, float]:
-    """Fill the vector down at a time, ns, shape (3,), not normalised; return its length and the axial rotation, rad."""
+    """
+    Interpolate gravity at a time.
+
+    at: time, ns; down, shape (3,): filled with the vector down, tool axes, not normalised. Returns the length of this
+    vector, and the rotation about the tool axis at the time, rad.
+    """
     earlier, later, share = ring.around(s.recent, at)
     first, second = s.recent.rows[earlier], s.recent.rows[later]
     turn = (1.0 - share) * first.turn + share * second.turn
@@ -169,8 +174,8 @@ def _sigma_azimuth(
     """
     Return 1 sigma of a magnetic azimuth, rad, from interference, tilt (in the vertical field) and north correction.
 
-    axial: horizontal component of the axial interference across magnetic north, 1 sigma, T; sine, cosine: of the
-    inclination; tilt: 1 sigma of the direction down, rad.
+    axial: horizontal component of the axial interference across magnetic north, 1 sigma, T; sine, cosine: sine and
+    cosine of the inclination; tilt: 1 sigma of the direction down, rad.
     """
     if s.horizontal <= 0.0 or sine <= 0.0:
         return math.pi
@@ -197,7 +202,12 @@ def _turned(s: TimeAlignmentState, tilt: float) -> float:
 
 @compiled
 def _sigma_magnetic_toolface(model: FieldModel, s: TimeAlignmentState, tilt: float) -> float:
-    """Return 1 sigma of the magnetic toolface, rad: that of the azimuth without its tilt term near the vertical."""
+    """
+    Return 1 sigma of the magnetic toolface, rad; tilt: 1 sigma of the direction down, rad.
+
+    It contains the terms of `_sigma_azimuth` without axial interference and without the tilt term that grows towards
+    the vertical.
+    """
     turned = _turned(s, tilt) if s.horizontal > 0.0 else 1.0
     if turned >= 1.0:
         return math.pi
@@ -245,7 +255,12 @@ def _write(
     across_axis: float,
     row: AttitudeRow,
 ) -> None:
-    """Write the row of a sample; across_axis: axial interference across the azimuth in a horizontal hole, T."""
+    """
+    Write the row of a sample.
+
+    across_axis: 1 sigma of the component of the axial interference across magnetic north if the hole were horizontal,
+    T.
+    """
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
     row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi

@@ -21,7 +21,7 @@ class TimeAlignmentParams(NamedTuple):
     """Settings of the time alignment."""
 
     mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity, ns
-    mag_timeout_ns: int = 2_000_000_000  #: largest age of the last magnetic sample, ns; then the azimuth is NaN
+    mag_timeout_ns: int = 2_000_000_000  #: age of the last magnetic sample above which the azimuth is NaN, ns
     #: Interval, ns, in which one magnetic sample is selected to update the interference filter and the azimuth.
     interval_ns: int = 200_000_000
     smoothing_s: float = 1.0  #: time constant of the smoothing of azimuth and magnetic toolface, s
@@ -35,7 +35,7 @@ class TimeAlignmentParams(NamedTuple):
 class FieldModel(NamedTuple):
     """Interference, north and their sigmas for the evaluation of magnetic samples; they change only at surveys."""
 
-    interference: tuple[float, float, float]  #: field in tool axes that is not the Earth's, T; it is subtracted
+    interference: tuple[float, float, float]  #: interference, which is subtracted from the field, tool axes, T
     #: `sigma_axial`, `sigma_cross`: 1 sigma of the remaining interference along and across the axis, T.
     sigma_axial: float
     sigma_cross: float
@@ -82,8 +82,8 @@ class AttitudeRow:
     Attitude of a sample.
 
     Angles and sigmas are in rad; `azimuth` and `magnetic_toolface` are NaN with a sigma of pi if unknown. `total`, T,
-    and `dip`, rad, belong to the last magnetic sample used, even an old one, and are NaN before the first. `status` has
-    the bits NO_MAG and NEAR_VERTICAL of `Status`.
+    and `dip`, rad, belong to the last magnetic sample used, however old this sample is; they are NaN before the first
+    magnetic sample. `status` has the bits NO_MAG and NEAR_VERTICAL of `Status`.
     """
 
     inclination: float
@@ -100,13 +100,13 @@ class AttitudeRow:
 class Pair:
     """A selected magnetic sample with gravity at its own stamp."""
 
-    place: int  #: index in the stretch of samples of the IMU sample at which the magnetic sample was used
+    place: int  #: index of the IMU sample at which the magnetic sample was used, in the samples given to the kernel
     stamp_ns: int  #: stamp of the magnetic sample, ns
     #: `g_t`, `b_t`: unit vector down, and the measured field, T.
     g_t: Annotated[Array, 3]
     b_t: Annotated[Array, 3]
     sigma_tilt: float  #: 1 sigma of the direction down, rad
-    #: `azimuth`, `sigma`: azimuth by the field model, from its north, and 1 sigma, rad.
+    #: `azimuth`, `sigma`: azimuth from the north of the field model, rad, and 1 sigma, rad.
     azimuth: float
     sigma: float
 

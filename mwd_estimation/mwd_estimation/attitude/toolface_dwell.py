@@ -28,7 +28,7 @@ _ROTATING, _REJECTED, _UNSETTLED = int(Status.ROTATING), int(Status.REJECTED), i
 
 
 class DwellParams(NamedTuple):
-    """Settings of the decision."""
+    """Settings of the decision whether a toolface can be used."""
 
     dwell: float = 5.0  #: smallest time without rotation before a toolface can be used, s
     cycles: float = 1.5  #: smallest time without rotation, as a multiple of the longest recent stick-slip cycle
@@ -55,7 +55,7 @@ def run(params: DwellParams, state: Samples, stamps: Stamps, track: Track) -> No
 
     Parameters
     ----------
-    params : Params
+    params : DwellParams
     state : ndarray of dtype RECORD, shape (1,)
         State, zeros at first, changed in place; the result does not depend on how the samples are cut into blocks.
     stamps : ndarray of int64, shape (n,)
@@ -78,7 +78,7 @@ def _run(p: DwellParams, s: DwellRecord, stamps: Stamps, rotary_speed: Array, st
 
 @compiled
 def _follow(s: DwellRecord, stamp: int, speed: float, turning: bool) -> None:
-    """Follow rotation and pauses over one sample; speed in rad/s."""
+    """Update the state with one sample; stamp: ns; speed: rotary speed, rad/s; turning: whether the string turns."""
     if turning and not s.turning:
         s.cycle = (stamp - s.begun_ns) * 1e-9 if s.turned_ns != 0 else 0.0
         s.begun_ns, s.angle = stamp, 0.0

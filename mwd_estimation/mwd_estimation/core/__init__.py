@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by all rooms of the estimator: samples, time bins, time jumps, status, error model, reference field."""
+"""Modules that all parts of the estimator use: samples, time bins, time jumps, status, error model, reference field."""

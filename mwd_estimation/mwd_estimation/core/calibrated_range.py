@@ -20,8 +20,8 @@ class CalibratedRange:
     Temperature range of the calibration, and how fast the biases of the sensors grow outside it.
 
     Calibration brings the bias to zero at all temperatures of the range. Outside the range the bias grows, to first
-    order, in proportion to the distance. The slope of a particular unit is unknown; only its usual size is known, and
-    that is the 1 sigma given here.
+    order, in proportion to the distance. The slope of a particular unit is unknown; only its usual size is known, which
+    is given here as 1 sigma.
     """
 
     #: `low_c`, `high_c`: lowest and highest temperature of the calibration, degC.
@@ -46,7 +46,7 @@ class CalibratedRange:
 
 class TemperatureWatch:
     """
-    Keep track of temperatures outside the range of the calibration.
+    Record of the temperatures of the tool, and of those outside the range of the calibration.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Flags for clipping that a unit itself reports: axes that exceeded their range at some time within a sample.
+Clip flags that a unit reports: they mark the axes that exceeded their range at some time within a sample.
 
-If a reading is a mean over its interval, the mean may hide a clipped peak; then only the unit itself can detect it.
+If a reading is a mean over its interval, the mean may hide a clipped peak; then only the unit can detect the clipping.
 Drivers report clipping in the covariance of the sample (`mwd_sensors.core.input_covariance`), so that recordings
 contain the flags too.
 """
@@ -22,7 +22,12 @@ ACCEL, AXIAL_GYRO, CROSS_GYRO = 1, 2, 4
 
 
 class UnitSamples(NamedTuple):
-    """Stamps, ns, (n,); rates, rad/s, and forces, m/s^2, (n, 6); clip flags, (n,), or None if the unit reports none."""
+    """
+    Samples of a unit.
+
+    stamps, shape (n,), ns; values, shape (n, 6): rates, rad/s, and forces, m/s^2; clipped, shape (n,): clip flags, None
+    if the unit does not report clipping.
+    """
 
     stamps: Stamps
     values: Array

@@ -12,7 +12,8 @@ from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
 from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, FaultUnit, SensorFault
 from mwd_sensors.core.mount import PRESETS
 
-# Units other than SI that a sensor may send, in the order of their numbers.
+# Units other than SI that gyro, accelerometer and magnetometer may send; `SensorFault.other_unit` is an index in the
+# tuple of a sensor.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
 _VECTORS = ("angular_velocity", "linear_acceleration", "magnetic_field")
@@ -67,7 +68,11 @@ def _joined(names: Iterable[str]) -> str:
 
 
 def _few(fault: SensorFault) -> tuple[int, ...]:
-    """Return the mappings that explain the fault, as bits by sensor; empty if a FRAME fault has more than four."""
+    """
+    Return the mappings that explain an AXES or FRAME fault, one bit mask (`SensorFault.mappings`) for each sensor.
+
+    The result is empty for other faults, and for a FRAME fault that more than four mappings explain.
+    """
     count = sum(mask.bit_count() for mask in fault.mappings)
     return fault.mappings if fault.code == FaultCode.AXES or 0 < count <= 4 else ()
 
@@ -234,10 +239,10 @@ Words = Callable[[SensorFault, str], tuple[str, str]]
 
 
 class _Description(NamedTuple):
-    """Sentence and remedy for the faults found by one check."""
+    """Message, remedy, kind, confidence and severity for the faults with one code."""
 
     words: Words  #: returns message and remedy, from a fault and the name of its sensor
-    kind: str = ""  #: if empty, the name of the check is used
+    kind: str = ""  #: `FaultText.kind`; if empty, the name of the fault code in lower case
     confidence: float = 0.99  #: confidence of the description; lower for a fault that shows only indirectly
     warns: bool = False  #: whether the severity is "warning" instead of "error"
 

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gate at the entrance of the estimator: it replaces values that this kind of sensor cannot read by NaN.
+Gate at the input of the estimator: it replaces values that the sensor cannot measure by NaN.
 
 The physical range of a sensor is stated in its data sheet (`settings.tool`). A value within the range is an ordinary
 reading. A value between the range and the gate is a reading of a clipped sensor: converters work up to 15 % beyond the
-range of the data sheet (an ST LSM6 reads 2293 deg/s at 2000), and a scale correction adds a few per cent. The stages
-treat it as clipped at the end of the range. A value beyond the gate is not a measurement. It becomes NaN, so that the
-output is the same, bit for bit, as for a missing value, whatever number was sent.
+range of the data sheet (an ST LSM6 with a range of 2000 deg/s reads up to 2293 deg/s), and a scale correction adds a
+few per cent. The stages treat such a value as clipped at the end of the range. A value beyond the gate is not a
+measurement. It becomes NaN, so that the output is the same, bit for bit, as for a missing value, whatever number was
+sent.
 
 If a sensor sends another unit of measurement (nT instead of T), all its values are beyond the gate. They are not used
 either, but their sizes are kept (`Refused`), so that the health checks can name the unit of measurement.
@@ -123,13 +124,13 @@ class InputGate:
 
 
 def flow(samples: Samples) -> Samples:
-    """Return the flow samples (dtype of `wire.TOOL_FLOW`) with a possible value; the others are dropped."""
+    """Return the flow samples (dtype of `wire.TOOL_FLOW`) up to `_MOST_FLOW` in size; the others are dropped."""
     readings: Samples = samples[np.abs(samples["flow"]) <= _MOST_FLOW]
     return readings
 
 
 def kept(held: Samples, more: Samples) -> Samples:
-    """Append refused readings (dtype REFUSED) to earlier ones; the oldest are dropped if there are too many."""
+    """Append refused readings (dtype REFUSED) to earlier ones; keep only the newest `_MOST_KEPT` readings."""
     return np.concatenate([held, more])[-_MOST_KEPT:]
 
 

@@ -50,7 +50,7 @@ _STATE = dtype_of(JumpState)
 
 
 class RateJumps:
-    """Detects wrong samples of one gyro; the result does not depend on how the samples are cut into blocks."""
+    """Detector of wrong samples of one gyro; the result does not depend on how the samples are cut into blocks."""
 
     def __init__(self) -> None:
         self._state = np.zeros(1, dtype=_STATE)
@@ -76,7 +76,7 @@ class RateJumps:
 
 @compiled
 def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
-    """Return which samples are doubted, shape (n,)."""
+    """Return a mask of the doubted samples, shape (n,)."""
     doubted = np.zeros(len(stamps), dtype=np.bool_)
     for i in range(len(stamps)):
         if not math.isfinite(gyro[i, 0] + gyro[i, 1] + gyro[i, 2]):
@@ -103,7 +103,11 @@ def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
 
 @compiled
 def _goes_astray(s: JumpState, c: int, dt: float, rate: float) -> bool:
-    """Return whether the rate of axis c, dt seconds after the last, is a change that is not confirmed yet."""
+    """
+    Return whether the rate of axis c has changed in a way that later samples have not confirmed yet.
+
+    dt: time since the last sample, s; rate: rate of this sample, rad/s.
+    """
     limit = max(_ACCELERATION[c] * dt, _UNUSUAL * math.sqrt(s.usual[c]))
     step = abs(rate - s.last[c])
     counted = step if s.count < _FIRST else min(step, limit)

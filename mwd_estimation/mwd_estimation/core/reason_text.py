@@ -215,7 +215,7 @@ WORDS: dict[Code, str] = {
 
 
 class _Number(float):
-    """A number in SI, printed in the unit that its format names; a unit in parentheses itself is not printed."""
+    """A number in SI, converted to the unit in its format; the unit is printed unless it stands in parentheses."""
 
     def __format__(self, spec: str) -> str:
         number, _, unit = spec.partition(" ")

@@ -138,8 +138,8 @@ class Reason:
     """One reason: a code, and the numbers and names that its sentence states."""
 
     code: ReasonCode
-    #: `value`, `limit`: the value found and the limit that it was compared with, in SI units; None if the code has
-    #: none.
+    #: `value`, `limit`: the value found and the limit with which it was compared, in SI units; None for a code without
+    #: value or limit.
     value: float | None = None
     limit: float | None = None
     values: tuple[float, ...] = ()  #: further numbers of this code, SI

@@ -30,8 +30,8 @@ SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
 # 1 sigma of the reference gravity, m/s^2. Models are accurate to 3e-4 m/s^2. The sigma is larger because a calibration
 # may have taken either standard gravity or the gravity of the workshop as one g.
 SIGMA_GRAVITY = 6e-3
-# Strength of the external field from which a survey counts as taken in a magnetic storm, T. A K index of 5 at mid
-# latitudes is 70 to 120 nT in three hours (Bartels).
+# Strength of the external field above which a survey counts as taken in a magnetic storm, T. A K index of 5 at mid
+# latitudes means a range of 70 to 120 nT within three hours (Bartels).
 STORM = 1e-7
 
 
@@ -152,7 +152,8 @@ class Reference:
 
 def best_north(reference: Reference | None) -> str:
     """Return the most useful north that the reference allows: grid if there is a grid, else true, else magnetic."""
-    # A convergence of 0 means that there is no grid: grid north and true north are the same, and it is called true.
+    # A convergence of 0 means that there is no grid: grid north and true north are the same, and the name "true" is
+    # used.
     for north in ("grid", "true") if reference is not None and reference.convergence else ("true",):
         if north_correction(reference, north) is not None:
             return north

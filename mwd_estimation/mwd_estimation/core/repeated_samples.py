@@ -2,10 +2,11 @@
 """
 Remove copies of samples, as sent by a second publisher on the same topic, in the live estimator and in `mwd process`.
 
-A copy of a sample has the same readings. If it has the same stamp too, it is a copy without doubt. A second publisher
-with its own stamps is recognised when nearly all readings of the last messages came exactly twice; the readings of a
-coarse sensor repeat too, but not exactly twice each. If the time of a topic goes back by more than two seconds, a
-recording loops or was wound back; earlier messages are then forgotten, so that the same samples do not count as copies.
+A copy of a sample has the same readings as the sample. A message with the same readings and the same stamp is certainly
+a copy. A second publisher with its own stamps is recognised when nearly all readings of the last messages came exactly
+twice; the readings of a coarse sensor repeat too, but not exactly twice each. If the time of a topic goes back by more
+than two seconds, a recording loops or was wound back; earlier messages are then forgotten, so that samples which are
+played again do not count as copies.
 The rule uses only a sample and the messages before it, in the order of arrival, so that the result does not depend on
 how a stream is cut into blocks. After the first repeated reading, the samples of an IMU are held back until it is known
 whether all readings repeat, because copies would disturb the estimate of the sample rate.
@@ -34,7 +35,7 @@ WATCHED, COPIES = 80, 36
 _FRESH, _COPY, _SUSPECT = 0, 1, 2
 _UNKNOWN, _BY_CHANCE, _ALL_TWICE = 0, 1, 2
 _BUCKETS = 4096  # size of the table of hashes, a power of two
-# If a stamp goes back by more than this, ns, time has gone back; a copy from a second publisher is less late.
+# If a stamp goes back by more than this, ns, time has gone back; a copy from a second publisher is never so late.
 _BACK_NS = 2_000_000_000
 _MIX = -7046029254386353131  # 2^64 divided by the golden ratio, as a signed number
 
@@ -50,7 +51,7 @@ class RepeatedState:
     newest: Annotated[Hashes, _BUCKETS]  #: number of the newest message in a bucket
     #: Number of earlier messages with the same readings, at most 2, for each of the last WATCHED messages.
     copies: Annotated[NDArray[np.int64], WATCHED]
-    verdict: int  #: _ALL_TWICE, or _BY_CHANCE if some readings repeat by chance; _UNKNOWN at first
+    verdict: int  #: why readings repeat: _ALL_TWICE (second publisher) or _BY_CHANCE; _UNKNOWN at first
     suspected: int  #: number of messages since the first repeated reading
     seconds: int  #: number of the last WATCHED messages that are the second one with the same readings
     thirds: int  #: number of the last WATCHED messages that are the third one, or a later one, with the same readings
@@ -82,14 +83,15 @@ class RepeatedSamples:
 
     @property
     def first_log_ns(self) -> int | None:
-        """Log time of the first sample that is held back, ns; None if there is none."""
+        """Log time of the first sample that is held back, ns; None if no sample is held back."""
         return int(self._held[0][0]) if self._held is not None else None
 
     def take(self, log_ns: Stamps, samples: Samples, *, stamped: bool = True) -> tuple[Stamps, Samples]:
         """
         Return the samples that are not copies, with their log times, ns.
 
-        samples : in the order of arrival, with `stamp_ns`. stamped: whether equal stamps mean the same measurement.
+        log_ns, samples: log times, ns, and samples in the order of arrival, with a field `stamp_ns`. stamped: whether
+        equal stamps mean the same measurement.
         """
         if not len(samples):
             return log_ns, samples
@@ -106,7 +108,7 @@ class RepeatedSamples:
         return self._kept(log_ns[:first], samples[:first], kind[:first])
 
     def finish(self) -> tuple[Stamps, Samples] | None:
-        """Return the samples that are still held back; None if there are none."""
+        """Return the log times and the samples that are still held back, without copies; None if none is held back."""
         held, self._held = self._held, None
         return None if held is None else self._kept(*held)
 

@@ -39,7 +39,11 @@ def next_place(ring: Ring) -> int:
 
 @compiled
 def first_from(ring: Ring, at: int) -> int:
-    """Return the count, back from the newest sample, of the first sample at or after a time, ns; 0 if there is none."""
+    """
+    Return the number of the first sample at or after a time, ns, counted back from the newest sample (number 1).
+
+    Returns 0 if all samples are earlier.
+    """
     low, high = 0, ring.length
     while low < high:
         middle = (low + high + 1) // 2
@@ -52,7 +56,11 @@ def first_from(ring: Ring, at: int) -> int:
 
 @compiled
 def around(ring: Ring, at: int) -> tuple[int, int, float]:
-    """Return the indices of the samples around a time, ns, and the weight of the later one; clamped at the ends."""
+    """
+    Return the indices in `rows` of the samples before and after a time, ns, and the weight of the later sample.
+
+    Outside the stored samples both indices are that of the nearest sample, with the weight 0.
+    """
     back = first_from(ring, at)
     later = place(ring, max(back, 1))
     if back == 0 or back == ring.length:

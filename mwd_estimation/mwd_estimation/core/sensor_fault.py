@@ -72,7 +72,7 @@ OF_INSTALLATION = frozenset(
 
 @dataclasses.dataclass(frozen=True)
 class SensorFault:
-    """A sensor fault, or the end of one."""
+    """A sensor fault that lasts or that has ended."""
 
     code: FaultCode
     unit: FaultUnit
@@ -99,7 +99,7 @@ class SensorFault:
 
     @property
     def check(self) -> int:
-        """Number of the check; a fault keeps it when it is narrowed down or cleared."""
+        """Number of the check that found the fault; it stays the same when the fault is narrowed down or has ended."""
         return 1000 * int(self.unit != FaultUnit.CONVENTIONAL) + 9 * int(self.code) + self.place
 
     @property
@@ -113,7 +113,7 @@ class SensorFault:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """For INVALID and NOISE: the faulty axes."""
+        """For INVALID and NOISE: the faulty axes, 0 (x) to 2 (z)."""
         return tuple(k for k in range(3) if self.which[0] >> k & 1)
 
     @property
@@ -128,7 +128,9 @@ class SensorFault:
 
     def in_unit_axes(self, mat_tu: Array) -> SensorFault:
         """
-        Return a MOUNT fault with its axis of rotation in axes of the unit, as `mount` needs it; others unchanged.
+        Return a MOUNT fault with the axis of rotation in axes of the unit, as `mount` needs it.
+
+        A fault with another code is returned unchanged.
 
         mat_tu, shape (3, 3): rotation from unit to tool axes that was applied to the samples.
         """

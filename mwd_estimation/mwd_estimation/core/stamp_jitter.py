@@ -2,9 +2,10 @@
 """
 Measure the jitter of the stamps of a stream, which causes an error of the toolface while the tool turns.
 
-A sensor measures at equal intervals. If the stamps are whole periods apart, they come from the sensor's own clock, even
-if samples are missing; their error is the difference from whole periods. If the stamps follow no period, they are times
-of arrival, and their error is as large as the variation of their steps. A delay that all stamps share cannot be found.
+A sensor measures at equal intervals. If the stamps are whole periods apart (several periods where samples are missing),
+they come from the sensor's own clock; their error is the difference of their steps from whole periods. If the stamps
+follow no period, they are times of arrival, and their error is as large as the variation of their steps. A delay that
+all stamps share cannot be found.
 """
 
 from __future__ import annotations
@@ -41,20 +42,20 @@ JITTER_STATE = dtype_of(JitterState)
 
 
 class StampJitter:
-    """Error of the stamps of one stream, sample by sample; it does not depend on how the stream is cut into blocks."""
+    """Estimator of the stamp error of one stream; the result does not depend on how the stream is cut into blocks."""
 
     def __init__(self) -> None:
         self._state = np.zeros(1, dtype=JITTER_STATE)
 
     def sigma(self, stamps: Stamps) -> Array:
-        """Return the error of each stamp, 1 sigma, s, shape (n,); stamps: ns, shape (n,)."""
+        """Return 1 sigma of the error of each stamp, s, shape (n,); stamps: ns, shape (n,)."""
         sigma: Array = _run(self._state[0], stamps)
         return sigma
 
 
 @compiled
 def _run(s: JitterState, stamps: Stamps) -> Array:
-    """Return the error of each stamp, 1 sigma, s, shape (n,)."""
+    """Return 1 sigma of the error of each stamp, s, shape (n,)."""
     sigma = np.zeros(len(stamps))
     for i in range(len(stamps)):
         step = 1e-9 * (stamps[i] - s.last_ns)

@@ -23,11 +23,11 @@ from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 1000  # longest memory of the line, samples: the jitter of a stamp becomes 16 times smaller
 _FIRST = 50  # number of samples until the line is used
-_EVEN = 1e-4  # s; stamps with less jitter stay unchanged: it rotates the toolface by 0.07 deg at 120 r/min
+_EVEN = 1e-4  # s; stamps with less jitter stay unchanged, because 1e-4 s is a toolface error of 0.07 deg at 120 r/min
 _FAR = 4.0  # a stamp farther from the line than half a period plus _FAR sigmas is late, or samples are missing
-_CONFIRMED = 4  # number of stamps in a row, each farther from the line than that, which show that the clock was set
+_CONFIRMED = 4  # number of stamps in a row that are far from the line, after which the clock counts as set
 _SILENCE = 0.5  # s, a longer step is a data gap
-_LATE = 10.0  # periods; if a stamp far from the line is this long after the last one, there is a data gap
+_LATE = 10.0  # periods; a stamp that is far from the line and this long after the last stamp follows a data gap
 
 
 class ClockState:
@@ -91,7 +91,7 @@ def _run(s: ClockState, j: JitterState, stamps: Stamps, times: Stamps) -> None:
 
 @compiled
 def _follow(s: ClockState, j: JitterState, step: float) -> None:
-    """Continue the line to a sample whose stamp is step s later; j: statistics of the steps."""
+    """Continue the line to the next sample; step: time from the last stamp to its stamp, s; j: statistics of steps."""
     if s.count == 0:
         if j.count >= _FIRST:
             s.count, s.period, s.square = _FIRST, j.mean, j.square - j.mean * j.mean

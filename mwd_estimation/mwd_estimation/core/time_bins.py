@@ -87,7 +87,7 @@ class Closed(NamedTuple):
 
 
 class Binner:
-    """Sorts the samples of a stream with the given number of channels into bins of `length_ns`, ns."""
+    """Sums of the samples of a stream in bins of `length_ns`, ns; channels: number of values of each sample."""
 
     def __init__(self, channels: int, length_ns: int) -> None:
         self.length_ns = length_ns
@@ -108,7 +108,7 @@ class Binner:
         return [closed for closed, _ in self.add_placed(stamp_ns, values)]
 
     def add_placed(self, stamp_ns: Stamps, values: Array) -> list[tuple[Bin, int]]:
-        """Add a block as `add`; return each closed bin with the index in the block of the sample that closed it."""
+        """Add a block as `add` does; return each closed bin and the index in the block of the sample that closed it."""
         closed: list[tuple[Bin, int]] = []
         start, n = 0, len(stamp_ns)
         while start < n:
@@ -118,7 +118,7 @@ class Binner:
         return closed
 
     def flush(self, before_ns: int) -> list[Bin]:
-        """Close the open bin if it ends before a time, ns; for a stream that has stopped."""
+        """Close and return the open bin if it ends by a time, ns; for a stream that has stopped."""
         index = int(self._open["index"][0])
         if index == _NONE or (index + 1) * self.length_ns > before_ns:
             return []

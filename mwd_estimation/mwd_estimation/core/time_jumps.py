@@ -39,7 +39,11 @@ _NONE = np.iinfo(np.int64).min
 
 
 def advances(stamps: Stamps, newest_ns: int) -> NDArray[np.bool_]:
-    """Return which samples are later than all before them, shape (n,); newest_ns: latest stamp before the block."""
+    """
+    Return a mask of the samples that are later than all earlier samples, shape (n,).
+
+    stamps: ns, shape (n,); newest_ns: latest stamp before the block, ns.
+    """
     return np.asarray(stamps > np.maximum.accumulate(np.concatenate([[newest_ns], stamps]))[:-1])
 
 
@@ -120,7 +124,7 @@ class Clocks:
     dropped : int
         Number of samples of other streams that were dropped because their stamps do not belong to the leader's time.
     went_back : list of (int, int)
-        For each jump back, the leader's latest stamp before it and its first stamp after it, ns.
+        For each jump back, the leader's latest stamp before the jump and its first stamp after the jump, ns.
     """
 
     def __init__(self) -> None:
@@ -138,9 +142,10 @@ class Clocks:
         Returns
         -------
         list of (samples, new)
-            `samples` belong to the time so far, rejected ones included. An unconfirmed stamp far ahead is replaced by
-            the latest one, so that later stages do not mistake it for the time. If `new` is not None, time jumps back
-            after `samples` and restarts with `new`: the last few samples, rejected until the jump was confirmed.
+            `samples` belong to the time so far; samples whose jump is not confirmed are among them. An unconfirmed
+            stamp far ahead is replaced by the latest stamp, so that later stages do not take it for the present time.
+            If `new` is not None, time jumps back after `samples` and restarts with `new`: the samples that confirmed
+            the jump.
         """
         stamps = samples["stamp_ns"]
         if not len(stamps) or (not self._pending and self._lead.take_block(stamps)):
@@ -231,9 +236,10 @@ class Clocks:
 
     def reached(self, before_ns: int) -> dict[str, Samples]:
         """
-        Return, per stream, the waiting samples whose time the leader has reached; before_ns: its earlier stamp, ns.
+        Return, for each stream, the waiting samples whose time the leader has reached.
 
-        Thus a stream whose clock was ahead and is right again waits only until the next sample of the leader.
+        before_ns: latest stamp of the leader before its last block, ns. Thus a stream whose clock was ahead and is
+        right again waits only until the next sample of the leader.
         """
         found = {}
         for name, other in self._others.items():
@@ -250,11 +256,11 @@ class Clocks:
         return self._lead.last_ns
 
     def release(self) -> dict[str, Samples]:
-        """Return, per stream, the samples that waited for the leader to jump back; call this after the jump."""
+        """Return, for each stream, the samples that waited for the leader to jump back; call this after the jump."""
         return {name: other.released() for name, other in self._others.items() if other.is_ahead}
 
 
 def _in_a_row(pending: list[Samples], sample: Samples) -> list[Samples]:
-    """Append a sample if its stamp advances from the pending ones; otherwise start again with this sample alone."""
+    """Return the pending samples and this sample if its stamp is later than theirs; otherwise this sample alone."""
     follows = pending and sample["stamp_ns"][0] > pending[-1]["stamp_ns"][0]
     return [*pending, sample.copy()] if follows else [sample.copy()]

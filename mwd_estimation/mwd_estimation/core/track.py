@@ -27,9 +27,11 @@ STILL_HOLD = 1.0  # s, time constant of the decay of both peaks
 ROTARY_LAG = 0.5  # s, time constant of the rotary speed
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # inclination below which gravity across the tool is too small for a toolface
 BACKWARD_LIMIT = 50  # number of samples with advancing stamps after which a clock that jumped back is accepted
-FORCE_ABOVE = 1e-6  # m/s^2; a sample with no larger force on any axis is not a reading (no accelerometer resolves it)
+# m/s^2; no accelerometer resolves this force. A sample is a reading only if the force on at least one axis is larger.
+FORCE_ABOVE = 1e-6
 GAP_NS = 500_000_000  # a longer step between samples is a data gap, for methods without a rule of their own
-# A reading of at least this share of the range counts as clipped; rounding can leave a clipped one just below the end.
+# A reading of at least this share of the range counts as clipped: rounding can leave a clipped reading just below the
+# end of the range.
 AT_RANGE = 0.9995
 
 FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
@@ -65,7 +67,7 @@ CLOCK, MOTION = dtype_of(TrackClock), dtype_of(TrackMotion)
 
 @compiled
 def clips(v: Vector, full: float) -> bool:
-    """Return whether a component of v is at the end of the range `full`; both are rates, rad/s, or forces, m/s^2."""
+    """Return whether a component of v is at the end of the range, `full`; v: rates, rad/s, or forces, m/s^2."""
     return bool(max(abs(v[0]), abs(v[1]), abs(v[2])) >= AT_RANGE * full)
 
 
@@ -160,7 +162,7 @@ def take(
     """
     Check one sample for any gravity method, and return its step in time and its status bits.
 
-    Arguments as in `admit`; gyro_range, rad/s, accel_range, m/s^2 : ranges beyond which the sensors clip.
+    Arguments as in `admit`; gyro_range, rad/s, accel_range, m/s^2 : ends of the ranges, at which the sensors clip.
 
     Returns
     -------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words for verdicts, and which of two verdicts is worse."""
+"""Names of the verdicts on a survey, and the worse of two verdicts."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class Commands:
             try:
                 tool_commands.applied(self._tool, settings)
             except ValueError:
-                # The tool cannot carry out the command. It does not echo the command, so the surface can see this.
+                # The tool cannot carry out the command. It does not echo the command, so that the surface detects this.
                 continue
             self.settings, self.echo = settings, frame.echo
         return self.echo != before
@@ -67,7 +67,7 @@ class Commands:
         return self._tool if self._downlink is None else tool_commands.applied(self._tool, self.settings)
 
 
-# Find commands from the surface in the rotation or flow that the tool measures.
+# Decode commands from the surface in the rotation or the flow that the tool measures.
 
 
 _CELL_NS = 200_000_000  # ns; the signal is averaged over cells of this length
@@ -79,8 +79,7 @@ _SCALE = {"rotation": 1e6, "flow": 1e9}
 # Smallest and largest allowed ratio of the measured to the configured drop of flow or rotation: flow meters are
 # inexact, and the string slips.
 _DROP = (0.6, 1.5)
-# Largest difference between the high values of one command, as a share of the drop: a larger one would be another
-# level.
+# Largest difference between the high values of one command, as a share of the drop: half the distance of two levels.
 _STEADY = 1.0 / (2.0 * (LEVELS - 1))
 # Largest allowed distance of the measured levels from whole levels, rms and maximum. Random values have an rms of 0.29.
 _RMS, _MOST = 0.2, 0.42
@@ -125,7 +124,7 @@ class DownlinkDecoder:
 
     def push(self, stamp_ns: Stamps, signal: Array) -> list[ReceivedCommand]:
         """
-        Add samples in order of time, and return the commands that ended in them.
+        Add samples in order of time, and return the commands that these samples complete.
 
         stamp_ns, shape (n,): ns. signal, shape (n,): rotation about the axis, rad/s, or flow, m^3/s; values that are
         not finite are ignored.
@@ -144,9 +143,10 @@ class DownlinkDecoder:
 
     def _add_cell(self, cell: int, total: int, count: int) -> list[ReceivedCommand]:
         """
-        Add samples of one cell, and return the commands that ended; more samples of the same cell may follow.
+        Add samples of one cell, and return the commands that are now complete; the cell may continue in later samples.
 
-        cell: start of the cell divided by its length; total: sum of the samples, in steps of `_SCALE`; count: number.
+        cell: start of the cell divided by its length; total: sum of the samples, in steps of `_SCALE`; count: number of
+        samples.
         """
         found: list[ReceivedCommand] = []
         if self._cell is not None and not 0 <= cell - self._cell <= _GAP:

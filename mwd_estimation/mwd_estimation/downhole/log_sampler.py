@@ -44,8 +44,8 @@ _TOOLFACE_SIGMA = math.pi / 8.0
 # Samples that are older than the closed seconds by more than _SET_BACK_S come from a clock that was set back. At most
 # _MOST of them are kept until the attitude goes back too.
 _SET_BACK_S, _MOST = 3, 10_000
-# Smallest live share of the time, 1 - m tau, that is used in the correction; with a smaller one the rate is a lower
-# bound.
+# Smallest live share of the time, 1 - m tau, that is used in the correction; with a smaller live share the rate is a
+# lower bound.
 _LEAST_ALIVE = 0.05
 _CONSTANTS = ("dead_time", "tool_factor", "sensor_to_bit")
 _STATED_SIGMA = {"attitude": "sigma_{field}", "temperature": "variance"}
@@ -75,8 +75,8 @@ class LogSampler:
     Attributes
     ----------
     running : list of (int, dict of str to LogSample)
-        Running means for telemetry words: the time from which they are known, ns, and the mean over the last interval
-        of each channel, by name. The caller must remove the entries that it has used.
+        Running means for telemetry words: the time from which the means are known, ns, and the mean over the last
+        interval of each channel, by name. The caller must remove the entries that it has used.
     late : int
         Number of samples that arrived too late and are not used.
     """
@@ -129,7 +129,7 @@ class LogSampler:
         return found
 
     def finish(self) -> list[LogSample]:
-        """Return the log samples of all data so far; the last ones are incomplete, and no data may follow."""
+        """Return the log samples of all remaining data, the last of them incomplete; no data may follow."""
         found = self._close(self._lead_ns // NANOSECONDS + 1)
         for name, open_ in self._open.items():
             if open_:

@@ -32,9 +32,10 @@ Readings = dict[str, StampedValue]
 
 def to_magnetic(north: str, reference: Reference | None) -> float | None:
     """
-    Return the angle from magnetic north to the named north, rad, to add to an azimuth from that north; None if unknown.
+    Return the angle from magnetic north to the named north, rad; None if unknown.
 
-    By convention a tool transmits azimuths from magnetic north; the surface adds declination and convergence.
+    Added to an azimuth from the named north, it gives the magnetic azimuth. By convention a tool transmits azimuths
+    from magnetic north; the surface adds declination and convergence.
     """
     correction = north_correction(reference, north) if north in NORTHS else None
     return None if correction is None else -correction

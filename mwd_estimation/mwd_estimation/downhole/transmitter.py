@@ -8,7 +8,8 @@ at the start of its transmission. On a carrier, blocks of words replace sync, he
 not wait for flow: it sends toolface frames all the time, and each survey as soon as it has been taken. The machine
 moves in steps of 0.1 s of the tool's clock, so that the result does not depend on how the samples are cut into blocks.
 
-A downlink command takes effect with the next sync, which is sent after the current word.
+A downlink command takes effect with the next sync. After a command the tool sends a sync as soon as the current word is
+complete.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class Sent:
     #: `raw`, `bits`: code without parity, and number of its bits.
     raw: int
     bits: int
-    reading: StampedValue | None  #: measurement, SI; None if there is none
+    reading: StampedValue | None  #: measurement that the word carries, SI; None without a measurement
     start_ns: int  #: start of the transmission, clock of the tool, ns
     duration_s: float  #: duration of the transmission, s
     edges_s: tuple[float, ...]  #: start of each pulse, counted from `start_ns`, s
@@ -87,7 +88,7 @@ class Sent:
 
 
 class _Part(NamedTuple):
-    """Next part to transmit: kind, number of the sequence, and words (none for a sync)."""
+    """Next part to transmit: kind, number of the sequence, and words (a sync has no words)."""
 
     kind: PartKind
     number: int
@@ -262,7 +263,7 @@ class Transmitter:
         return sent
 
     def _begin_sending(self, at_ns: int) -> None:
-        """Start to send with the survey at a time, ns, and use the configuration changed by the received commands."""
+        """Start to send at a time, ns, beginning with the survey; use the configuration changed by commands so far."""
         self.state, self._next_ns, self._commanded, self._begins_anew = TransmitterState.SENDING, at_ns, False, False
         self.tool = self._commands.tool()
         self._on_air = self._frames() if self.wired else self._parts(with_survey=True)
@@ -278,7 +279,7 @@ class Transmitter:
 
     @property
     def _number(self) -> int:
-        """Number of the sequences (survey and toolface) to send now."""
+        """Index of the survey and the toolface sequence to send now."""
         if not self.tool.names_sequences:
             return 0
         switches = self._settings.rotation_switching_s > 0.0
@@ -300,7 +301,7 @@ class Transmitter:
             yield from self._pass("toolface", number)
 
     def _frames(self) -> Iterator[_Part]:
-        """Yield the frames of a tool on a wire until it is muted: the survey if there is a new one, else toolfaces."""
+        """Yield the frames of a tool on a wire until it is muted: a new survey once, otherwise toolfaces."""
         while (self._fresh or self.tool.toolfaces) and not self._commands.settings.mute:
             kind = "survey" if self._fresh else "toolface"
             if self._fresh:
@@ -313,7 +314,7 @@ class Transmitter:
         return (_Part(_KINDS[kind], number, group) for group in on_air.groups(self.tool, kind, number))
 
     def _choose_survey(self) -> None:
-        """Use the survey taken at rest since the last transmission; without one, the least noisy continuous survey."""
+        """Use the survey taken at rest since the last transmission, or else the least noisy continuous survey."""
         self._frame += 1
         if not self._fresh:
             self._survey = self._continuous.best() or self._survey
@@ -329,7 +330,7 @@ class Transmitter:
             number if kind == PartKind.HEADER else self._code(item, reading)
             for item, reading in zip(group.items, measured, strict=True)
         )
-        # Sync and header get the number of the pass that follows them.
+        # Sync and header get the frame number of the sequence that follows them.
         frame = self._frame if kind in (PartKind.SURVEY, PartKind.TOOLFACE) else self._frame + 1
         if kind == PartKind.SYNC:
             signal = on_air.sync(self.tool)
@@ -357,7 +358,7 @@ class Transmitter:
         return (self._survey | of_now if kind == PartKind.TOOLFACE else of_now | self._survey).get(quantity)
 
     def _code(self, item: SequenceItem, reading: StampedValue | None) -> int | None:
-        """Return the code of a reading; None if there is none (the tool then sends a code that is not a reading)."""
+        """Return the code of a reading; None without a reading (the tool then sends a code that is not a value)."""
         if reading is None:
             return None
         word = self.tool.table[item.name]
@@ -405,11 +406,11 @@ class ContinuousSurvey:
                     sums[k] += more
 
     def best(self) -> Readings:
-        """Return the readings of the least noisy window since the last call of `forget`; empty if there was none."""
+        """Return the readings of the least noisy window since the last call of `forget`; empty before a full window."""
         return dict(self._best)
 
     def forget(self) -> None:
-        """Discard the best window, as after it has been sent."""
+        """Discard the best window, because it has been sent."""
         self._least, self._best = math.inf, {}
 
     def _close(self, stamp_ns: int) -> None:

@@ -36,10 +36,10 @@ class GravityWithFallback:
     method : Method
     params : Any
         Parameters of the method.
-    remaining : accelerometer_only.Params
+    remaining : accelerometer_only.AccelerometerParams
         Parameters of the accelerometer-only method, used while the gyros are faulty.
     mag : MagneticSamples
-        Magnetic samples that wait for the method.
+        Magnetic samples that the method has not used yet.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class GravityWithFallback:
 
     @property
     def innovations(self) -> list[Innovation]:
-        """Innovations that concern inclination and toolface; empty for a method that has none."""
+        """Innovations of inclination and toolface; an empty list for a method without innovations."""
         if not isinstance(self._state, BoundedState):
             return []
         found = self._state.record[0]["innovations"]
@@ -81,7 +81,7 @@ class GravityWithFallback:
         followed: Track | None = None,
     ) -> Track:
         """
-        Return the gravity of samples; the same sensors must be unusable in all of them.
+        Return the gravity of a block of n samples; the unusable sensors must be the same in the whole block.
 
         Parameters
         ----------
@@ -140,10 +140,11 @@ class GravityWithFallback:
 
 def without_faulty(unusable: int, gyro: Array, full: float) -> Array:
     """
-    Return the rates for the steps after gravity; all are NaN if the gyros are unusable, y and z if one of them clips.
+    Return the rates, rad/s, shape (n, 3), for the steps after gravity, with NaN in place of rates that are wrong.
 
-    full: end of the range, rad/s. A string may rotate about its axis faster than the gyro reads. No tool rotates so
-    fast across its axis, so a clipped cross-axis rate comes from a blow and is not a measurement.
+    All rates are NaN if the gyros are unusable. If the y or the z gyro clips in a sample, both of these rates are NaN
+    in this sample: no tool rotates so fast across its axis, so such a rate comes from a blow. A clipped x rate is kept,
+    because a string may rotate faster than the gyro can measure. full: end of the gyro's range, rad/s.
     """
     if unusable & GYRO:
         return np.full_like(gyro, np.nan)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-S3: gravity while drilling by a rotation-vector recursion, a PI correction and a fuzzy proportional gain.
+Method of paper S3: gravity while drilling by a rotation-vector recursion, a PI correction and a fuzzy gain.
 
 The recursion (S3 eq 5, with the sign in the exponent as eq 1 requires) propagates the last filtered gravity by the raw
 gyro. The difference of the propagated gravity from the accelerometer drives a proportional-integral correction of the
@@ -30,10 +30,10 @@ from mwd_sensors.core.records import dtype_of
 RULES: Array = np.array([[0.06, 0.03, -0.03], [0.0, 0.0, -0.03], [0.0, -0.03, -0.06]])
 WINDOW_MOST = 512  # largest value of `MahonyParams.window`
 RPM = 60.0 / (2.0 * math.pi)  # r/min in one rad/s
-# Correlation time of the disturbance that is assumed during a start, s.
+# Assumed correlation time of the disturbance during a start, s.
 _ALIKE = 0.03
-# Smallest bandwidth of the low-pass of the remaining error, 1/s; and bandwidth of the low-pass of its square, as a
-# share of the bandwidth of the first low-pass.
+# Smallest bandwidth of the low-pass of the error signal, 1/s; and bandwidth of the low-pass of the squared error, as a
+# share of the bandwidth of the low-pass of the error signal.
 _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
 _INITIALISING = int(Status.INITIALISING)
@@ -43,7 +43,7 @@ State = NDArray[np.void]
 
 
 class MahonyParams(NamedTuple):
-    """Settings of the S3 method; with `fuzzy` False it is the plain PI filter (Mahony)."""
+    """Settings of the method of S3; with `fuzzy` False the method is the plain PI filter (Mahony)."""
 
     #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 does not estimate the gyro bias.
     k_p: float = 0.15
@@ -69,8 +69,8 @@ class MahonyRecord:
     down: Annotated[Array, 3]  #: unit vector down, tool axes
     integral: Annotated[Array, 3]  #: integral correction of the rates, rad/s
     last_angle: Annotated[Array, 3]  #: rotation angle of the previous sample, rad
-    #: `mean`, `mean_power`: integrals during a start, s: of minus the force divided by gravity, rotated by the gyro,
-    #: and of the squared difference of this vector from `down`.
+    #: `mean`, `mean_power`: integrals over a start, s. `mean` integrates minus the force divided by gravity, rotated by
+    #: the gyro; `mean_power` integrates the squared difference between this vector and `down`.
     mean: Annotated[Array, 3]
     mean_power: float
     #: `slow_error`, `slow_power`: error signal (cross product of measured and propagated direction, rad), low-passed at
@@ -83,7 +83,7 @@ class MahonyRecord:
     age: float
     non_gravity: float
     sigma: float
-    #: `ring`, `ring_at`: non-gravity acceleration of the last samples, m/s^2, and the index of the next one.
+    #: `ring`, `ring_at`: non-gravity acceleration of the last samples, m/s^2, and the index for the next sample.
     ring: Annotated[Array, WINDOW_MOST]
     ring_at: int
 
@@ -105,7 +105,7 @@ def run(params: MahonyParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLi
 
     Parameters
     ----------
-    params : Params
+    params : MahonyParams
     state : State
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
@@ -126,7 +126,11 @@ def run(params: MahonyParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLi
 
 @compiled
 def membership(value: float, low: float, middle: float, high: float) -> tuple[float, float, float]:
-    """Return triangular memberships small, medium, large (S3 figure 3 a, b); 1, 0, 0 below low, 0, 0, 1 above high."""
+    """
+    Return the triangular memberships (small, medium, large) of a value, S3 figure 3 a, b.
+
+    They are (1, 0, 0) up to `low`, (0, 1, 0) at `middle`, and (0, 0, 1) from `high` on.
+    """
     if value <= low:
         return 1.0, 0.0, 0.0
     if value >= high:
@@ -188,7 +192,7 @@ def _run(p: MahonyParams, s: Any, stamps: Stamps, gyro: Array, accel: Array, out
 
 @compiled
 def _begin(p: MahonyParams, s: Any) -> None:
-    """Begin the average of a start; the integral, which is a gyro bias, is kept over a gap."""
+    """Begin the average of a start; keep the integral correction (minus the gyro bias) from before a data gap."""
     for c in range(3):
         s.last_angle[c] = s.mean[c] = s.slow_error[c] = 0.0
     s.age = s.slow_power = s.mean_power = 0.0
@@ -230,7 +234,7 @@ def _proportional_gain(p: MahonyParams, s: Any) -> float:
 @compiled
 def _correct(p: MahonyParams, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]) -> None:
     """
-    Propagate gravity by the raw gyro, and correct it by its error against the accelerometer (S3 figure 4).
+    Propagate gravity by the raw gyro, and correct it by its difference from the accelerometer (S3 figure 4).
 
     dt: s; w: rate, rad/s; u: minus the force over gravity; turn: rotation vector of the sample, rad.
     """

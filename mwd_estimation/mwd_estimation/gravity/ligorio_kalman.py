@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Linear Kalman extraction of gravity (Ligorio and Sabatini's inclinometer), the method to which S3 compares its own.
+Linear Kalman extraction of gravity (Ligorio and Sabatini's inclinometer), with which paper S3 compares its method.
 
 The states are gravity and acceleration of the tool, in tool axes. The gyro rotates both, and the acceleration is a
 first-order Gauss-Markov process. The accelerometer measures acceleration minus gravity plus noise. With equal noise on
-the three axes the six-state covariance is three numbers times the identity matrix, which rotation does not change, so
-the filter is exact and fast. A separate integral correction removes the gyro bias. Derivation and limits:
+the three axes the 6 x 6 covariance consists of 3 x 3 blocks, each a number times the identity matrix. Rotation does not
+change such blocks, so the filter is exact and fast. A separate integral correction removes the gyro bias. Derivation
+and limits:
 ``docs/methods/fuzzy_mahony.md``.
 """
 
@@ -27,8 +28,8 @@ from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
 _INITIALISING = int(Status.INITIALISING)
-# Averaging time of the squared innovations, s; and smallest and largest factor on the covariance that follows from
-# them.
+# Averaging time of the squared innovations, s; smallest and largest factor on the covariance that is computed from
+# their average.
 _SQUARE_TIME, _SCALE_LEAST, _SCALE_MOST = 5.0, 0.1, 100.0
 
 State = NDArray[np.void]
@@ -118,7 +119,11 @@ def _run(p: LigorioParams, s: Any, stamps: Stamps, gyro: Array, accel: Array, ou
 
 @compiled
 def _begin(p: LigorioParams, s: Any, f: Vector) -> None:
-    """Set gravity to minus the first force, scaled to the length of gravity; the unknown acceleration is its error."""
+    """
+    Set gravity to minus the first force, scaled to the length of gravity.
+
+    The error of this gravity is the acceleration of the tool in the first sample, which is unknown.
+    """
     scale = p.gravity / math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     for c in range(3):
         s.gravity[c] = -f[c] * scale

@@ -2,9 +2,9 @@
 """
 Gravity methods by name: each published method can be selected, and all return the same `Track`.
 
-A method has four parts with the same meaning everywhere: `Params` (settings with defaults), `initial(params)` (state
-before the first sample, with `copy`), `run(params, state, stamp_ns, gyro_t, accel_t)` (process a block of any length
-and change the state in place), and a sentence that describes it.
+A method has four parts with the same meaning everywhere: `Params` (settings with defaults), `initial(params)` (returns
+the state before the first sample, an object with a method `copy`), `run(params, state, stamp_ns, gyro_t, accel_t)`
+(processes a block of any length and changes the state in place), and a sentence that describes the method.
 """
 
 from __future__ import annotations

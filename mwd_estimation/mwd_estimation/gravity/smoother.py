@@ -38,7 +38,7 @@ def smooth(params: BoundedParams, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_
 
 
 def joined(parts: list[Track]) -> Track:
-    """Concatenate tracks."""
+    """Return the tracks of consecutive blocks as one track."""
     return Track._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
 
 
@@ -69,7 +69,7 @@ class Smoother:
         return self._state.samples_are
 
     def continued(self) -> Smoother:
-        """Return a smoother for the samples after a silence, with the kind of the samples that was found so far."""
+        """Return a new smoother for the samples after a pause in the stream; it keeps the detected kind of samples."""
         smoother = Smoother(self.params)
         smoother._state.keep_meaning(self._state)
         return smoother
@@ -77,7 +77,7 @@ class Smoother:
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:
-        """Accept a block; return the gravity of the samples that are now finished, in order of time."""
+        """Accept a block; return the gravity of the samples that now have enough later samples, in order of time."""
         part, log = bounded.run_logged(self.params, self._state, stamp_ns, gyro_t, accel_t, clipped)
         updates = log.updates[: log.entries[0]].copy()
         updates["sample"] += self._count
@@ -112,10 +112,10 @@ class Smoother:
 
 def _back(part: Track, updates: Any, north_t: Array) -> None:
     """
-    Replace directions and sigmas of `part` by smoothed ones (equation (12) of the bounded filter).
+    Replace directions and sigmas of `part` by smoothed values (equation (12) of the bounded filter).
 
-    updates: structured array of `Update`, shape (m,); its `sample` is an index in the part, and may be negative or
-    after its end. north_t: first level axis in tool axes at each sample, shape (at least n, 3).
+    updates: structured array of `Update`, shape (m,); the field `sample` is an index in `part`, and may be negative or
+    beyond the end of `part`. north_t: first level axis in tool axes at each sample, shape (at least n, 3).
     """
     if len(updates) < 2:
         return
@@ -128,7 +128,7 @@ def _back(part: Track, updates: Any, north_t: Array) -> None:
 @compiled
 def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array) -> None:
     """
-    Fill the smoothed tilt after and before each update, rad, shape (m, 2) each, and its covariance, rad^2, (m, 2, 2).
+    Fill the smoothed tilt after and before each update, rad, (m, 2), and the covariance after it, rad^2, (m, 2, 2).
 
     The updates are processed backwards. A is the information matrix that later measurements add, with their information
     vector in its last column. With the filter's covariance P after update k, the smoothed errors are P A[:, -1] and

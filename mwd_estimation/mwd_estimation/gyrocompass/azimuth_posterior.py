@@ -18,8 +18,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# Smallest width of a peak, rad, that the coarse grid resolves. And largest ratio of the width of a peak to that of the
-# last one at which both use the same grid.
+# Smallest width of a peak that the coarse grid resolves, rad; and largest ratio of the widths of two peaks that use the
+# same grid.
 _NARROW, _ALIKE = 0.1, 1.4
 
 
@@ -47,14 +47,14 @@ class OnCircle:
     mean: float
     sigma: float
     misfit: float  #: squared distance, in sigmas, of the most likely part's Earth rate from its value at the latitude
-    several: tuple[float, ...]  #: angles that fit equally well, rad; empty if there is only one
+    several: tuple[float, ...]  #: all angles that fit, rad, if there is more than one; empty if only one angle fits
 
 
 def part(
     log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0, misfit: float = 0.0
 ) -> MixturePart:
     """
-    Return the part for a Gaussian of filter states.
+    Return the mixture part for a Gaussian of filter states.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def part(
 
 
 class _Cost:
-    """The parts as functions of the angle on the circle: squared distances, in sigmas, and log likelihoods."""
+    """Squared distances, in sigmas, and log likelihoods of mixture parts as functions of the angle on the circle."""
 
     def __init__(self, parts: Sequence[MixturePart], horizontal: float) -> None:
         self.inverses = [np.linalg.inv(one.S) for one in parts]
@@ -129,7 +129,7 @@ class _Cost:
 
 def along(parts: Sequence[MixturePart], horizontal: float) -> tuple[Array, Array, Array]:
     """
-    Evaluate each part along the circle.
+    Evaluate each part at angles along the circle.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def posterior(parts: Sequence[MixturePart], horizontal: float, expected: float |
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of MixturePart
         Estimate from the data, weighted by the evidence.
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
@@ -190,7 +190,7 @@ def posterior(parts: Sequence[MixturePart], horizontal: float, expected: float |
 
 
 def _modes(cost: Callable[[Array], Array]) -> list[tuple[float, float]]:
-    """Return the angles, rad, of all local minima of the cost within 25 of the lowest, each with its cost."""
+    """Return angle, rad, and cost of each local minimum of the cost that is less than 25 above the lowest minimum."""
     grid = np.linspace(-math.pi, math.pi, 360, endpoint=False)
     values = cost(grid)
     low = (values <= np.roll(values, 1)) & (values < np.roll(values, -1))

@@ -43,13 +43,14 @@ _RAMP_S = 3600.0
 _BIAS, _RAMP, _G, _SIZE = slice(0, 3), slice(3, 6), slice(6, 10), 10
 # Indices in the Gaussian of a seek.
 _EARTH, _INSTRUMENT, _HEADING = slice(0, 2), slice(2, 12), 12
-# Kinds of unit whose biases stepped earlier in the run, and those that step before this station.
+# Indices in `GyroErrors.kind` for a unit whose biases stepped earlier in the run, and for a unit whose biases step
+# before this station.
 _EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
 # Centres of overlapping arcs of azimuth, rad, which are so short that the Earth rate along an arc is nearly a straight
 # line; and smallest probability of an arc with its own Gaussian.
 _ARCS, _WORTH_AN_ARC = np.arange(12) * math.tau / 12.0, 1e-4
-# Smallest odds of a kind relative to the most probable one, because the unit may change; and a probability that counts
-# as zero.
+# Smallest odds of a kind relative to the most probable kind, so that a unit that changes can still be recognised; and a
+# probability that counts as zero.
 _LEAST_ODDS, _NONE = 1e-6, 1e-300
 # Probability that the biases step between two stations (a shock): a guess of one shock in a run of fifty stations.
 _STEP = 0.02
@@ -75,7 +76,7 @@ class GyroErrors:
 
     @property
     def bias_sigma(self) -> Array:
-        """1 sigma of the mean bias, rad/s, shape (3,)."""
+        """1 sigma of the bias of x, y, z, rad/s, shape (3,)."""
         own = np.diagonal(self.covariance, axis1=1, axis2=2)[:, _BIAS]
         return np.sqrt(np.exp(self.log_weight) @ (own + (self.mean[:, _BIAS] - self.bias) ** 2))
 
@@ -91,7 +92,8 @@ class Sought:
 
     mean: Array  #: shape (14,)
     covariance: Array  #: shape (14, 14)
-    #: shape (10, 10); covariance of biases, ramps and g-sensitivity at the end that the seek assumed, about zero
+    #: shape (10, 10); prior covariance, about zero, that the seek assumed for biases, ramps and g-sensitivity,
+    #: propagated to the end of the seek
     prior: Array
 
 
@@ -105,7 +107,7 @@ class Joined(NamedTuple):
     misfit: Array
 
     def at(self, down: float) -> Joined:
-        """Return the Gaussians given the vertical Earth rate `down`, rad/s."""
+        """Return the Gaussians under the condition that the vertical Earth rate is `down`, rad/s."""
         mean, S = self.mean, self.covariance
         variance = S[:, -1, -1]
         gain, off = S[:, :-1, -1] / variance[:, None], down - mean[:, -1]
@@ -124,13 +126,18 @@ def stated(params: SeekParams) -> GyroErrors:
     kind = np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES), len(_OF_G))).reshape(3, -1).T
     bias, drift, _ = kind.T
     of_drift = _beforehand(_DRIFT_SCALES)[drift]
-    # If the bias of a unit is worse than stated, its drift is assumed to be worse with the same probability as not.
+    # If the bias of a unit is worse than stated, a drift as stated and a worse drift are assumed equally probable.
     of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
     return _as_stated(params, _beforehand(_BIAS_SCALES)[bias] * of_drift * _G_SHARE, kind, _BIAS_SCALES[bias])
 
 
 def _as_stated(params: SeekParams, weight: Array, kind: Indices, scale: Array) -> GyroErrors:
-    """Return Gaussians of these kinds with these scales of the stated bias, shape (k,)."""
+    """
+    Return Gaussians of gyro errors with mean zero and the sigmas that the parameters state.
+
+    weight, shape (k,): probabilities; kind, shape (k, 3): see `GyroErrors`; scale, shape (k,): factors on the stated
+    bias.
+    """
     p = kernel_params(params)
     one = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]) * DEG_PER_HOUR
     sigmas = np.empty((len(scale), _SIZE))
@@ -174,7 +181,11 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
 
 
 def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
-    """Return the gyro errors before the next station, to which the biases may step to those of a unit as stated."""
+    """
+    Return the gyro errors before the next station of a run, when the biases may have stepped.
+
+    With the probability `_STEP` a shock has changed the biases; the new biases have the stated sigma and mean zero.
+    """
     weight = np.exp(errors.log_weight)
     # A step leaves drift and g-sensitivity as they are: one Gaussian for each pair of their kinds.
     pairs, of_pair = np.unique(errors.kind[:, 1:], axis=0, return_inverse=True)
@@ -218,7 +229,11 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
 
 
 def parts(errors: GyroErrors, found: Joined) -> list[MixturePart]:
-    """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
+    """
+    Return Gaussians of the horizontal Earth rate, weighted by their evidence.
+
+    found: result of `Joined.at` with the vertical Earth rate at the latitude.
+    """
     heading = np.eye(_HEADING + 1)[_HEADING]
     return [
         part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]), float(misfit))
@@ -264,8 +279,8 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
     """
     kinds, of_kind = np.unique(errors.kind, axis=0, return_inverse=True)
     of_kind = of_kind.ravel()
-    # Weights relative to the best of each kind; relative to the whole mixture those of an improbable kind would
-    # underflow.
+    # Weights relative to the best weight of each kind. Relative to the whole mixture, the weights of an improbable kind
+    # would underflow.
     most = np.full(len(kinds), -math.inf)
     np.maximum.at(most, of_kind, log_weight)
     weight = np.exp(log_weight - most[of_kind])[:, None] * mass

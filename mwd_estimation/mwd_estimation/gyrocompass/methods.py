@@ -25,7 +25,7 @@ from mwd_sensors.core.frames import mat_nt
 
 
 class NorthSeek:
-    """Seek by `north_seek`; `errors` are the gyro errors known at its start, None if there is no earlier seek."""
+    """Seek by `north_seek`; errors: gyro errors known at the start of the seek, None if there is no earlier seek."""
 
     #: Whether a rotation about the tool's axis may be part of the seek.
     turns = True
@@ -45,12 +45,12 @@ class NorthSeek:
         return bool(self.state.moved > 0)
 
     def run(self, samples: UnitSamples) -> None:
-        """Process samples."""
+        """Process samples of the precision unit."""
         stamps, values, clipped = samples
         north_seek.run(self.params, self.state, stamps, values[:, :3], values[:, 3:], clipped)
 
     def solution(self) -> Solution:
-        """Return north so far, or the reason why there is none."""
+        """Return the azimuth so far, or the reason why it must not be used."""
         return north_seek.solution(self.params, self.state, self.errors)
 
 
@@ -73,11 +73,11 @@ class StaticSeek:
 
     @property
     def moved(self) -> bool:
-        """Whether the tool has moved: the mean innovation ratio of the filter is too large."""
+        """Whether the tool has moved, because the squared innovations are too large for their variances."""
         return bool(self._state.ratio > static_ekf.MOVED_RATIO)
 
     def run(self, samples: UnitSamples) -> None:
-        """Process samples; too many samples in which a gyro clipped make the seek fail."""
+        """Process samples of the precision unit, and count the samples in which a gyro clipped."""
         stamp_ns, values, clipped = samples
         if len(stamp_ns) == 0 or polar(self.params.latitude_deg) is not None:
             return
@@ -89,7 +89,7 @@ class StaticSeek:
         self._last_ns = int(stamp_ns[-1])
 
     def solution(self) -> Solution:
-        """Return north so far, or the reason why there is none."""
+        """Return the azimuth so far, or the reason why it must not be used."""
         params, found = self.params, static_ekf.north(self._state)
         horizontal = EARTH_RATE * math.cos(math.radians(params.latitude_deg))
         noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR

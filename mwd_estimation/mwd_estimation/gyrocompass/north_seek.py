@@ -33,7 +33,8 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _RAMPS, _G_SENSITIVITY = range(Error.BIAS_RAMP, Error.SIZE), range(Error.G_SENSITIVITY, Error.LAG)
-# A bias this many sigmas from zero counts as found; for an x gyro in steady rotation it may really be a scale error.
+# Number of sigmas from zero at which a gyro bias counts as found. Smaller biases are not compared with the stated bias:
+# in steady rotation the x bias may be a scale error.
 _FOUND = 3.0
 # Smallest change of toolface or inclination after which a still seek gives new information, rad: half an arc of
 # `gyro_errors`.
@@ -60,9 +61,9 @@ def dual_unit(
 
     stamp_ns, shape (n,), ns, and precision_t, shape (n, 3), rad/s: precision unit; the result has these stamps.
     ahrs_stamp_ns, shape (m,), ns, and ahrs_t, shape (m, 3), rad/s: conventional unit. x_range: rate at which the
-    precision x axis clips, rad/s; clipped, shape (n,): its `clip_flags`. Samples well below the range and without flag
-    keep the precision x rate. Returns shape (n, 3), rad/s. The x figures of `SeekParams` must belong to the unit that
-    gives most x rates.
+    precision x axis clips, rad/s; clipped, shape (n,): clip flags of the precision unit (`clip_flags`). Samples well
+    below the range and without flag keep the precision x rate. Returns shape (n, 3), rad/s. The x figures of
+    `SeekParams` must belong to the unit that gives most x rates.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def run(
     Parameters
     ----------
     params : SeekParams
-    state : State
+    state : SeekState
         State of the seek, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
@@ -117,7 +118,7 @@ def run(
 
 def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = None) -> Solution:
     """
-    Return the azimuth so far, or the reason why there is none; it may be called at any time.
+    Return the azimuth so far, or the reason why it must not be used; this function may be called at any time.
 
     The reasons are those of `seek_refusal`. errors: gyro errors known at the start of the seek; None: those that the
     parameters state.
@@ -138,7 +139,8 @@ def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = N
     here, other = (
         azimuth_posterior.log_evidence(of, p.horizontal) for of in (parts, gyro_errors.parts(now, anywhere.at(-p.down)))
     )
-    # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
+    # If the Earth rate differs by more than two sigmas from its value at the latitude, the errors are larger than
+    # stated. These errors affect the azimuth too, so its sigma is increased.
     larger = max(math.sqrt(circle.misfit) - 1.0, 1.0)
     sigma = min(larger * circle.sigma, math.pi)
     azimuth = float(wrap_tau(circle.mean + heading))
@@ -207,7 +209,9 @@ def learnt(params: SeekParams, state: SeekState, errors: GyroErrors | None = Non
 
 def teaches(params: SeekParams, state: SeekState, before: SeekState | None) -> bool:
     """
-    Return whether a seek gives new information about the gyro biases; before: last seek that did, or None.
+    Return whether a seek gives new information about the gyro biases.
+
+    before: state of the last seek that gave new information, or None.
 
     A seek that is still levelling, or is refused for its motion or near a pole, gives no information. A second still
     seek at the same inclination and toolface gives none either, because the same biases fit the same azimuths; the

@@ -105,8 +105,8 @@ def _lose(p: KernelParams, s: SeekState, dt: float, w: Array, f: Array, flags: i
     """
     Count a sample in which a gyro clipped, and add variance for the part that clipping gyros or accelerometers lose.
 
-    A clipping gyro may lose a rate as large as its range, a clipping accelerometer a velocity as large as the measured
-    one, as in `mwd_estimation.gravity.bounded`.
+    A clipping gyro may lose a rate as large as its range, a clipping accelerometer as much velocity as it measured, as
+    in `mwd_estimation.gravity.bounded`.
     """
     if flags & _GYRO_FLAGS or abs(w[1]) > p.gyro_range or abs(w[2]) > p.gyro_range:
         s.clipped += 1
@@ -118,7 +118,11 @@ def _lose(p: KernelParams, s: SeekState, dt: float, w: Array, f: Array, flags: i
 
 @compiled
 def transition(s: SeekState, phi: Array) -> None:
-    """Fill phi, shape (5, 37): derivative of attitude and velocity errors after the block by the errors before it."""
+    """
+    Fill the transition matrix of the block.
+
+    phi, shape (5, 37): derivatives of attitude and velocity errors after the block with respect to all errors before.
+    """
     sums = s.sums
     t = sums.time
     en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, s.earth_rate[2] * t
@@ -170,7 +174,7 @@ def _predict(p: KernelParams, s: SeekState, work: SeekWork) -> None:
 
 @compiled
 def _drift(s: SeekState, i: int, t: float) -> None:
-    """Change the bias of a gyro by its ramp at the end of a block, with its covariance."""
+    """Propagate the bias of gyro i by its ramp over a block of t seconds, in the estimate and in the covariance."""
     P, bias, ramp = s.P, Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
     s.gyro_bias[i] += s.bias_ramp[i] * t
     for j in range(Error.SIZE):
@@ -181,7 +185,7 @@ def _drift(s: SeekState, i: int, t: float) -> None:
 
 @compiled
 def _begin(p: KernelParams, s: SeekState, work: SeekWork) -> None:
-    """Level the frame by the mean force, with the heading of the tool axis, and set the start covariance."""
+    """Set the level frame by the mean force, with the tool axis in the direction of its x axis; set the covariance."""
     level, mat, sums = work.level, s.mat, s.sums
     for i in range(3):
         work.down[i], work.forward[i] = -sums.force[i], sums.mat[i, 0]

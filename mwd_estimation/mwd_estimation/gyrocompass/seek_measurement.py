@@ -68,7 +68,11 @@ def measure(s: SeekState, work: SeekWork) -> None:
 
 @compiled
 def frame(axis: Array) -> tuple[float, float, float, float, float]:
-    """Return high side (3) and right side (north, east) of an axis, shape (3,), in the level frame."""
+    """
+    Return the unit vectors to the high side and to the right side of an axis, in the level frame.
+
+    axis, shape (3,). Returns the three components of the high side and the two horizontal components of the right side.
+    """
     hx, hy, hz = axis[0], axis[1], axis[2]
     across = math.sqrt(hx * hx + hy * hy)
     if across < 1e-6:
@@ -86,9 +90,9 @@ def _clear(h: Array) -> None:
 @compiled
 def _look(P: Array, work: SeekWork, y: float) -> tuple[float, float]:
     """
-    Return the innovation of y = h . error after the corrections so far, and its variance from P.
+    Return the innovation of a measurement y = h . error after the corrections so far, and its variance from P.
 
-    h is `work.h`; `work.ph` is filled with P h.
+    The innovation is y - h . `work.error`, with the row h in `work.h`; `work.ph` is filled with P h.
     """
     for j in range(Error.SIZE):
         c = work.h[j]

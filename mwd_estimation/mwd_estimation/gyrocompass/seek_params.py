@@ -28,15 +28,15 @@ _AVERAGED, _SHAKEN = 10, 1.5
 _NOISIER = 1.25
 # Share of the range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
-# Smallest 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. And time
-# over which the drift is added to a bias of zero, h.
+# Smallest 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate; and time
+# whose drift is added to the stated bias, h.
 LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
 # Start sigma of the biases in a seek, as a multiple of the stated sigma: four times the largest credible sigma, because
-# `gyro_errors` replaces this prior by the one of the run. A larger sigma would let bias and scale of the x gyro, which
-# are not separable in steady rotation, grow without limit.
+# `gyro_errors` replaces this prior by the prior of the run. A larger sigma would let bias and scale of the x gyro,
+# which are not separable in steady rotation, grow without limit.
 _UNKNOWN = 16.0
 # Assumed ratios of the real to the stated sigma of the g-sensitivity, from a unit as stated to the worst unit. A seek
-# starts with the largest ratio; `gyro_errors` then replaces this prior by that of the run. `_LEAST_G`: smallest stated
+# starts with the largest ratio; `gyro_errors` replaces this prior by the prior of the run. `_LEAST_G`: smallest stated
 # sigma of the g-sensitivity, deg/h/g, so that the Gaussians are not degenerate.
 G_SCALES, _LEAST_G = (1.0, 2.0, 4.0), 1e-6
 

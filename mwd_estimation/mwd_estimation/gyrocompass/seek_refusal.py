@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decide whether the azimuth of a north seek may be used, and give the reason if not."""
+"""Decide whether the azimuth of a north seek may be used, and give the reason if it may not be used."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MAX_LATITUDE_DEG = 85.0
 # Largest share of clipped samples, largest share of time with rotation in a still seek, and smallest share of time with
 # rotation in a rotating seek.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Largest rms sway of the hole axis at rest, rad, because sway turns the Earth rate that the gyros measure. And smallest
+# Largest rms sway of the hole axis at rest, rad, because sway turns the Earth rate that the gyros measure; and smallest
 # angle of the hole from the vertical with an azimuth, rad.
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Smallest share of the horizontal Earth rate that must be measured; it is small if the tool rotates about an axis near
@@ -30,8 +30,8 @@ _LEAST_SENSITIVITY = 0.17
 # refused: twice this share. With a limit of 0.2, two of a hundred seeks with the wrong sign gave an azimuth, both
 # wrong.
 _WRONG_SIGN, _SIGN_DOUBTED = 0.01, 0.02
-# Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
-# figures.
+# Largest distance of the estimated Earth rate from its value at the latitude, in sigmas; and largest instrument error,
+# in stated sigmas.
 _MISFIT, _EXCESSIVE = 3.0, 5.0
 
 
@@ -45,14 +45,18 @@ class Fit:
     sigma: float
     inclination: float
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
-    misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
-    other_sign: float  #: log evidence of the latitude with the other sign, relative to that of the latitude
-    azimuths: tuple[float, ...]  #: azimuths that fit equally well, rad, if there are several
+    misfit: float  #: squared distance, in sigmas, of the estimated Earth rate from its value at the latitude
+    other_sign: float  #: log evidence of the latitude with the opposite sign minus log evidence of the latitude
+    azimuths: tuple[float, ...]  #: all azimuths that fit, rad, if there is more than one; otherwise empty
     bias: Array  #: shape (3,); gyro biases, rad/s; 0 for a bias that was not found
 
 
 def refusal(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None:
-    """Return the first reason to refuse an azimuth: motion, attitude, latitude, instrument or sigma; None if none."""
+    """
+    Return the first reason to refuse an azimuth, or None if the azimuth may be used.
+
+    The causes are tested in this order: motion, attitude, latitude, instrument errors, sigma.
+    """
     return (
         motion(params, state, fit.method)
         or _attitude(fit)
@@ -63,7 +67,7 @@ def refusal(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None:
 
 
 def polar(latitude_deg: float) -> Reason | None:
-    """Return the refusal near a pole, where the horizontal part of the Earth's rotation is too small."""
+    """Return the refusal near a pole, where the horizontal Earth rate is too small; None at other latitudes."""
     if abs(latitude_deg) <= _MAX_LATITUDE_DEG:
         return None
     return Reason(Code.LATITUDE_POLAR, math.radians(latitude_deg), math.radians(_MAX_LATITUDE_DEG))
@@ -75,7 +79,7 @@ def too_short(elapsed: float, shortest: float) -> Reason:
 
 
 def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | None:
-    """Return the refusal if gyros clipped in too many samples; clipped, samples: numbers of samples."""
+    """Return the refusal if gyros clipped in too many samples; clipped, samples: numbers of clipped and all samples."""
     if clipped <= _CLIPPED_SHARE * samples:
         return None
     given = (float(samples), math.radians(params.gyro_range_dps))
@@ -83,7 +87,7 @@ def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | Non
 
 
 def vertical_hole(inclination: float) -> Reason | None:
-    """Return the refusal of a vertical hole, which has no azimuth; inclination in rad."""
+    """Return the refusal of a vertical hole, which has no azimuth, or None; inclination: rad."""
     if _LEAST_INCLINATION <= inclination <= math.pi - _LEAST_INCLINATION:
         return None
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
@@ -127,7 +131,11 @@ def _attitude(fit: Fit) -> Reason | None:
 
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
-    """Return the refusal if no plausible unit explains the Earth rate here, or if it fits the other hemisphere."""
+    """
+    Return the refusal if the estimated Earth rate contradicts the latitude, or None.
+
+    Either no plausible gyro errors explain the difference, or the latitude with the opposite sign is too probable.
+    """
     latitude = math.radians(params.latitude_deg)
     if fit.misfit > _MISFIT**2:
         return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (latitude,))

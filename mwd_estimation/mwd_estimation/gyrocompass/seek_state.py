@@ -143,14 +143,15 @@ class SeekState:
     #: for `axis` and `roll`.
     axis_reference: Annotated[Array, 3]
     roll_reference: Annotated[Array, 3]
-    #: `last_axis`, `axis_difference2`: shapes (3,) and (2,); axis of the previous block, and sum of its squared steps
-    #: while settling, rad^2.
+    #: `last_axis`, `axis_difference2`: shapes (3,) and (2,); axis of the previous block, and sum of the squared changes
+    #: of the axis from block to block while settling (to the high side and to the right side), rad^2.
     last_axis: Annotated[Array, 3]
     axis_difference2: Annotated[Array, 2]
     #: shape (3,); variance of high side and right side of the axis, and of roll, from block to block, rad^2.
     scatter: Annotated[Array, 3]
-    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; of rests with a roll; of
-    #: blocks in a row whose axis was ignored; and of detected moves of the axis.
+    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; number of intervals at
+    #: rest with a reference roll; number of blocks in a row whose axis was ignored; number of detected moves of the
+    #: axis.
     still_run: int
     positions: int
     refused_blocks: int

@@ -127,7 +127,11 @@ class NorthSession:
             self._first = None
 
     def _params_now(self, first: list[tuple[UnitSamples, tuple[Stamps, Array]]]) -> SeekParams:
-        """Return parameters with the noise measured in the first bins, and with the x gyro that the rates need."""
+        """
+        Return the parameters with the noise measured in the first bins.
+
+        If the string rotates too fast for the precision x gyro, they have the figures of the conventional x gyro.
+        """
         stamps = np.concatenate([precision.stamps for precision, _ in first])
         rates = np.concatenate([precision.values[:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
@@ -152,7 +156,7 @@ class NorthSession:
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
 
     def solution(self) -> Solution:
-        """Return north so far, or the reason why there is none."""
+        """Return the azimuth so far, or the reason why it must not be used."""
         found = north_seek.solution(self._params, self._state)
         if self._has_samples:
             return found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a gyrocompass method: north, or the reason why there is none."""
+"""Result of a gyrocompass method: the azimuth from true north, and the reason if the azimuth must not be used."""
 
 from __future__ import annotations
 
@@ -37,5 +37,5 @@ class Solution:
 
     @property
     def answers(self) -> bool:
-        """Whether there is a usable azimuth, or several azimuths of which one is right."""
+        """Whether the result is a usable azimuth, or several azimuths of which one is right (`choices`)."""
         return self.success or bool(self.choices)

@@ -38,7 +38,7 @@ _SIGMA_POSITION, _SIGMA_VELOCITY = 0.001, 0.001
 # A data gap longer than this restarts the filter, ns.
 _GAP_NS = 500_000_000
 MOVED_RATIO = 5.0
-"""Mean innovation ratio above which the tool has moved."""
+"""Mean ratio of squared innovation to its variance above which the tool has moved."""
 
 
 class StaticErrors(NamedTuple):
@@ -69,7 +69,7 @@ class StaticState:
     mean_time: float
     rate: Annotated[Array, 3]
     force: Annotated[Array, 3]
-    ratio: float  #: slowly averaged innovation ratio
+    ratio: float  #: ratio of squared innovation to its variance, averaged over a second
     #: `position`, `velocity`, `gyro_bias`, `accel_bias`: shape (3,); estimates, m and m/s in NED, rad/s and m/s^2 in
     #: tool axes.
     position: Annotated[Array, 3]
@@ -126,7 +126,7 @@ def run(params: SeekParams, state: StaticState, stamp_ns: ArrayLike, gyro_t: Arr
     ----------
     params : SeekParams
         Parameters; the first half of `shortest` is the coarse alignment.
-    state : State
+    state : StaticState
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
@@ -228,7 +228,11 @@ def _correct(s: StaticState, error: Array) -> None:
 
 @compiled
 def _not_moved(s: StaticState, w: StaticWork) -> float:
-    """Update with z = 0 - (position, velocity) in six scalar steps, correct the state, return the mean ratio."""
+    """
+    Update with position zero and velocity zero in six scalar steps, and correct the state.
+
+    Returns the mean ratio of squared innovation to its variance.
+    """
     error, ph = w.error, w.ph
     for j in range(Error.SIZE):
         error[j] = 0.0

@@ -44,7 +44,7 @@ _REST_BINS = 8
 
 @dataclasses.dataclass(frozen=True)
 class _Found:
-    """State of a seek in the last still bin."""
+    """State of a seek in the last bin in which the tool was still."""
 
     state: SeekState  #: state of the filter
     errors: GyroErrors | None  #: gyro errors known at the start of the seek
@@ -164,7 +164,7 @@ class GyroStation:
         return seek.turns and quiet and self._turned_s <= self.unit.longest_turn_s
 
     def solution(self) -> Solution | None:
-        """Return north so far, or the reason why there is none; None without a precision unit."""
+        """Return the azimuth so far, or the reason not to use it; None before the first precision sample."""
         if not self._has_samples:
             return None
         if self._refusal is not None:
@@ -178,7 +178,7 @@ class GyroStation:
 
     def pending(self) -> Reason | None:
         """
-        Return the reason why an automatic survey should wait longer while the tool is still; None if it should not.
+        Return the reason why an automatic survey should wait longer while the tool is still, or None.
 
         The reason is that the gyro azimuth is not known yet, or that its sigma would become smaller.
         """

@@ -26,8 +26,8 @@ from mwd_sensors.core.records import dtype_of
 WINDOW = 3
 # Smallest number of samples for comparing an axis.
 _FEW = 20
-# Smallest rms at which an axis is compared, rad/s and m/s^2. And largest rms of forces, m/s^2, up to which two
-# accelerometers must agree: a shock has another shape in another bandwidth and at another place.
+# _LEAST: smallest rms at which an axis is compared, rad/s and m/s^2. _SHAKEN: largest rms of forces at which two
+# accelerometers must agree, m/s^2, because a shock has another shape in another bandwidth and at another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
 # Largest distance between the two units across the tool, m. In a turning string their forces differ by this distance

@@ -105,7 +105,7 @@ class Window:
         self.product = product / max(int(steps["forces"][both].sum()), 1)
 
     def noise(self, way: int) -> float:
-        """Return 1 sigma of the mean force for a way, along one axis, from its half seconds; infinite if unknown."""
+        """Return 1 sigma of the mean carried force of a way along one axis, from the scatter of the half seconds."""
         parts = self.part_force[:, way]
         if len(parts) < 2 or not self.whole_parts:
             return math.inf

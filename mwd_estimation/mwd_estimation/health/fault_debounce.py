@@ -66,7 +66,7 @@ CHECK = dtype_of(Check)
 
 
 class DebounceRule(NamedTuple):
-    """Rule by which a check becomes a fault and the fault ends."""
+    """Numbers of observations after which a check becomes a fault and the fault ends, with further properties."""
 
     #: `need`, `clear`: number of observations in a row for the fault, and against it.
     need: int
@@ -105,7 +105,7 @@ RULES = {
 
 
 def _in_order(rules: Mapping[FaultCode, DebounceRule]) -> Indices:
-    """Return the rules in the order of the codes; raise ValueError if a code has none."""
+    """Return the rules as an array, one row for each code, in the order of the codes; ValueError if one is missing."""
     without = [code.name for code in FaultCode if code not in rules]
     if without:
         raise ValueError(f"RULES: no row for {', '.join(without)}")
@@ -212,7 +212,7 @@ def unusable(checks: Any) -> int:
 
 @compiled
 def suspected(checks: Any) -> int:
-    """Return the bits of the sensors that uncounted observations accuse; checks that are already faults are ignored."""
+    """Return the bits of the sensors accused by observations not counted yet, of checks that are not faults yet."""
     bits = 0
     for code in range(CODES):
         least = STRONGLY if code == FaultCode.GRAVITY else FOR
@@ -239,7 +239,7 @@ def doubt(left: Indices, bits: int) -> int:
 
 
 def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> SensorFault:
-    """Return the fault of a check, or its end at `now_ns`."""
+    """Return the fault of a check; if the check is not a fault any more, the fault has ended at `now_ns`, ns."""
     check = checks[code, place]
     which = tuple(int(v) for v in check.which)
     bits = accused(code, place, check.which)
@@ -261,7 +261,7 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: FaultUnit = 
 
 
 def take_changes(checks: Any, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> list[SensorFault]:
-    """Return the faults that changed since the last call, with `now_ns` as the time of their end."""
+    """Return the faults that began, changed or ended since the last call; the end of a fault is `now_ns`, ns."""
     changed = np.argwhere(checks["changed"] > 0)
     checks["changed"] = 0
     return [fault_of(checks, int(code), int(place), now_ns, unit) for code, place in changed]

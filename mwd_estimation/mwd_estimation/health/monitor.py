@@ -35,8 +35,8 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 # Smallest rotation in a window, rad, from which the axes may be found.
 _MOVES = 0.5
-# While units, axes or signs are unknown: number of windows with motion that are evaluated at once, and interval between
-# the windows evaluated after them, ns.
+# While units, axes or signs are unknown, the first _IN_VAIN windows with motion are evaluated at once, and then one
+# window in each _MINUTE_NS.
 _MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
 # Largest number of waiting samples; it is reached if the stamps do not advance.
 _MOST_WAITING = 16384
@@ -65,7 +65,7 @@ class MonitorParams(NamedTuple):
 
 class Tables(NamedTuple):
     """
-    All arrays that change.
+    Arrays that the kernels change.
 
     checks: see `fault_debounce`; channels: see `signal_checks`; stream: dtype STREAM, shape (1,); steps: steps of the
     window, see `motion_window`; kept: hashes of old samples, see `replayed_samples`; refused: refused readings of the
@@ -105,7 +105,11 @@ class Step:
 
 
 def initial(gravity: float | None = None, total: float | None = None, dip: float | None = None) -> MonitorState:
-    """Return the state before the first sample; reference gravity, m/s^2, field, T, and dip, rad, if known."""
+    """
+    Return the state before the first sample.
+
+    gravity, total, dip: reference gravity, m/s^2, total field, T, and dip, rad; None if unknown.
+    """
     tables = Tables(
         fault_debounce.blank(),
         signal_checks.blank(),
@@ -290,7 +294,7 @@ def _due(k: MonitorParams, s: Any, tables: Tables, expected: ExpectedField, full
 
 @compiled
 def _close(k: MonitorParams, tables: Tables, expected: ExpectedField, samples: Samples, broken: bool) -> bool:
-    """Evaluate the half second that ended; return True if its window must be evaluated too or a fault has changed."""
+    """Evaluate the half second that ended; return True if the window must be evaluated too or a fault has changed."""
     s, channels, checks = tables.stream[0], tables.channels, tables.checks
     began = s.bin * BIN_NS
     s.end_ns, s.broken = began + BIN_NS, int(broken)
@@ -328,7 +332,7 @@ def _close(k: MonitorParams, tables: Tables, expected: ExpectedField, samples: S
 
 @compiled
 def _finish(tables: Tables, samples: Samples) -> None:
-    """Open the next half second, and the next window if the last one is full or has a gap."""
+    """Open the next half second; open the next window too if the last window is full or ends at a data gap."""
     s = tables.stream[0]
     s.suspect = fault_debounce.doubt(s.doubt_left, s.doubtful) & ~s.unusable
     if s.broken or s.parts == PARTS:

@@ -33,7 +33,7 @@ TURNING = 3.0
 ABOUT_X = math.cos(math.radians(5.0))
 """Smallest cosine of the angle from x to the axis of the net rotation of a window for a rotation about x (5 deg)."""
 ROUGHLY_X = 0.85
-"""Smallest such cosine for part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
+"""`ABOUT_X` for a part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
 LEAST_FIELD, MOST_FIELD = 5e-6, 3e-4
 """Range of the Earth's field plus a magnetised string, T; a field outside this range is in another unit."""
 UPWARDS = 0.17
@@ -220,7 +220,7 @@ def _length_noise(carried: CarriedVectors) -> float:
 
 @compiled
 def _turns_about_x(expected: ExpectedField, carried: CarriedVectors, seconds: float) -> bool:
-    """Return whether the tool does not rotate, or rotates about x like a tool that is mounted downwards."""
+    """Return whether the tool does not rotate, or rotates about x like a tool whose x axis points down the hole."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
     turned = -turn_x if math.isfinite(expected.dip) else abs(turn_x)

@@ -46,7 +46,12 @@ def _hash(gyro: Any, accel: Any, i: int) -> Any:
 
 @compiled
 def judge_replay(kept: Any, checks: Any, samples: Samples, first: int, stop: int, began: int) -> None:
-    """Check the samples of half a second, index `first` to `stop` - 1, and keep hashes of their rows; began: ns."""
+    """
+    Check the samples of half a second, and keep the hashes of their rows.
+
+    kept: result of `blank`; first, stop: the samples have the indices `first` to `stop` - 1; began: start of the half
+    second, ns.
+    """
     gyro, accel = samples.gyro.view(np.uint64), samples.accel.view(np.uint64)
     rows, old, length = 0, 0, 0
     h0, h1, h2, h3 = _ZERO, _ZERO, _ZERO, _ZERO

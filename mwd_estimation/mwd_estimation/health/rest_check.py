@@ -73,13 +73,17 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
 
 @compiled
 def _lasting(rest: Array) -> tuple[float, float, float]:
-    """Return the median of each rate, rad/s, because a single wrong sample spoils the mean of its half second."""
+    """
+    Return the median over the half seconds of each mean rate, rad/s.
+
+    A median is used because a single wrong sample makes the mean of one half second wrong.
+    """
     return np.median(rest[:, 0]), np.median(rest[:, 1]), np.median(rest[:, 2])
 
 
 @compiled
 def _mean(rest: Array, first: int) -> tuple[float, float, float]:
-    """Return the mean of each of three columns, from `first` on."""
+    """Return the means over the half seconds of three columns of `rest`, from column `first` on."""
     x, y, z = 0.0, 0.0, 0.0
     for row in range(BINS):
         x, y, z = x + rest[row, first], y + rest[row, first + 1], z + rest[row, first + 2]

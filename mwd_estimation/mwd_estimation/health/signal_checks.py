@@ -26,8 +26,8 @@ BY_GATE = 1
 # Smallest number of samples of an axis for evaluating half a second (a magnetometer may run at 10 Hz), and for using a
 # standard deviation.
 _SOME, FEW = 3, 10
-# Powers of ten of units other than T in which a field may be sent (mT, gauss, uT, mG, nT, in the order of their
-# numbers), and a usual field, T.
+# Powers of ten from T to the other units in which a field may be sent (mT, gauss, uT, mG, nT, as in
+# `fault_messages.OTHER_UNITS`); and a usual field, T.
 FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _USUAL_FIELD = 5e-5
 
@@ -52,7 +52,7 @@ class AxisChannel:
     #: `mean`, `spread`: mean and standard deviation of the half second.
     mean: float
     spread: float
-    least_step: float  #: smallest change between two samples so far, which is the resolution
+    least_step: float  #: smallest change from one sample to the next so far, an estimate of the resolution
     constant_bins: int  #: number of half seconds in a row without a change
     #: Score from -30 to 30: plus 1 for each half second at rest in which the axis varied, minus 3 for one in which it
     #: hardly varied.

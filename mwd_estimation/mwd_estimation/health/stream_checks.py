@@ -20,8 +20,8 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# A stamp that does not advance adds 2 to a score, any other stamp subtracts 1. The stamps are a fault from the first
-# value of the score on; the second value is the upper limit of the score.
+# A stamp that does not advance adds 2 to a score, any other stamp subtracts 1. The stamps are a fault if the score
+# reaches _STAMP_FAULT; _STAMP_MOST is the upper limit of the score.
 _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Smallest number of intervals for learning the sample rate; and multiples of the usual interval above which an interval
 # is long, and below which it is short.
@@ -77,7 +77,7 @@ STREAM = dtype_of(Stream)
 
 
 class PaceCounts(NamedTuple):
-    """Counts of half a second."""
+    """Numbers of intervals and samples in half a second."""
 
     steps: int  #: number of intervals
     long: int  #: number of long intervals
@@ -118,7 +118,11 @@ def _pace(s: Any, samples: Samples) -> PaceCounts:
 
 @compiled
 def _usual_interval(s: Any, samples: Samples) -> float:
-    """Return the usual interval of the half second, s: the lower third, because a third of the samples may be lost."""
+    """
+    Return the usual interval between samples of the half second, s.
+
+    It is the interval at one third of the sorted intervals: up to about a third of the samples may be lost.
+    """
     return float(
         1e-9
         * np.sort(samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1])[(s.stop - s.first) // 3]
@@ -127,7 +131,7 @@ def _usual_interval(s: Any, samples: Samples) -> float:
 
 @compiled
 def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
-    """Accept a new sample rate after it has been constant for _SET_BINS half seconds: the unit was set to it."""
+    """Accept a new sample rate, as set in the unit, after it has been constant for _SET_BINS half seconds."""
     if checks[FaultCode.RATE.value, 0].state != FAULT or s.stop - s.first <= _FEW_INTERVALS:
         s.at_other = 0
         return

@@ -38,13 +38,14 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.records import dtype_of
 
-# Number of half seconds of motion after which the conventional unit would be doubtful if its axes were wrong; of rest
-# before a rate is checked; and in which this rate must be steady. Largest variation of a steady rate, as a share of the
-# rate. Smallest number of samples in a half second for a mean rate.
+# _MOVED_BINS: number of half seconds of motion after which the conventional unit would be doubtful if its axes were
+# wrong. _REST_BINS: number of half seconds at rest before a rate is checked. _STEADY_BINS: number of half seconds in
+# which a rate that is too high must be steady. _STEADY: largest variation of a steady rate, as a share of the rate.
+# _SAMPLES: smallest number of samples in a half second for a mean rate.
 _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
 # A rate at rest is too high if it is above the sum of _BIASES times the bias sigma, twice the Earth rate, and _PULLED,
-# rad/s: the rate of a string that is pulled steadily through a bend of 10 deg in 30 m at 1 m/s, and that all other
-# sensors measure as rest.
+# rad/s. _PULLED is the rate of a string that is pulled steadily through a bend of 10 deg in 30 m at 1 m/s; all other
+# sensors then show a tool at rest.
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
 # Number of half seconds without a difference after which an earlier difference is forgotten.
 _FORGOTTEN_BINS = 120
@@ -53,7 +54,7 @@ _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
 
 
 class UnitState:
-    """Values kept from earlier half seconds."""
+    """Results of the comparison of the two units that are kept from earlier half seconds."""
 
     most_at_rest: float  #: largest rate across the tool at rest of a healthy gyro, rad/s
     still: int  #: number of half seconds in a row at rest

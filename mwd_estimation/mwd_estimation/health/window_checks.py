@@ -68,7 +68,7 @@ class WindowLimits(NamedTuple):
     dip: float = 0.21
     dip_frame: float = 0.26
     strength: float = 0.1  #: largest relative difference of the field from the reference at which the dip is used
-    fastest: float = 50.0  #: rate above that of any string, rad/s: the gyros send deg/s
+    fastest: float = 50.0  #: mean rate that no string exceeds, rad/s; a larger rate shows that the gyros send deg/s
     #: `no_gravity`, `variances`: the mean force is not gravity if it differs by more than this share of gravity and the
     #: log-likelihood for no gravity is larger by more than `variances`.
     no_gravity: float = 0.35
@@ -103,7 +103,7 @@ class WindowJudge:
     Parameters
     ----------
     limits : WindowLimits
-    expected : Expected
+    expected : ExpectedField
     window : Window
     samples : ndarray of int64, shape (3,)
         State of each sensor's samples: WHOLE, CLIPPED or BROKEN.
@@ -260,8 +260,8 @@ class WindowJudge:
         """
         Check whether the gyros send deg/s; return True if they do.
 
-        They do if their rates are higher than any string reaches, or if gravity and field fit only rates 57 times
-        lower.
+        This is so if the rates are higher than any string reaches, or if gravity and field fit only rates that are 57
+        times lower.
         """
         w, p = self._window, self._limits
         too_fast = w.path > p.fastest * w.seconds
@@ -283,13 +283,13 @@ class WindowJudge:
         return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < self._limits.strength
 
     def _explaining(self) -> Flags:
-        """Return which of MISTAKES explain the motion of gravity and field, shape (141,)."""
+        """Return a mask of the MISTAKES that explain the motion of gravity and field, shape (141,)."""
         by_force: Flags = self._force.fits[_BY_FORCE] | (not self._force.judged)
         by_field: Flags = self._field.fits[_BY_FIELD] | (not self._field.judged)
         return by_force & by_field
 
     def _dips(self) -> tuple[Array, float]:
-        """Return the dip, rad, for each of MISTAKES, shape (141,), and for the present axes; NaN if there is no dip."""
+        """Return the dip, rad, with each of MISTAKES corrected, shape (141,), and with the present axes; or NaN."""
         product = self._window.product
         of_force = np.einsum("krc,rc->k", _MATRICES, product)
         of_field = np.einsum("krc,cr->k", _MATRICES, product)
@@ -300,7 +300,7 @@ class WindowJudge:
 
     def _least_contrived(self, check: Any, explaining: Flags) -> list[int]:
         """
-        Return the simplest mistakes that explain this window and the windows before, as bits of mappings by sensor.
+        Return the simplest mistakes that explain this window and the windows before, one bit mask for each sensor.
 
         The first window with an observation for the fault may contain the beginning of the fault, so it does not
         exclude mistakes for later windows. If no mistake explains all windows, only the latest window counts.
@@ -351,7 +351,7 @@ class WindowJudge:
 
     def _judge_mount(self) -> bool:
         """
-        Check whether the unit is mounted in another way than set; return True for an observation of a wrong mount.
+        Check whether the mount in the settings is wrong; return True for an observation of a wrong mount.
 
         The mount is wrong if the string turns about another axis of the unit than x, or if it turns backwards while the
         hole would point up.
@@ -407,7 +407,7 @@ class WindowJudge:
                 check.seen_which = check.which
 
     def _frames(self, dips: Array, up: float) -> Flags:
-        """Return which of MISTAKES are simple, explain motion and dip, and let the hole point down, shape (141,)."""
+        """Return a mask of the simple MISTAKES, shape (141,), that explain motion, dip and a hole that points down."""
         matrices = _MATRICES[_MAPPING]
         rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
         near = np.abs(dips - self._expected.dip) < 0.1
@@ -416,7 +416,11 @@ class WindowJudge:
 
 
 def _bits(mistakes: Flags) -> list[int]:
-    """Return the mappings of the marked mistakes as bits by sensor; mistakes: bool, shape (141,)."""
+    """
+    Return the mappings of the marked mistakes, one bit mask for gyro, accelerometer and magnetometer.
+
+    mistakes: mask of MISTAKES, shape (141,).
+    """
     masks = [0, 0, 0]
     for m in np.flatnonzero(mistakes):
         masks[int(_SENSOR[m])] |= 1 << int(_MAPPING[m])

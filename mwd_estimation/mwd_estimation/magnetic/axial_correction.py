@@ -210,7 +210,7 @@ class _Best:
 
 
 def _best(stations: _FitStations, peaks: _Peaks) -> _Best:
-    """Return the peak of each posterior, or the mean of a wide one, where the place of the peak means little."""
+    """Return the azimuth of each station: the peak of the posterior, or its mean if the posterior is wide (`_WIDE`)."""
     wide = stations.fit(peaks.azimuth).variance_azimuth > _WIDE**2
     away = wrap_pi(peaks.angles - peaks.azimuth[:, None])
     mean = np.sum(peaks.density * away, axis=1)
@@ -219,7 +219,11 @@ def _best(stations: _FitStations, peaks: _Peaks) -> _Best:
 
 
 def _mirror_share(stations: _FitStations, peaks: _Peaks, plausible: float) -> Array:
-    """Return the probability of the second azimuth from the heights of both peaks; 0 if the second one is ignored."""
+    """
+    Return the probability of the second azimuth of each station, from the heights of both peaks, shape (n,).
+
+    It is 0 if the second azimuth is ignored (`_MIRROR`). plausible: plausible interference, 1 sigma, T.
+    """
     share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (peaks.cost_other - peaks.cost), 700.0)))
     loud = np.abs(stations.misfit(peaks.azimuth[:, None])[2][:, 0]) / plausible
     counts = np.isfinite(peaks.cost_other) & (peaks.apart > np.radians(1.0))

@@ -38,7 +38,8 @@ from mwd_estimation.magnetic.interference_state import (
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-# If a restart discards an estimate from less than this time, s, it is reported, so that the azimuth is discarded too.
+# A restart that discards an estimate from less than this time of samples, s, is reported, so that the azimuth, which
+# was computed with this estimate, is discarded too.
 _YOUNG = 60.0
 # Longest step for which the random walk is applied, s; a longer step counts as this one.
 _MAX_STEP = 7200.0
@@ -59,7 +60,7 @@ def initial(
 
     Parameters
     ----------
-    params : Params
+    params : InterferenceParams
     reference : Reference
     errors : SensorErrors
         Sensor part of the priors: magnetometer bias (added in squares) and scale error.
@@ -98,7 +99,7 @@ def run(p: InterferenceParams, state: Samples, samples: FieldSamples) -> Samples
 
     Parameters
     ----------
-    p : Params
+    p : InterferenceParams
     state : ndarray, shape (1,)
         State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     samples : FieldSamples
@@ -116,11 +117,11 @@ def run(p: InterferenceParams, state: Samples, samples: FieldSamples) -> Samples
 
 def aid_azimuth(p: InterferenceParams, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
     """
-    Update with a known magnetic azimuth (gyro azimuth minus declination), and field and gravity at the same time.
+    Update with a known magnetic azimuth (gyro azimuth minus declination), and with field and gravity of the same time.
 
     Parameters
     ----------
-    p : Params
+    p : InterferenceParams
     state : ndarray, shape (1,)
         State, changed in place unless the azimuth is rejected.
     g_t, b_t : ndarray, shape (3,)
@@ -155,7 +156,7 @@ def _azimuth(s: InterferenceState, g: Array, b: Array) -> tuple[float, float, Ar
     m = np.zeros(1, dtype=INNOVATION)[0]
     _directions(s, g, b, m)
     row = np.zeros(STATES)
-    # Subtracting a field towards east turns the measured north west and increases the azimuth.
+    # Subtracting a field towards east turns the measured north towards west, which increases the azimuth.
     row[: Error.SCALE], row[Error.SCALE : Error.HORIZONTAL] = m.east / m.horizontal, m.east * m.clean / m.horizontal
     return math.atan2(m.east[0], m.north[0]), float(m.horizontal), row
 
@@ -163,7 +164,7 @@ def _azimuth(s: InterferenceState, g: Array, b: Array) -> tuple[float, float, Ar
 @compiled
 def _directions(s: InterferenceState, g: Array, b: Array, m: InterferenceInnovation) -> None:
     """
-    Fill north, east, `clean`, H and V of one sample after subtracting the biases and scale errors of the state.
+    Fill `north`, `east`, `clean`, `horizontal` and `vertical` of `m` for one sample, without bias and scale error.
 
     g, b, shape (3,): unit vector down and field, T, in tool axes.
     """
@@ -284,7 +285,8 @@ def _reject(p: InterferenceParams, s: InterferenceState, step: float) -> bool:
     """
     Count the time of rejected samples, and restart the filter from its priors if this time is too long.
 
-    step: time since the last sample, s. Return True if the restart discards an estimate younger than `_YOUNG`.
+    step: time since the last sample, s. Return True if the restart discards an estimate from
+    less than `_YOUNG` s of samples.
     """
     s.disturbed_s += step
     if not s.disturbed_s > min(max(s.learnt_s, p.min_reset_time_s), p.max_reset_time_s):
@@ -324,7 +326,7 @@ def _write(
 
 @compiled
 def _predict(p: InterferenceParams, s: InterferenceState, stamp_ns: int) -> tuple[float, bool]:
-    """Propagate the covariance to a sample; return the time since the last one, s, and whether the stamp advances."""
+    """Propagate the covariance to a sample; return the step from the last sample, s, and whether the stamp advances."""
     first = s.last_ns < 0
     step = 0.0 if first else 1e-9 * (stamp_ns - s.last_ns)
     if step > 0.0:

@@ -40,9 +40,9 @@ class InterferenceParams(NamedTuple):
     varying: float = 30.0 * 1e-9  #: error of H and of V that lasts a correlation time, 1 sigma, T
     correlation_s: float = 10.0  #: correlation time of errors that are not white, s
     gate: float = 16.0  #: largest chi-square, with two degrees of freedom, of a sample that is used
-    #: `max_reset_time_s`, `min_reset_time_s`: the filter restarts from its priors if samples are rejected for longer
-    #: than the time of the accepted ones, but at most the first and at least the second time, s. Lowering the second
-    #: time lets short disturbances restart the filter.
+    #: `max_reset_time_s`, `min_reset_time_s`: limits of the time of rejected samples after which the filter restarts
+    #: from its priors, s. Between these limits it is the time of the samples accepted since the last restart. Lowering
+    #: `min_reset_time_s` lets short disturbances restart the filter.
     max_reset_time_s: float = 900.0
     min_reset_time_s: float = 10.0
 

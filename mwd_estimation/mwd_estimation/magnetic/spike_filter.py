@@ -43,7 +43,7 @@ def initial() -> Samples:
 
 def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
     """
-    Return which samples are not spikes.
+    Return a mask of the samples that are not spikes.
 
     Parameters
     ----------

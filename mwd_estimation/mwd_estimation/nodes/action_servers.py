@@ -23,8 +23,9 @@ class EstimatorActions:
     """
     Goals of the estimator's actions, at most one of each; the pipeline does the work.
 
-    pipeline: returns the current pipeline. samples_arrive: returns whether samples of the IMU arrive. tell: called with
-    the kind of each request and further fields of mwd_msgs/msg/OperatorEvent.
+    pipeline: function that returns the current pipeline. samples_arrive: function that returns whether samples of the
+    IMU arrive. tell: function that publishes each request; it is called with the kind and further fields of
+    mwd_msgs/msg/OperatorEvent.
     """
 
     def __init__(

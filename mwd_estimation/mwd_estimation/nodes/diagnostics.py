@@ -59,7 +59,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
 
 
 def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
-    """Return diagnostics of noise from covariances, meaning of samples, temperature and magnetometer delay."""
+    """Return diagnostics of the noise from covariances, kind of the samples, temperature and magnetometer delay."""
     found = [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
     if meaning := sample_meaning.in_words(pipeline.samples_are):
         message, _, remedy = meaning.partition("; ")
@@ -80,7 +80,7 @@ def reference_diagnostic(reference: Reference | None) -> Diagnostic:
         message, remedy = "none: azimuth is magnetic and uncorrected", "set place.field, or call set_reference_field"
         return Diagnostic("reference field", WARN, message, remedy)
     if not reference.has_field:
-        # The source of the reference is a sentence: why there is no field, and what to do.
+        # Without a field, the source of the reference is a sentence with the cause and, after "; ", the remedy.
         message, _, remedy = reference.source.rpartition("; ")
         return Diagnostic("reference field", WARN, message or remedy, remedy)
     names = ("total", "dip", "declination", "convergence", "gravity")

@@ -127,7 +127,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.add_action_server(RotarySurvey, "rotary_survey", actions.start_rotary_survey, actions.cancel_rotary_survey)
 
     def check_settings(self, settings: EstimatorSettings) -> None:
-        """Raise ValueError for settings that allow no estimate: a date outside the field model, an unreadable file."""
+        """Raise ValueError for settings that allow no estimate, for example with a date outside the field model."""
         Pipeline(settings)
 
     def on_settings_changed(self, settings: EstimatorSettings) -> None:
@@ -162,7 +162,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._pipeline.continue_numbering(max((record.survey.sequence for record in table.records), default=0))
 
     def _estimate_block(self) -> None:
-        """Process all waiting samples with one call of each kernel; the results do not depend on the block length."""
+        """Process all waiting samples as one block; the results do not depend on the length of the block."""
         # Take IMU samples first and push them last: the other samples of the same time were sent before them.
         inputs, pipeline = self._inputs, self._pipeline
         taken = {"imu/data_raw": inputs.take("imu/data_raw")}
@@ -187,7 +187,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     @property
     def _frame(self) -> str:
-        """Frame id of tool axes: that of the sonde if the mount rotates the samples, else that of the samples."""
+        """Frame id of tool axes: the sonde's frame if the mount rotates the samples, else the frame of the samples."""
         frame = self._inputs.frames.get("imu/data_raw", "")
         return self.frame(wire.SONDE_FRAME) if self._pipeline.mount.turns else frame
 
@@ -305,7 +305,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         return answer
 
     def _started_survey(self, request: Any, response: Any) -> Any:
-        """Start the requested survey and return a deferred response; or return a response with the reason for none."""
+        """Start the requested survey and return a deferred response; otherwise return a response with the reason."""
         if self._survey_response is not None:
             response.success, response.message = False, "a survey is already being taken"
             return response
@@ -395,7 +395,8 @@ def main(args: Sequence[str] | None = None) -> int:
     return run_node(EstimatorNode, args)
 
 
-# Samples are used only from the first recorded one on, so that processing the recording gives the same results.
+# While a recorder runs, only samples from the first recorded sample on are used, so that processing the recording gives
+# the same results.
 
 
 # Longest wait for the recorder, s, which publishes its status once a second, and at once when a topic begins.
@@ -432,7 +433,7 @@ class SampleCounts:
 
 class RecordingGate:
     """
-    Holds the first samples back until the recorder receives samples too, if a recorder runs.
+    Gate that holds the first samples back until the recorder receives samples too, if a recorder runs.
 
     node: node in which the subscription to `recorder` is created.
     """
@@ -568,8 +569,8 @@ def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
 # survey/revised.
 
 
-# Number of stations that are decided again after each survey: steel, and a gyro whose bias steps, show within a few
-# stations. And number of surveys that are kept: a sensor fault that existed from the start affects all of them.
+# Number of stations that are decided again after each survey: steel, and a step of a gyro bias, become visible within a
+# few stations. Number of surveys that are kept: a sensor fault that existed from the start affects all of them.
 _NEWEST, _KEPT = 30, 1000
 # Longest wait for a decision at the end, s: the node must stop within three seconds.
 _AT_THE_END_S = 1.5

@@ -34,9 +34,9 @@ _SKEW_S, _SKEWED = 1.0, 5
 # random steps have 0.25.
 _UNEVEN = 0.1
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
-TIMEOUT_S = 2.0  # without a message before a topic counts as silent
-_FULL_S = 10.0  # for which a full queue is reported
-_FOREIGN_S = 5.0  # for which a message in another frame or a second copy of a sample is reported
+TIMEOUT_S = 2.0  # s; time without a message after which a topic counts as silent
+_FULL_S = 10.0  # s; time for which a full queue is reported
+_FOREIGN_S = 5.0  # s; time for which a message in another frame or a second copy of a sample is reported
 
 _TYPES = {
     "imu/mag": MagneticField,
@@ -77,7 +77,7 @@ class InputTopics:
         # message in another frame.
         self._frame_at: dict[str, float] = {}
         self._foreign: dict[str, tuple[str, float]] = {}
-        # Filter of copies of samples, as from a second publisher; and monotonic time, s, of the last copy.
+        # Filter that removes copies of samples (from a second publisher); and monotonic time, s, of the last copy.
         self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _UNITS.values()}
         self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
@@ -90,7 +90,7 @@ class InputTopics:
         self._imu_ns: int | None = None
         self._skew_ns: dict[str, int] = {}
         self._skewed: dict[str, tuple[int, int]] = {}
-        # When the queue of a topic was last found full.
+        # Monotonic time, s, at which the queue of a topic was last found full.
         self._full_at: dict[str, float] = {}
         self._rates: dict[str, _Rate] = collections.defaultdict(_Rate)
         self._transforms = Transforms()
@@ -168,7 +168,7 @@ class InputTopics:
         return kept
 
     def _fresh(self, topic: str, samples: Samples) -> Samples:
-        """Return the samples without copies, as from a second publisher, by the same rule as `mwd process`."""
+        """Return the samples without copies (from a second publisher), by the same rule as `mwd process`."""
         repeated = self._repeated.get(topic)
         if repeated is None:
             return samples
@@ -219,7 +219,7 @@ class InputTopics:
         self._transforms_seen += 1
 
     def diagnostic(self, topic: str, count: int, level: bytes) -> Diagnostic:
-        """Return the state of one topic; count: number of samples in use; level: the level while it is silent."""
+        """Return the state of one topic; count: number of samples used; level: level while the topic is silent."""
         values: tuple[tuple[str, str], ...] = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
         if not self.silent(topic):
             rate_hz = self._rates[topic].hz
@@ -251,7 +251,7 @@ class InputTopics:
         return Diagnostic(topic, level, message, "check its QoS", values)
 
     def mount_diagnostics(self, mount: Mount) -> tuple[Diagnostic, ...]:
-        """Return diagnostics of units with unknown mount, which are not used, or used with the mount of the IMU."""
+        """Return diagnostics of units with unknown mount: they are not used, or used with the mount of the IMU."""
         found = []
         for words, units in (("not used", mount.unusable), ("assumed to be mounted like the IMU", mount.assumed)):
             for unit, sentence in units.items():
@@ -264,9 +264,10 @@ class InputTopics:
 
     def covariance_diagnostics(self) -> list[Diagnostic]:
         """
-        Return diagnostics of what messages state beside their readings.
+        Return diagnostics of covariances and orientations in the messages.
 
-        These are vectors that are declared absent, covariances that are not valid or unknown, and orientations.
+        They report vectors that are declared absent, covariances that are not valid or unknown, and orientations,
+        which are not used.
         """
         found = []
         noted = {vector for notes in self._covariances.values() for vector in notes}
@@ -347,7 +348,7 @@ class _Rate:
 
     @property
     def lost(self) -> float:
-        """Share of samples that are missing between the last ones, 0 to 1; 0 if unknown."""
+        """Share of the samples that were lost lately, 0 to 1, from gaps between stamps; 0 if unknown."""
         steps = _steps(self._stamps)
         if len(steps) < _COUNTED // 2:
             return 0.0

@@ -22,7 +22,7 @@ Running = list[tuple[int, dict[str, LogSample]]]
 
 
 class LogPublisher:
-    """Passes inputs and results of the estimator to the sampler of the log channels, and publishes its samples."""
+    """Publisher of the log channels, which a sampler computes from inputs and results of the estimator."""
 
     def __init__(self, node: GraphNode[Any], channels: Mapping[str, LogChannel]) -> None:
         self._sampler = LogSampler(channels)

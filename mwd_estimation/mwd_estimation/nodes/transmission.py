@@ -32,7 +32,7 @@ _LATE_S = 5.0
 
 class TransmissionPublisher:
     """
-    The transmitters of the tool, one for each telemetry link; without a tool file there is none.
+    The transmitters of the tool, one for each telemetry link; without a tool file nothing is transmitted.
 
     Raises
     ------

@@ -46,7 +46,7 @@ def warm_up(settings: EstimatorSettings) -> None:
 
 
 def _samples() -> tuple[Samples, Samples, Samples]:
-    """Return samples of IMU, magnetometer and thermometer: constant ones, then of a turning tool, then at rest."""
+    """Return samples of IMU, magnetometer and thermometer: first constant, then of a turning and of a resting tool."""
     rng = np.random.default_rng(0)
     time_s = np.arange(0.0, _CONSTANT_S + _TURNING_S + _STILL_S, 1.0 / _RATE)
     imu, mag, heat = (kind.empty(len(time_s)) for kind in (wire.IMU, wire.MAG, wire.TEMPERATURE))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Half-second bins: the work that is done once per bin, in the order of the bins, and the surveys from it.
+Half-second bins: the work that is done once per bin, in the order of the bins.
 
-A bin may end the still interval of a survey. The magnetic field measured by the survey changes the field model from
-this bin on. The continuity check of the survey waits for the attitude up to the end of the survey.
+A bin may end the interval at rest of a survey; then the survey begins in this bin. The magnetic field measured by the
+survey changes the field model from this bin on. The continuity check of the survey waits for the attitude up to the end
+of the survey.
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ class BinStage:
         later, clipped, shape (n,): whether the stamp of a sample is later than all stamps before, and clip flags of a
         sample as from `clip_flags.of`.
         """
-        # Gyros that have drifted, or that give no data, cannot show whether the tool is at rest: set their rates to
-        # zero, so that only gravity and the magnetic field show it.
+        # Gyros that have drifted, or that give no data, cannot show whether the tool is at rest. Set their rates to
+        # zero, so that only gravity and the magnetic field decide whether the tool is at rest.
         gyro = np.zeros_like(stretch.gyro) if stretch.drifted else stretch.gyro
         if stretch.unusable & GYRO:
             gyro = np.nan_to_num(gyro, nan=0.0)
@@ -142,7 +143,7 @@ class BinStage:
         return None if held is None else self._survey(held, self.precision.station.solution())
 
     def rotary(self, average: StillAverage, rotary_speed: float) -> DecidedSurvey:
-        """Decide a survey averaged while the string turns; `rotary_speed` in rad/s."""
+        """Return the decided survey from an average over a turning string; rotary_speed: rad/s."""
         return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 
     def _reference(self, average: StillAverage) -> Reference | None:
@@ -184,7 +185,7 @@ class BinStage:
             bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
-        """Begin the survey of a still interval; use the field that the survey measured from here on."""
+        """Begin the survey of an interval at rest; from here on, use the field that the survey measured."""
         number = self._numbering.next()
         reference, turning = self._reference(still), self.turning.found
         taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)

@@ -50,7 +50,7 @@ from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T; a sample with no larger component on any axis is not a measurement
+_WEAKEST = 1e-9  # T; a magnetic sample is a measurement only if at least one component is larger
 # Number of samples in a row whose stamps are not later than the newest one, after which the stamps count as stopped. It
 # is more than the samples of a fast unit in a second, because single stamps may be wrong by a second
 # (`time_jumps.BACK_NS`).
@@ -66,7 +66,7 @@ class _Ahead:
         self._count = 0
 
     def add(self, samples: Samples) -> int:
-        """Add a block; if there are too many samples, drop the oldest and return their number."""
+        """Add a block; drop the oldest blocks while at least `MOST_AHEAD` samples remain; return the number dropped."""
         self._parts.append(samples)
         before = self._count = self._count + len(samples)
         while self._count - len(self._parts[0]) >= MOST_AHEAD:
@@ -74,7 +74,7 @@ class _Ahead:
         return before - self._count
 
     def take(self) -> Samples | None:
-        """Remove and return all waiting samples; None if there are none."""
+        """Remove and return all waiting samples; None if no samples wait."""
         parts = list(self._parts)
         self._parts.clear()
         self._count = 0
@@ -85,9 +85,9 @@ class Estimate:
     """
     State from one start of the estimate to the next.
 
-    reference : reference that replaces the one of the settings. mat_tu : rotation from the axes of the unit to tool
-    axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps, ns; rotation
-    of the string corrects it later.
+    reference : reference that replaces the reference of the settings, or None. mat_tu : rotation from the axes of the
+    unit to tool axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps,
+    ns; rotation of the string corrects it later.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Estimate:
         self._dynamics_params = derivation.dynamics_params(settings, known)
 
     def _begin(self, first_ns: int) -> None:
-        """Set everything that depends on the date and place of the first sample."""
+        """Set reference and gravity, which depend on the place and on the date of the first sample."""
         if self._given is None:
             self.field.set_reference(derivation.reference_or_none(self.settings, first_ns))
         self._ready = True
@@ -164,7 +164,7 @@ class Estimate:
         return self._gravity.samples_are
 
     def set_reference(self, reference: Reference) -> None:
-        """Check and correct with this reference from now on; restart the estimate of the interference."""
+        """Use this reference for all checks and corrections from now on; restart the estimate of the interference."""
         self._given = reference
         self.field.set_reference(reference)
         if self._ready:
@@ -175,9 +175,9 @@ class Estimate:
         """
         Accept samples of another stream: mag, precision or temperature.
 
-        Their dtype is that of `wire.MAG`, `wire.IMU` or `wire.TEMPERATURE`.
-        They wait for the next block of the conventional unit. If the conventional unit sends nothing, or its stamps do
-        not advance, the oldest samples are rejected, because they would be paired with gravity of another time.
+        Their dtype is that of `wire.MAG`, `wire.IMU` or `wire.TEMPERATURE`. The samples wait for the next block of the
+        conventional unit. If the conventional unit sends nothing, or its stamps do not advance, the oldest samples are
+        rejected, because they would be paired with gravity of another time.
         """
         self._counters.rejected += self._ahead[name].add(samples)
 
@@ -189,7 +189,7 @@ class Estimate:
             self.bin_stage.precision.take_refused(refused)
 
     def _use_beside(self) -> None:
-        """Pass the waiting samples to the stages."""
+        """Pass the waiting samples of the other streams to the stages."""
         use = {"mag": self._use_mag, "precision": self._use_precision, "temperature": self._use_temperature}
         for name, ahead in self._ahead.items():
             samples = ahead.take()
@@ -277,7 +277,7 @@ class Estimate:
         self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
 
     def _correct_delay(self, span: int) -> None:
-        """If a new time span begins, correct the delay of the magnetometer's stamps that was found so far."""
+        """If a new time span (index `span`) begins, correct the delay of the magnetometer's stamps found so far."""
         if span > self._delay_span:
             self._delay_span = span
             self._shift_mag(self._delay.judge(span * SPAN_NS))
@@ -308,7 +308,7 @@ class Estimate:
             self._attitude.set_reference(self.field.reference)
         stretch = dataclasses.replace(stretch, gyro=self._jumps.without(stretch.stamps, stretch.gyro))
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
-        # Gravity.
+        # Estimate gravity.
         faulty_mag = (stretch.suspect | np.uint8(unusable)) & MAG != 0
         self._gravity.mag._replace(due_ns=stamps).leave_out(faulty_mag)
         given = followed.part(stretch.part) if followed is not None else None
@@ -320,9 +320,9 @@ class Estimate:
         # Do not store samples whose stamps do not advance: their number has no limit.
         later = advances(stamps, self._newest_ns)
         self._newest_ns = max(self._newest_ns, int(stamps.max()))
-        # Bins, and the surveys that begin in them.
+        # Close the bins that end here, and begin their surveys.
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
-        # Attitude.
+        # Estimate the attitude.
         gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, faulty_mag)
@@ -338,7 +338,7 @@ class Estimate:
         )
         self._counters.rejected += rejected
         self._heated.widen(output.attitude, output.gravity, self.field.reference)
-        # Surveys: complete them now, because the attitude up to their end is known.
+        # Complete the surveys: the attitude up to their end is known now.
         self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated
         output.surveys += [self._completed(taken, propagated[at]) for at, taken in bins.taken]
@@ -349,7 +349,7 @@ class Estimate:
                 output.rotary.append(average)
             else:
                 output.rotary.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
-        # Dynamics.
+        # Summarise the drilling dynamics.
         output.dynamics = drilling_dynamics.run(self._dynamics_params, self._dynamics_state, samples, output.attitude)
         self.last_imu_ns = int(stamps[-1])
         return output
@@ -384,7 +384,7 @@ class Estimate:
 # Status of the attitude at the end of each bin, for surveys that are completed later.
 
 
-# Number of bins kept, ten minutes: a survey waits a shorter time for the gyro.
+# Number of bins whose status is kept (ten minutes): a survey waits a shorter time for the gyro.
 _KEPT = 1200
 _SLACK_NS = 1_000_000  # tolerance for the end of a survey, ns: more than its rounding error
 

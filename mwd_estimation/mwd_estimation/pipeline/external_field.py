@@ -28,7 +28,7 @@ _MISSING = 88888.0
 _NULLS, _CIRCLE = (88888.0, 99999.0), 216000.0
 # Longest gap over which the record is interpolated, s: pulsations and substorm onsets take minutes.
 _LONGEST_GAP = 600.0
-# Hours whose range of the field is below this count as equally quiet, T: observatories report tenths of nT.
+# Hours in which the range of the field is smaller than this are equally quiet, T: observatories report tenths of nT.
 _RESOLUTION = 1e-9
 _HOUR_NS = 3_600_000_000_000
 # Minute of arc, rad: the unit of declination and dip, and ten times the unit of DECBAS.
@@ -46,9 +46,9 @@ class ObservatoryRecord:
 
     def disturbance(self, stamp_ns: int) -> Array | None:
         """
-        Return the difference from the quiet level, north, east, down, T, shape (3,).
+        Return the difference of the field from the quiet level at a time: north, east, down, T, shape (3,).
 
-        None in a gap or outside the record.
+        stamp_ns: UTC, ns. Returns None in a gap or outside the record.
         """
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if after < len(self.stamps_ns) and self.stamps_ns[after] == stamp_ns:
@@ -65,10 +65,10 @@ class ObservatoryRecord:
 
 def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
-    Read a record in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F; ignore others.
+    Read a record in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F.
 
-    Several daily files may be joined, each with its own header. The baseline declination (DECBAS) of a header is added
-    to the angles that variometers report relative to it.
+    Other components are ignored. Several daily files may be joined, each with its own header. The baseline declination
+    (DECBAS) of a header is added to the angles that variometers report relative to the baseline.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observatory file of the settings: it is read at the start, and again after the file has changed."""
+"""External field from the observatory file in the settings, which is read again whenever the file has changed."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Output:
     #: Faults of sensors that were found, narrowed down or cleared.
     health: list[SensorFault] = dataclasses.field(default_factory=list)
     north: list[Solution] = dataclasses.field(default_factory=list)  #: results of north seeks on request
-    #: Surveys taken while the string turned, or the reason why there is none.
+    #: Result of each rotary survey (taken while the string turned): the survey, or the reason why it was not taken.
     rotary: list[DecidedSurvey | Refusal] = dataclasses.field(default_factory=list)
 
     @classmethod
@@ -40,7 +40,7 @@ class Output:
         return cls(wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n), wire.INTERFERENCE.empty(0), wire.DYNAMICS.empty(0))
 
     def joined(self, later: Output) -> Output:
-        """Return this output with a later one appended."""
+        """Return this output with the later output `later` appended."""
         return Output(
             np.concatenate([self.attitude, later.attitude]),
             np.concatenate([self.gravity, later.gravity]),

@@ -49,7 +49,7 @@ class Pipeline:
     ----------
     settings : EstimatorSettings
     reference : Reference, optional
-        Reference that replaces the one of the settings, such as a field measured before the run.
+        Reference that replaces the reference of the settings, such as a field measured before the run.
     mount : Mount, optional
         Mount of the units in the tool; by default from the settings, without frames and static transforms.
     noise : mapping of Noise, optional
@@ -237,14 +237,14 @@ class Pipeline:
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
         """
-        Return a function that decides the newest surveys again with the present state of the run; for any thread.
+        Return a function that decides the newest surveys again with the present state of the run.
 
-        newest: number of surveys.
+        newest: number of surveys. The function may be called in another thread.
         """
         return self._estimate.bin_stage.decision.judging_again(newest)
 
     def set_reference(self, reference: Reference) -> None:
-        """Check and correct with this reference from now on; restart the estimate of the interference."""
+        """Use this reference for all checks and corrections from now on; restart the estimate of the interference."""
         self._given = reference
         self._estimate.set_reference(reference)
 
@@ -277,17 +277,17 @@ class Pipeline:
 
     @property
     def given_reference(self) -> Reference | None:
-        """The reference that replaces the one of the settings; None if there is none."""
+        """The reference that replaces the reference of the settings; None if the settings are used."""
         return self._given
 
     @property
     def reference(self) -> Reference | None:
-        """The reference with which azimuths and totals are checked; None if there is none."""
+        """The reference with which azimuths and totals are checked; None if it is not known."""
         return self._estimate.field.reference
 
     @property
     def north(self) -> str:
-        """The north from which azimuths count."""
+        """The north from which azimuths are counted: magnetic, true or grid."""
         return self._estimate.field.north
 
     @property
@@ -352,7 +352,7 @@ class KeptSamples(NamedTuple):
 
 class NoiseOnset:
     """
-    Stated noise of the conventional unit and the magnetometer, and the samples that a new estimate needs again.
+    Noise that covariances state for the conventional unit and the magnetometer, and the samples for a restart.
 
     known: noise of each vector that is used from the first sample on; mag_delay_ns: time after its stamp at which a
     magnetic sample has arrived, ns.
@@ -410,7 +410,11 @@ class NoiseOnset:
                 self._beside = {name: part[part["stamp_ns"] > last_ns] for name, part in self._beside.items()}
 
     def keep_beside(self, name: str, samples: Samples) -> Samples:
-        """Keep samples of another stream as long as those of the IMU; return those that the present estimate uses."""
+        """
+        Keep samples of another stream until the IMU samples of their time are no longer kept.
+
+        Returns the samples that the present estimate uses.
+        """
         used = samples[samples["stamp_ns"] > self._from_ns]
         if len(self._counting) < _ALL:
             self._beside[name] = np.concatenate([self._beside.get(name, used[:0]), used])[-_MOST:]

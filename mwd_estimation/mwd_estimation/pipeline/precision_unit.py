@@ -30,7 +30,7 @@ class PrecisionBin:
 
     samples: UnitSamples  #: samples of the unit; NaN while it is faulty
     changes: list[SensorFault]  #: faults found, narrowed down or cleared
-    fault: Reason | None  #: reason why the unit is not used; None if it is used
+    fault: Reason | None  #: reason why the unit is not used in this bin; None if it is used
 
 
 class PrecisionUnitStage:
@@ -61,7 +61,7 @@ class PrecisionUnitStage:
         return self._stamps, np.where(unknown[:, None], np.nan, rates) if unknown.any() else rates
 
     def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
-        """Seek north from now on with this latitude, deg, and local gravity, m/s^2; None if not known."""
+        """Seek north from now on with this latitude, deg (None: no seek), and local gravity, m/s^2 (None: standard)."""
         self.station = GyroStation(self._params, latitude_deg, gravity)
 
     def take(self, stamps: Stamps, values: Array, clipped: NDArray[np.uint8]) -> None:

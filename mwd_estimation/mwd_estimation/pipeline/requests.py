@@ -60,7 +60,7 @@ class Requests:
 
     @property
     def north(self) -> NorthSession | None:
-        """The current north seek; None if there is none."""
+        """The current north seek; None if no seek runs."""
         return self._north
 
     def take_rates(self, stamps: Stamps, gyro: Array) -> None:
@@ -86,7 +86,7 @@ class Requests:
         return found
 
     def end_north(self, reason: Reason) -> Solution | None:
-        """End the north seek for a reason; return its result, None if there was no seek."""
+        """End the north seek for a reason, and return its result; return None if no seek runs."""
         if self._north is None:
             return None
         found, self._north = dataclasses.replace(self._north.solution(), reason=reason), None
@@ -111,7 +111,7 @@ class Requests:
 
     @property
     def rotary_progress(self) -> RotaryProgress | None:
-        """Progress of the rotary survey; None if there is none."""
+        """Progress of the rotary survey; None if no rotary survey runs."""
         return self._rotary.progress() if self._rotary is not None else None
 
     def average(self, samples: Samples, pairs: Samples) -> tuple[StillAverage | Refusal, float] | None:

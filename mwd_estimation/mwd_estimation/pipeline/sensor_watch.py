@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Health of conventional unit and magnetometer; it cuts a block into stretches with the same usable sensors."""
+"""Health of conventional unit and magnetometer: cut a block into stretches with the same usable sensors."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ class UsableStretch:
     suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the doubtful sensors at each sample
     unusable: int  #: bits of the sensors that are unusable in the whole stretch
     drifted: bool  #: whether gravity shows that the gyros measure a rotation that does not exist
-    #: `begins_contamination`, `contaminated`: whether a fault at the start of this stretch shows that the azimuth
-    #: contains wrong values of a sensor, and whether this is known from here or from an earlier stretch.
+    #: `begins_contamination`: whether a fault found at the start of this stretch shows that the azimuth contains wrong
+    #: values of a sensor. `contaminated`: whether the azimuth contains such values, because of this or an earlier
+    #: fault.
     begins_contamination: bool
     contaminated: bool
     changes: list[SensorFault]  #: faults found, narrowed down or cleared at the first sample
@@ -76,7 +77,7 @@ class SensorWatch:
         return monitor.known(self._state)
 
     def expect_mag(self, *, expected: bool) -> None:
-        """Set whether magnetic samples are expected; if the mount of the magnetometer is unknown, none are used."""
+        """Set whether magnetic samples are expected; they are not if the mount of the magnetometer is unknown."""
         self._params = self._params._replace(mag_expected=self._mag_expected and expected)
 
     def set_reference(self, reference: Reference | None) -> None:

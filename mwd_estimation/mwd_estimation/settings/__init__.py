@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings by the user (tool, place, surveys, verdict), and the parameters of each filter derived from them."""
+"""Settings of the user (tool, place, surveys, verdict), and the parameters of each filter derived from the settings."""

@@ -46,11 +46,11 @@ _FACTORY = {"bias_ug": 3000.0, "scale_ppm": 1500.0, "misalignment_mrad": 1.0}
 _FACTORY_GYRO = (720.0, 1.0)  # 1 sigma of bias, deg/h, and misalignment, mrad, of the gyros of such a MEMS unit
 # Random walk of the bias of a gyro with the default bias (an MTi-1), deg/h per sqrt(h); it scales with the bias.
 _WALK_DEG_H_RTH = 10.0
-# 1 sigma of the ramp of a precision gyro's bias while the tool warms up or cools, as a share of the bias per hour: that
-# of a tactical MEMS unit whose temperature rises by 10 degC in an hour.
+# 1 sigma of the ramp of a precision gyro's bias while the tool warms up or cools, as a share of the bias per hour: the
+# ramp of a tactical MEMS unit whose temperature rises by 10 degC in an hour.
 _RAMP_PER_H = 0.6
-# Smallest limit for the rate that a gyro may read at rest, rad/s: any bias may change this much with temperature and
-# age.
+# Smallest limit for the rate that a gyro may read at rest, rad/s: the bias of any gyro may change this much with
+# temperature and age.
 _REST_RATE = 0.01
 # 1 sigma of the magnetic field of the string at the magnetometer, along the axis and in each direction across it, nT.
 # non_magnetic: AMIL of the tool code; short: poles of 1000 uWb about 7 m away; steel: steel pipe around the
@@ -82,10 +82,10 @@ def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> 
 
 
 def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
-    """Return the parameters of a gravity method: its defaults, changed by the facts of tool and place."""
+    """Return the parameters of a gravity method: its defaults, with values from the settings of tool and place."""
     usual, calibration, gyro = Gyro(), accelerometer_tilt(tool), tool.gyro
     if tool.accelerometer.assumed:
-        # Use the errors of a unit without calibration for figures that have the default, which are not stated.
+        # A figure with the default value counts as not stated: use the error of a unit without calibration instead.
         gyro = dataclasses.replace(
             gyro,
             bias_deg_h=_FACTORY_GYRO[0] if gyro.bias_deg_h == usual.bias_deg_h else gyro.bias_deg_h,
@@ -269,10 +269,10 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
 
 def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Return the reference as `reference`, but an empty one if the stamp is outside the years of the model.
+    Return the result of `reference`, or a reference without values if the stamp is outside the years of the model.
 
-    The source of the empty reference states the reason. Thus a node with a wrong clock still estimates gravity. If a
-    date is set, errors are raised as in `reference`.
+    The `source` of a reference without values states the reason. Thus a node with a wrong clock still estimates
+    gravity. If a date is set, errors are raised as in `reference`.
     """
     try:
         return reference(settings, first_ns)
@@ -284,7 +284,7 @@ def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference |
 
 def check(settings: EstimatorSettings) -> None:
     """
-    Check that the settings allow a reference, on the set date or, if none is set, on a date within the model.
+    Check that the settings allow a reference, on the set date or, without a date, on a date within the model.
 
     Raises
     ------
@@ -325,7 +325,7 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     Raises
     ------
     ValueError
-        If there is no tool code of the name that is set, or it does not belong to a magnetic survey.
+        If `survey.tool_code` does not name a tool code, or names a tool code that is not for magnetic surveys.
     """
     tool, described = settings.tool, assembly(settings.tool)
     mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * (tool.accelerometer.misalignment_mrad or 0.0)))
@@ -349,13 +349,17 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
 
 
 def _string_nt(tool: Tool) -> tuple[float, float]:
-    """Return 1 sigma of the string's field along and across the axis, nT: as set, else from the kind of string."""
+    """Return 1 sigma of the string's field along and across the axis, nT, from the settings or the kind of string."""
     along, across = _STRINGS_NT[tool.string]
     return along if tool.axial_interference_nt is None else tool.axial_interference_nt, across
 
 
 def _sag_deg(tool: Tool, described: Assembly | None) -> float:
-    """Return 1 sigma of the sag, deg: from the assembly file, else for a set correction, else for no correction."""
+    """
+    Return 1 sigma of the remaining sag error, deg.
+
+    It is given by the assembly file. Without a file it depends on whether the settings state a sag correction.
+    """
     if described is not None:
         return described.sigma_sag_deg
     return SIGMA_CORRECTED_DEG if tool.sag_correction_deg != 0.0 else SensorErrors().sag_deg
@@ -385,7 +389,7 @@ def assembly(tool: Tool) -> Assembly | None:
 
 def sag_correction(tool: Tool) -> SagCorrection:
     """
-    Return the correction of the inclination for sag, from the assembly file or as set.
+    Return the correction of the inclination for sag, from the assembly file or from `sag_correction_deg`.
 
     Raise ValueError as in `assembly` and `sag.sag`.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of each gravity method that users may set; the node declares those of the selected method only."""
+"""Parameters of each gravity method that users may set; the node declares only the parameters of the method in use."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class NoExpert:
     """Stand-in for a method without parameters to set."""
 
 
-# Methods that are not listed have no parameters to set.
+# Class of the parameters of each method; a method that is missing here has no parameters to set.
 EXPERT: dict[str, type[Any]] = {
     "s3": FuzzyMahony,
     "mahony": Mahony,

@@ -21,9 +21,10 @@ _IFR2 = "IFR2"
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
 # Lower and upper limit of the strength of the Earth's field, nT; the same limits as in `Reference`.
 _WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
-# _ANOMALY: largest difference of a fixed field from the model, T; only ores as those of Kursk and Kiruna exceed it
-# nearby, and the crust elsewhere reaches a tenth of it. _FAR_FROM_EQUATOR_DEG: smallest latitude at which the sign of
-# the dip is certain, deg. _SAME_DEG: largest difference from the model of a dip whose mistake has been corrected, deg.
+# _ANOMALY: largest difference between a fixed field and the model, T. Only ores such as those of Kursk and Kiruna cause
+# a larger difference, close to the ore; elsewhere the crust causes a tenth of this value. _FAR_FROM_EQUATOR_DEG:
+# smallest latitude at which the sign of the dip is certain, deg. _SAME_DEG: largest difference between the dip of the
+# model and a dip whose mistake has been corrected, deg.
 _ANOMALY, _FAR_FROM_EQUATOR_DEG, _SAME_DEG = 8e-6, 25.0, 10.0
 
 
@@ -157,7 +158,7 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
 
 def _check_with_place(place: Place, first_ns: int) -> None:
     """
-    Refuse a fixed field that is impossible at the position, such as one with a wrong sign, another angle or unit.
+    Refuse a fixed field that is impossible at the position, for example because of a wrong sign, angle or unit.
 
     A wrong declination makes surveys wrong by the same angle, and no measurement in the hole shows the error.
 
@@ -180,7 +181,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     try:
         model = _of_model(dataclasses.replace(place, field="igrf", grid="none", date=""), first_ns)
     except ValueError:
-        # The stamp is outside the years of the model: the clock is wrong, so there is nothing to compare with.
+        # The stamp is outside the years of the model, so the clock is wrong and the field cannot be compared.
         return
     if model.total is None or model.dip is None or model.declination is None:
         return
@@ -204,7 +205,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
 
 def day_of(place: Place) -> datetime.date | None:
     """
-    Return the date that is set; None if none is set.
+    Return the date in `place.date`; None if this setting is empty.
 
     Raises
     ------
@@ -236,7 +237,7 @@ def _of_model(place: Place, first_ns: int) -> Reference:
 
 
 def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
-    """Return the fields that a user may have meant with these figures: total, T, and dip, deg."""
+    """Return the fields that a user may have meant if the dip, `dip_deg`, was entered wrongly; total: strength, T."""
     meant = {
         f"a dip of {-dip_deg:g} deg instead of {dip_deg:g} deg": -dip_deg,
         f"a dip of {90.0 - dip_deg:g} deg: {dip_deg:g} deg is its angle from the vertical": 90.0 - dip_deg,

@@ -14,8 +14,8 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.input_covariance import StatedNoise
 
 # Smallest ratio of the stated noise of a gyro to the noise in the settings at which the stated noise is used. A data
-# sheet states the noise density, but a driver the noise of a sample after its own filter, which gives about twice the
-# density (first order, 255 Hz, read at 100 Hz).
+# sheet states the noise density; a driver states the noise of a sample after the filter of the sensor. The density
+# computed from such a sample is about twice the real density (filter of first order, 255 Hz, read at 100 Hz).
 _LARGER = 3.0
 # Accelerometer noise density that the bounded filter assumes, m/s^2/sqrt(Hz); a smaller stated noise changes nothing.
 _ACCEL_NOISE = BoundedParams().accel_noise

@@ -2,7 +2,7 @@
 """
 Settings of the tool: the errors of its sensors, and its position in the string.
 
-Names and units are those of the simulator's grades, so that a grade file is a valid tool file (`tool_file`).
+Names and units are those of the grade files of the simulator, so that a grade file is a valid tool file (`tool_file`).
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
         raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
     read = used(table, unit)
     if unit is Tool and isinstance(read.get("accelerometer"), dict):
-        # A file describes the accelerometers, so the sigma of the samples must not be that of an undescribed tool.
+        # A file that describes the accelerometers must not give the samples the sigma of a tool without description.
         read["accelerometer"].setdefault("misalignment_mrad", TUMBLE_MRAD)
     return read
 

@@ -3,9 +3,9 @@
 Variance of the tilt that errors of the accelerometers cause: bias, scale error and misalignment of each axis.
 
 The filter assumes that the horizontal mean force is zero. These errors therefore tilt its level frame, and no
-innovation shows this tilt. Its variance follows from the figures of the tool and from the influence of each error on
-the level force, averaged over the response time of the filter. Errors that rotation averages out have a small mean
-influence.
+innovation shows this tilt. Its variance follows from the sigmas in the settings of the tool and from the influence of
+each error on the horizontal force, averaged over the response time of the filter. Errors that rotation averages out
+have a small mean influence.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def begin(s: BoundedRecord) -> None:
 
 @compiled
 def follow(p: BoundedParams, s: BoundedRecord) -> None:
-    """Update the mean influence of the errors with the interval of one update."""
+    """Update the mean influence of each error on the level force with the interval of one update."""
     errors, turn2 = s.accelerometer, s.turning**2
     errors.age += s.sums.time
     share = s.sums.time / min(RESPONSE, errors.age)

@@ -33,7 +33,9 @@ START_PLACE = 0.1  # m, 1 sigma of the displacement at a start
 KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is kept from before a restart
 LOST_AFTER = 1.0  # s, smallest averaging time of the mean force for detecting a lost attitude
 LOST_FORCE2 = 25.0  # (m/s^2)^2, largest square of the mean non-gravity force at which the attitude is not lost
-WHITE2 = 9.0  # 1/s; the limit grows by this factor times the density of white force, which has such a mean by chance
+# 1/s, factor on the density of white force; the product is added to LOST_FORCE2, because the mean of white force is not
+# exactly zero.
+WHITE2 = 9.0
 LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a mean force that counts as gravity
 
 

@@ -12,7 +12,7 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, T
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
-HIDDEN = 0.0014  # s, clipped part of the interval of a sample from which its mean force counts as a shock
+HIDDEN = 0.0014  # s, shortest clipped part of a sample's interval at which the mean force of the sample is a shock
 UNUSUAL = 2.2  # an acceleration above this multiple of the usual one is unusual
 CHANCE = 0.0023  # share of unusual samples in Gaussian vibration (chi-square with 3 degrees of freedom)
 LOST = 1.0  # ratio of lost to measured velocity: 1.0 to 1.9 on simulated shocks above 4, 8 and 16 g
@@ -77,12 +77,13 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
 @compiled
 def jump_gate(s: BoundedRecord) -> float:
     """
-    Return the gate: a larger squared innovation over its variance shows a velocity that was lost in a hidden shock.
+    Return the gate: the ratio of squared innovation to variance above which velocity was lost in a hidden shock.
 
-    Above the gate, chance causes an innovation less often than hidden shocks. The square of a normal innovation exceeds
-    x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks are assumed to
-    occur at random, and as frequently, n, as visible shocks less those that are vibration by chance: the probability of
-    at least one shock within a time T is 1 - exp(-n T). Without shocks the gate is `FARTHEST`.
+    Above the gate, an innovation comes from a hidden shock more often than from chance. The square of a normal
+    innovation exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks
+    are assumed to occur at random with the frequency n of the visible shocks, without the part of these that is
+    vibration by chance: the probability of at least one shock within a time T is 1 - exp(-n T). Without shocks the gate
+    is `FARTHEST`.
 
     After a rotation was lost, a large innovation comes from a wrong roll more often than from a shock. The gate is then
     `NEVER`, because a filter that takes the innovation for a shock keeps the wrong roll.
@@ -101,7 +102,7 @@ def jump_gate(s: BoundedRecord) -> float:
 
 @compiled
 def _roll_variance(s: BoundedRecord) -> float:
-    """Return the variance of the tilts as that of a rotation about the tool axis, rad^2."""
+    """Return the variance of the roll if the whole variance of the two tilts came from a roll, rad^2."""
     tilt = s.P[TILT, TILT] + s.P[TILT + 1, TILT + 1]
     variance: float = tilt / max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)
     return variance

@@ -41,7 +41,7 @@ class MagneticSamples(NamedTuple):
 
     stamp_ns: Stamps  #: stamps, ns, shape (m,)
     b_t: Array  #: field, T, shape (m, 3)
-    #: A magnetic sample is used at the first sample of the conventional unit that is at least this time later, ns.
+    #: Lag, ns: a magnetic sample is used at the first sample of the conventional unit that is at least this much later.
     lag_ns: int
     #: Stamps, ns, shape (n,), of the samples of the conventional unit, from which the lag is counted. If it is empty,
     #: the lag is counted from the times at which these samples were measured.
@@ -49,7 +49,7 @@ class MagneticSamples(NamedTuple):
 
     @classmethod
     def none(cls, lag_ns: int = 0) -> MagneticSamples:
-        """Return no samples."""
+        """Return an instance without samples."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns, np.zeros(0, dtype=np.int64))
 
     def leave_out(self, out: NDArray[np.bool_]) -> None:
@@ -82,7 +82,7 @@ def begin_anew(f: Field, stamp_ns: int) -> None:
 
 @compiled
 def at_hand(f: Field, stamp_ns: int) -> bool:
-    """Return whether the field can show the roll now."""
+    """Return whether the roll can be computed from the field: its angle to gravity is known, its last sample recent."""
     return bool(f.variance > 0.0 and stamp_ns - f.last_ns < FRESH_NS)
 
 

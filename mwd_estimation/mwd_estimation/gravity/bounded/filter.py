@@ -3,7 +3,8 @@
 Velocity-bounded error-state Kalman filter for gravity, which assumes that a sonde in its hole stays in place.
 
 Rates propagate the attitude, forces propagate velocity and position in a level frame of arbitrary heading. A tilt (or a
-sensor error that acts like tilt) integrates to a position that grows without limit; even strong vibration does not.
+sensor error that acts like tilt) integrates to a position that grows without limit; the position from vibration, even
+strong vibration, stays limited.
 Every sample propagates the nominal values (`mechanisation`). Once per `TICK` the covariance is propagated and the
 position is measured as zero (`noise`, `measurement`, `scale`). Theory and limits:
 ``docs/methods/bounded_gravity_filter.md``.
@@ -75,8 +76,8 @@ def run(
 
     Parameters
     ----------
-    params : Params
-    state : State
+    params : BoundedParams
+    state : BoundedState
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
         Times of the samples, ns.
@@ -173,7 +174,7 @@ def _run(
 
 @compiled
 def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
-    """Keep the newest magnetic sample that may be used at a sample of the conventional unit."""
+    """Store the newest magnetic sample that is due at the sample of the conventional unit with this stamp, ns."""
     while f.used < len(mag.stamp_ns) and mag.stamp_ns[f.used] <= stamp_ns - mag.lag_ns:
         f.stamp_ns = mag.stamp_ns[f.used]
         for j in range(3):

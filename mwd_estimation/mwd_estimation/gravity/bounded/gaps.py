@@ -32,7 +32,7 @@ def stands_out(s: BoundedRecord, dt: float) -> bool:
 
 @compiled
 def widen_roll(s: BoundedRecord, variance: float) -> None:
-    """Add a variance, rad^2, to the roll; if it is large, later corrections of the roll may be large angles."""
+    """Add a variance, rad^2, to the roll; if the variance is large, later roll corrections count as large angles."""
     s.clipping.seen |= variance > clipping.SMALL_ROLL
     for j in range(2):
         for m in range(2):

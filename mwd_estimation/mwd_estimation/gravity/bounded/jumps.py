@@ -39,35 +39,36 @@ from mwd_sensors.core.compiled import compiled
 # that `health.rest_check` accepts (0.012 rad/s for the default gyro).
 BIAS_STEP = 0.017
 # Mean time between jumps of each kind, s: 100 h, so that even one step in a run is rare. The time is the same for all
-# kinds, because a string whose speed changes is soon certain, and a small knock is not more probable than a step.
+# kinds: a change of the string's speed is soon certain with any prior, and a small knock is not more probable than a
+# step.
 EVERY = 3.6e5
 SURPRISE_TIME = 0.3  # s, memory of `BoundedRecord.surprise`
-# The search runs if the recent sum of squared innovations over their variances is at least this. A jump can only be
-# more probable than no jump if the sum since the jump is above twice the logarithm of the prior odds against it, which
-# is 20 to 34.
+# Smallest value of `BoundedRecord.surprise`, the recent sum of squared innovations over their variances, at which the
+# search runs. A jump can only be more probable than no jump if the sum since the jump is above twice the logarithm of
+# the prior odds against the jump, which is 20 to 34.
 SURPRISING = 10.0
-# Averaging times of the innovations and of their density, s, and the least density.
+# Averaging time of the innovations, s; averaging time of their spectral density, s; and smallest density that is used.
 SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
 # Kinds of jumps: a bias steps; the string starts or stops along its hole; the accelerometers miss a part of the
 # velocity.
 STEP, TRAVEL, KNOCK, KINDS = 0, 1, 2, 3
-# A jump is accepted if the logarithm of its odds exceeds this plus that of the competing jumps. Jumps of the velocity
-# do not compete with each other, because travel along the hole is a special knock.
+# A jump is accepted if the logarithm of its odds exceeds the logarithm of the odds of the competing jumps by at least
+# this value. Jumps of the velocity do not compete with each other, because travel along the hole is a special knock.
 SURE = 5.0
 # Point samples of vibration near a multiple of the sampling rate show a slow force of the size of the vibration. Its
 # usual duration, s: a sweep of 1 Hz/s passes the rate within a second.
 BEAT = 0.5
-# Updates after which a step of the bias is accepted at the earliest, 1.2 s. A string that starts needs up to a second
-# to reach its speed, and until then its acceleration looks like the tilt that a wrong gyro bias causes.
+# Smallest number of updates (1.2 s) between a step of the bias and its acceptance. A string that starts needs up to a
+# second to reach its speed, and until then its acceleration looks like the tilt that a wrong gyro bias causes.
 AFTER_STEP = 40
-LEAST_AFTER = 8  # least number of updates after a jump before it can be found: a quarter of a second
+LEAST_AFTER = 8  # smallest number of updates between a jump and its detection: a quarter of a second
 APART = 4  # updates between two searches
 
 
 @compiled
 def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
     """
-    Update the density of the innovations along a tool axis; white: the new innovation over its sigma.
+    Update the spectral density of the innovations along a tool axis; white: the new innovation over its sigma.
 
     The assumed noises are larger than the real noises, and motion is not white: heave repeats an error for a second. An
     innovation is therefore weighted by the density at low frequencies, which is 1 if the covariance is right.
@@ -94,7 +95,7 @@ def follow(p: BoundedParams, s: BoundedRecord) -> bool:
 
 @compiled
 def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
-    """Return the kind of the most probable jump and the number of updates since then; 0 if no jump was found."""
+    """Return the kind of the most probable jump, and the number of updates since the jump; 0 updates: no jump found."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
     for back in range(1, s.recent.length + 1):

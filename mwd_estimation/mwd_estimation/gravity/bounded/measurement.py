@@ -3,7 +3,7 @@
 Measurement of the bounded filter: the resting point of the tool has zero displacement along every tool axis.
 
 The position of the sensor relative to the resting point is `lever`. A tilt, or a sensor error that acts like tilt,
-integrates to a displacement that grows without limit; vibration does not.
+integrates to a displacement that grows without limit; the displacement from vibration stays limited.
 """
 
 from __future__ import annotations

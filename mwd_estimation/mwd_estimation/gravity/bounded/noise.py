@@ -4,8 +4,8 @@ Noise of the bounded filter: the motion of the tool determines the noise of the 
 
 The displacement after three high-passes (`SWING_TIME`), along and across the hole, measures the vibration. It sets the
 white noise and the random walk of the displacement; the random walk is a white velocity. Force that is white down to
-low frequencies does not have a bounded velocity, so it becomes noise of the velocity. Such force has the same density
-in differences of neighbouring samples, across the hole, and vertically, where tilt has no first-order effect.
+low frequencies does not have a bounded velocity, so it becomes noise of the velocity. Such force has the same spectral
+density in differences of neighbouring samples and in the displacement across the hole.
 """
 
 from __future__ import annotations
@@ -149,11 +149,11 @@ def shaken_by_shocks(s: BoundedRecord) -> bool:
 @compiled
 def whole(s: BoundedRecord) -> float:
     """
-    Return the share, 0 to 1, of the density from neighbouring samples that counts as aliased vibration.
+    Return the share, 0 to 1, of the force density `MotionAverages.rough` that counts as aliased vibration.
 
     The share is above 0 if shocks are rare and the displacement of the last 20 s is a large part of the displacement
-    that this density explains. A shorter averaging time would at times give a density too small by chance, and a gain
-    too large.
+    that this density explains. With a shorter averaging time, the density would sometimes be too small by chance, and
+    the gain of the filter too large.
     """
     if s.motion.rough < FOLDED_LEAST or shaken_by_shocks(s):
         return 0.0

@@ -24,8 +24,8 @@ class BoundedParams(NamedTuple):
     #: True if rates are point samples instead of means over the sampling interval; they are integrated by the
     #: trapezoid.
     sampled: bool = False
-    #: Gyro bias at switch-on, rad/s, larger than the tool's by a factor 2.5. Raising it makes the bias settle faster
-    #: and the start less certain.
+    #: Gyro bias at switch-on, rad/s: 2.5 times the sigma in the settings of the tool. Raising it makes the bias settle
+    #: faster and the start less certain.
     bias_sigma: float = 0.005
     #: Scale error of the x gyro at switch-on. Raising it makes the start less certain if the rotary speed varies.
     scale_sigma: float = 0.0015

@@ -9,7 +9,7 @@ r/min and 100 Hz. While the rate is constant this angle is part of the initial r
 in the innovations. Integrated samples (the default of the settings) and points are two hypotheses. The errors that the
 state has if the samples are points are propagated together with the covariance, so each innovation updates the odds of
 the two (Willsky and Jones, 1976, see `jumps`). Means and values at an instant cannot be distinguished in this way.
-If the settings say points or means, this is not checked: aliased vibration in points can look like a wrong setting.
+If the settings say points or means, they are not checked: aliased vibration in points can look like a wrong setting.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, by which t
 
 
 def in_words(found: str) -> str:
-    """Return a sentence about the kind of the samples, `BoundedState.samples_are`; empty for an empty `found`."""
+    """Return a sentence about the detected kind of the samples (`BoundedState.samples_are`); "" if `found` is ""."""
     if not found:
         return ""
     return (
@@ -34,14 +34,14 @@ def in_words(found: str) -> str:
 
 @compiled
 def _integrated(s: BoundedRecord) -> bool:
-    """Return whether the samples are taken as integrated."""
+    """Return whether the filter assumes integrated samples."""
     return bool(s.meaning.coning == 0.0 and not s.meaning.sampled)
 
 
 @compiled
 def propagate(s: BoundedRecord, rate: float) -> None:
     """
-    Propagate the errors caused by point samples from the last update to the present sample.
+    Propagate the errors that the state has if the samples are points (`Meaning.effect`) over one update interval.
 
     rate: newest rate about the x axis, rad/s.
     """
@@ -59,7 +59,11 @@ def propagate(s: BoundedRecord, rate: float) -> None:
 
 @compiled
 def compare(s: BoundedRecord, axis: int, entry: Update) -> None:
-    """Update the odds of points with the last innovation, along a tool axis, and the errors that points would cause."""
+    """
+    Update the odds of point samples, and the errors that they would have caused, with the last innovation.
+
+    axis: tool axis of the innovation; entry: trace of the present update, with measurement row and gain filled.
+    """
     if not _integrated(s):
         return
     effect, expected = s.meaning.effect, 0.0

@@ -34,13 +34,12 @@ SCALE_TIME, SCALE_OWN = 4.0, 3.0
 # it. The power must average several time constants of the filter: with only two, the reciprocal of the scale, and with
 # it the ratio of error to sigma, has no finite mean.
 SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
-# Share of the mean square force that may be in step with the torsion: vibration along one axis with a phase that nobody
-# knows.
+# Share of the mean square force that may be in phase with the torsion: vibration along one axis with unknown phase.
 RECTIFIED = 0.5
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # s, averaging time of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis at which errors fixed in the tool have half of their full weight
-BIAS_SHARE = 0.4  # ratio of the tool's sigma of gyro bias and misalignment to that of the filter (inflated 2.5 times)
+BIAS_SHARE = 0.4  # sigma of gyro bias and misalignment in the tool's settings over the filter's sigma (inflated by 2.5)
 LEAST_PRIOR = 1e-18  # smallest prior variance, for sensors whose settings state no error
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rate at which a hole turns the tool, rad/s
 
@@ -58,7 +57,7 @@ def tilts(s: BoundedRecord) -> tuple[float, float]:
 @compiled
 def follow_corrections(s: BoundedRecord, turn: float, along: float, across: float) -> None:
     """
-    Update the scales with the corrections of one update.
+    Update the covariance scales along and across the hole with the tilt corrections of one update.
 
     along, across: tilt variances before the measurements, rad^2; turn: variance that the interval added to each, rad^2.
     """

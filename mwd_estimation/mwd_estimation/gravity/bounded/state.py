@@ -31,7 +31,7 @@ TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11
 ACCEL = 12
 STEADY, ERRORS = 17, 19  # number of errors in use at all times, and number of all errors (while the x gyro clips)
 TURNS = 2048  # number of samples whose rotation is kept: 0.4 s at 5 kHz, longer than a magnetic sample waits
-RECENT = 100  # number of updates kept: 3 s, in which a step of the gyro bias shows
+RECENT = 100  # number of updates kept: 3 s, within which a step of the gyro bias becomes visible
 STATED = 7.0  # logarithm of the odds that samples are integrated if the settings state so: 1100 to 1
 # 1 sigma of the difference of measured from local gravity, m/s^2: spread on Earth, scale of an uncalibrated sensor.
 DOWN_SIGMA = 0.05
@@ -88,9 +88,9 @@ class MotionAverages:
     rough: float
     """Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s."""
     swing: Annotated[Array, 3]
-    """Sum of the x rates of point samples after one to three high-passes, rad."""
+    """Sum of the x rates of point samples after one, two and three high-passes, rad."""
     ripple: float
-    """Mean square of the last of them: the part of the roll that point samples may show wrongly, rad^2."""
+    """Mean square of the last element of `swing`: of the part of the roll that aliasing may have caused, rad^2."""
 
 
 class CovarianceScale:
@@ -155,7 +155,7 @@ class AccelerometerErrors:
 
 
 class TurnRing(Ring):
-    """Rotation about the axis at the last samples."""
+    """Ring buffer of the rotation about the axis at the last samples."""
 
     rows: Annotated[MutableSequence[Turn], TURNS]
 
@@ -228,7 +228,7 @@ class Update:
 
 
 class RecentUpdates(Ring):
-    """The last updates."""
+    """Ring buffer of the last updates."""
 
     rows: Annotated[MutableSequence[Update], RECENT]
 
@@ -283,9 +283,9 @@ class BoundedRecord:
     turn: float
     """Rotation about the axis since the first sample, rad."""
     started: bool
-    """Whether there is an attitude."""
+    """Whether the filter has an attitude."""
     epoch: int
-    """Number of starts and bridged gaps; smoothing does not cross from one to the next."""
+    """Number of starts and bridged gaps; the smoother does not smooth across a change of this number."""
     age: float
     """Time since the start of averaging, s."""
     settled: float
@@ -297,7 +297,7 @@ class BoundedRecord:
     kept_down: float
     """Cosine of the inclination that a restart of the roll keeps."""
     kept_tilt: float
-    """Variance of the kept inclination, rad^2; 0 if none is kept."""
+    """Variance of the kept inclination, rad^2; 0 if no inclination is kept."""
     last_w: Annotated[Array, 3]
     """Rates of the last sample, rad/s."""
     last_f: Annotated[Array, 3]
@@ -408,7 +408,7 @@ class Log(NamedTuple):
     """Trace of a block of samples."""
 
     entries: NDArray[np.int64]  #: int64, shape (1,); number of updates written
-    updates: Any  #: structured ndarray of `Update`, shape (m,); an empty one keeps no trace
+    updates: Any  #: structured ndarray of `Update`, shape (m,); if this array is empty, no trace is written
     north_t: Array  #: shape (n, 3); first level axis in tool axes at each sample
 
     @classmethod
