@@ -29,7 +29,12 @@ _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
 
 
 class _Rows(NamedTuple):
-    """Columns of messages, shape (n,): offset of the record to write, log time, offset and size of the payload ..."""
+    """
+    Columns of messages, each of shape (n,).
+
+    place : offset of the message's record in the output. log_ns : log time, ns. offset, size : position and length of
+    the payload in the input.
+    """
 
     place: Numbers
     log_ns: Numbers
@@ -41,7 +46,12 @@ class _Rows(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class _Source:
-    """Messages in order of time; if `framed`, their records take sequence number and publish time from `data`."""
+    """
+    Messages in order of their log time, ns; `offset` and `size` locate their payloads in `data`.
+
+    framed : whether sequence number, log time and publish time precede each payload in `data`. They are then copied;
+    otherwise the number is taken from `sequence`, and the publish time is the log time.
+    """
 
     data: Bytes
     log_ns: Numbers
@@ -222,7 +232,7 @@ def _put(out: Bytes, at: int, value: int, size: int) -> None:
 
 @compiled
 def _write_records(out: Bytes, data: Bytes, rows: _Rows, framed: bool) -> None:
-    """Write one record for each message at its offset in `out`."""
+    """Write one record for each message, at the offset `rows.place` in `out`."""
     for i in range(len(rows.place)):
         at, source = rows.place[i], rows.offset[i]
         out[at] = _MESSAGE

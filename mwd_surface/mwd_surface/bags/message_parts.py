@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Samples, Stamps
 
+# By topic: log times, ns, and samples.
 Block = dict[str, tuple[Stamps, Any]]
 
 NEVER = 2**62  # ns, later than any stamp
@@ -50,7 +51,7 @@ class MessagePart:
     Attributes
     ----------
     rank : (int, int)
-        Order of the span: number of the file, byte offset in the file.
+        Sort key of the span: number of the file, byte offset in the file.
     file : int
         Number of the file.
     data : ndarray of uint8
@@ -124,7 +125,12 @@ class Decoded:
 
 
 def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) -> Iterator[Block]:
-    """Join and sort the pieces of each topic, and cut all topics at the same times into blocks of the given size."""
+    """
+    Join and sort the pieces of each topic, and yield them as blocks.
+
+    Pieces of at least 2 `block_messages` messages are cut, at the same times in all topics, into blocks of about
+    `block_messages`; fewer messages give one block.
+    """
     joined: Block = {}
     for name, parts in pieces.items():
         log_ns = parts[0][0] if len(parts) == 1 else np.concatenate([part[0] for part in parts])
@@ -141,7 +147,6 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
     if total < 2 * block_messages:
         yield {name: part for name, part in joined.items() if len(part[0])}
         return
-    # The chunk is larger than a block: cut all topics at the same times.
     times = np.sort(np.concatenate([log_ns for log_ns, _ in joined.values()]))
     marks = np.unique(times[block_messages::block_messages])
     done = dict.fromkeys(joined, 0)

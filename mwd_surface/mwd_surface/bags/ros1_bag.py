@@ -31,6 +31,7 @@ from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 # Multiple of the recording's decompressed size that may be decompressed in total before the recording is refused.
 _AGAIN = 4
 _MAGIC = b"#ROSBAG V2.0\n"
+# Decompressors whose output can be limited in size.
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
     "bz2": bz2.BZ2Decompressor,
     "lz4": lz4.frame.LZ4FrameDecompressor,
@@ -81,7 +82,11 @@ class Ros1Bag:
         self.end_ns = max((info.end_time - 1 for info in filled), default=0)
 
     def messages(self, topics: list[str], start: int | None, stop: int | None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, log time in ns, and the bytes of each message in the ROS 2 encoding."""
+        """
+        Yield topic, log time in ns, and the bytes of each message in the ROS 2 encoding.
+
+        start, stop : log time from (inclusive) and to (exclusive), ns; None: no limit.
+        """
         wanted = [one for one in self._reader.connections if one.topic in topics]
         for connection, log_ns, data in self._reader.messages(wanted, start, stop) if wanted else ():
             yield connection.topic, log_ns, bytes(ros2_types().ros1_to_cdr(data, connection.msgtype))
@@ -99,7 +104,7 @@ class _AnyReader(Reader):
     Attributes
     ----------
     cut : str
-        Where the reading of a file without index ended, in words; empty if the file has an index.
+        Text with the byte at which reading of a file without index ended; empty if the file has an index.
     """
 
     cut = ""
@@ -190,7 +195,7 @@ class _AnyReader(Reader):
         try:
             plain = bytes(unpacker.decompress(data, max_length=most + 1))
         except Exception as error:
-            # bz2 and lz4 raise errors of their own.
+            # bz2 and lz4 raise different kinds of errors.
             raise ReaderError(f"a chunk does not decompress: {error}") from error
         budgets.ROS1.check("unpacked", len(plain))
         if not unpacker.eof:

@@ -165,6 +165,6 @@ class Tally:
 
 
 def all_notes(contents: Contents, met: Sequence[str]) -> list[str]:
-    """Return the notes of the contents and of the scan."""
-    # Contents that come from a scan have noted the same damage already.
+    """Return the notes of the contents and the notes `met` during a scan, without repetitions."""
+    # If the contents come from a scan, their notes describe the same damage already.
     return list(contents.notes) if contents.scanned else [*contents.notes, *met]

@@ -15,7 +15,11 @@ _BATCH = 1000  # largest number of entries in a batch
 
 
 class QueuedMessage(NamedTuple):
-    """A message: log and publish time in ns since the epoch, offered profiles as YAML, RIHS01 hash of the type."""
+    """
+    A received message that waits to be written.
+
+    log_ns, publish_ns : ns since the epoch. qos : offered profiles as YAML. type_hash : RIHS01 hash of the type.
+    """
 
     topic: str
     type_name: str
@@ -79,7 +83,7 @@ class MessageQueue:
         return True
 
     def command(self, run: Callable[[], Any]) -> concurrent.futures.Future[Any]:
-        """Accept a command and return its future answer."""
+        """Accept a command and return the future that will hold its answer."""
         command = WriterCommand(run)
         with self._lock:
             self._items.append(command)

@@ -129,8 +129,8 @@ class Recorder:
         qos, type_hash : str
             Offered profiles as YAML and RIHS01 hash; used when the topic is first seen.
 
-        Returns False if the message was not accepted: nothing is being recorded, or the queue is full (then it is
-        counted).
+        Returns False if the message was not accepted: nothing is being recorded, or the queue is full. A message that
+        does not fit into the queue is counted.
         """
         if not self._taking:
             return False
@@ -143,8 +143,8 @@ class Recorder:
         """
         Begin a recording and return its folder.
 
-        name : name of the new folder in `folder`, numbered if it is in use; by default the time of day. custom :
-        ``custom_data`` of metadata.yaml.
+        name : name of the new folder in `folder`, numbered if it is in use; by default from date and time (UTC).
+        custom : ``custom_data`` of metadata.yaml.
 
         Raises
         ------
@@ -156,7 +156,9 @@ class Recorder:
 
     def stop(self, timeout_s: float = 3.0) -> Path:
         """
-        End the recording after everything accepted before, and return its folder.
+        Write the messages accepted so far, end the recording, and return its folder.
+
+        Messages that are not written after 0.7 `timeout_s` are dropped and counted.
 
         Raises
         ------
@@ -167,12 +169,12 @@ class Recorder:
         return Path(self._command(self._stop, timeout_s))
 
     def split(self, timeout_s: float = 3.0) -> Path:
-        """Continue in a new file and return the finished one. Raises RecorderError as `stop` does."""
+        """Continue in a new file and return the finished file. Raises RecorderError like `stop`, and during a pause."""
         return Path(self._command(self._split_asked, timeout_s))
 
     def snapshot(self, name: str = "", timeout_s: float = 10.0) -> Path:
         """
-        Write the last seconds, which are kept in memory, into a separate bag; return its folder.
+        Write the messages of the last `snapshot_seconds`, kept in memory, into a separate bag; return its folder.
 
         Raises
         ------
@@ -213,7 +215,7 @@ class Recorder:
     def take_events(self) -> list[RecorderEvent]:
         """Return the events since the last call, oldest first, at most the last 1000; never waits."""
         taken = []
-        # Another thread appends at the same time; removing events one by one is safe against that.
+        # Remove the events one by one, because another thread may append events at the same time.
         while self._untaken:
             taken.append(self._untaken.popleft())
         return taken
@@ -259,7 +261,7 @@ class Recorder:
     # For the writer thread
 
     def _run(self) -> None:
-        # At most a tenth of a second is added to the age of unsaved data by waiting.
+        # Waiting adds at most 0.1 s to the age of unsaved data.
         pause = min(0.1, self.settings.chunk_seconds / 2)
         while True:
             if not self._queue:
