@@ -93,7 +93,7 @@ def dump(
 
 def _rotation(bag: Bag) -> Samples:
     """
-    Return the rotary speed of the tool as means of the axial gyro over 0.1 s; all other fields are NaN.
+    Return the rotary speed of the tool, rad/s, as means of the axial gyro over 0.1 s; all other values are NaN.
 
     The rotary speed of the estimator is not used, because its filter delays it by half a second.
     """

@@ -56,9 +56,10 @@ class _InputFile:
 @dataclasses.dataclass(frozen=True)
 class ProcessedInput:
     """
-    Input of `mwd process` for the results in a folder, and its settings.
+    Recording and settings from which `mwd process` computed the results in a folder.
 
-    remarks : sentences about settings that this version cannot use.
+    calibrated : whether a calibration was applied to the recording. given : settings of the input. remarks : sentences
+    about settings that this version cannot use.
     """
 
     recording: Path
@@ -70,7 +71,7 @@ class ProcessedInput:
 
 def processed_input(folder: Path) -> ProcessedInput | None:
     """
-    Return the input of the results in a folder; None if the folder holds no results.
+    Return the recording and the settings of the results in a folder; None if the folder holds no results.
 
     Raises
     ------

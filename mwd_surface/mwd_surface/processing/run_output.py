@@ -86,7 +86,7 @@ def drafts(folder: Path) -> Iterator[Path]:
 def destination(
     folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
 ) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
-    """Yield the function that writes the attitude of each block, and the merger, if any."""
+    """Yield the function that writes the attitude of each block, and the merger for the format mcap, else None."""
     thinner = Thinner(wanted.rate_hz)
     if wanted.format == "mcap":
         with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
