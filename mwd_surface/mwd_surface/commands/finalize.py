@@ -113,6 +113,7 @@ def finalize(
     terminal.write(output, files)
 
 
+# Export format of each file that is written for other programs and people.
 _EXPORTS = {
     "definitive.csv": "csv",
     "raw.csv": "raw_csv",

@@ -109,7 +109,7 @@ def process(
 
 
 def _refuse_taken(output: Path) -> None:
-    """Raise an error if a folder has results of a run, before processing begins."""
+    """Raise ValueError if a folder already has results of a run."""
     from mwd_surface.processing.run_output import results_in
 
     if found := results_in(output):
@@ -195,7 +195,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         show_surveys(console, records, summary.listed.well.angles)
         for sentence in revision_sentences(records):
             console.print(sentence, markup=False)
-        # If the recording has no depths, the line above says so, and no warning per survey is printed.
+        # If the recording has no depths, the line "depths" reports this: do not print a warning for each survey.
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
             terminal.warn(sentence)
     else:

@@ -299,7 +299,7 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
 
 
 def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
-    """Return settings of a class from the options with the same names; for None the default is kept."""
+    """Return settings of a class from the options with the same names; an option that is None keeps the default."""
     import dataclasses
 
     from mwd_sensors.core import settings

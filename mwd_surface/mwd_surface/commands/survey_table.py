@@ -116,7 +116,11 @@ def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
 
 
 def correction_sentences(references: Sequence[Reference | None]) -> list[str]:
-    """Return one sentence for each correction from magnetic north, with its declination and convergence."""
+    """
+    Return one sentence for each correction from magnetic north, with its declination and convergence.
+
+    After three sentences, a last one gives the number of other corrections.
+    """
     found: dict[str, None] = {}
     for reference in references:
         north = best_north(reference)

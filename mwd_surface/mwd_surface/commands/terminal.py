@@ -81,7 +81,7 @@ def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
 
 
 def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
-    """Return a table without a frame: columns in `left` are aligned left, others right; names: of the columns."""
+    """Return a table without a frame and with these column names; columns in `left` are aligned left, others right."""
     from mwd_surface.commands.spoken_table import SpokenTable
 
     made = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
