@@ -208,7 +208,7 @@ class BagFiles:
         return [file for file in files if file not in other]
 
     def _compare_counts(self, about: BagMetadata) -> None:
-        """Note contradictions between metadata.yaml and the files; the contents of the files are used."""
+        """Add a note on contradictions between metadata.yaml and the files; the contents of the files are used."""
         said = []
         for topic in about.topics:
             found = self.topics.get(topic.name) or self.unreadable.get(topic.name)
@@ -243,7 +243,7 @@ class BagFiles:
             self.complete = False
         bad = [self._join_topics(file, contents) for file, contents in self.mcap]
         for name in self.topics.keys() & self.unreadable.keys():
-            # One topic has messages in two encodings: keep those that can be read.
+            # The topic has messages in two encodings: keep only the messages that can be read.
             left = self.unreadable.pop(name)
             self.notes.append(f"{left.count} messages of {name} are left out: {left.problem}")
         for names, numbers in zip(self.names, bad, strict=True):
@@ -320,7 +320,7 @@ class BagFiles:
                 check_regular(file, budgets.ROS1 if self.storage == "ros1" else budgets.DATABASE)
             self.other = Ros1Bag(plain[0]) if self.storage == "ros1" else DatabaseFiles(plain, self._scratch_folder)
         except Exception as error:
-            # Catch every exception, because rosbags, sqlite and the YAML parser raise different ones.
+            # Catch every exception, because rosbags, sqlite and the YAML parser raise different kinds.
             hint = "`mwd recover` may save parts of it" if self.storage == "sqlite3" else "was it recorded to the end?"
             raise BagError(f"{self.path} cannot be read: {error}", hint) from error
         self.topics, self.unreadable = self.other.topics, self.other.unreadable
@@ -602,7 +602,7 @@ class DatabaseFiles:
         return about is not None and about.type_name == type_name
 
 
-# Check of an SQLite recording before `rosbags` opens it: its rows must be stored in the file, not computed.
+# Check of an SQLite recording before `rosbags` opens the file: all rows must be stored in the file, not computed.
 
 
 # Words in the SQL definition of a table whose rows or columns are computed.

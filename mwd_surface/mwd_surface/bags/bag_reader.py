@@ -242,7 +242,7 @@ class Bag:
 
     @property
     def frames_used(self) -> Mapping[str, str]:
-        """Topics restricted to one frame by `use_frame`, with that frame."""
+        """Frame of each topic that `use_frame` restricts to one frame."""
         return self._decoder.frames
 
     def decode(self, topic: str, data: bytes) -> Any:
@@ -257,7 +257,7 @@ class Bag:
         return self._decoder.decode(topic, data)
 
     def attachments(self) -> list[Attachment]:
-        """Return the files stored inside the bag; damaged ones are noted and left out."""
+        """Return the files stored inside the bag; damaged files are noted and left out."""
         return [parse_attachment(body) for body in self._extra("attachments", Opcode.ATTACHMENT)]
 
     def metadata(self) -> dict[str, dict[str, str]]:

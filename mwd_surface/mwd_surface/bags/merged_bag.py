@@ -62,7 +62,7 @@ class _Source:
     framed: bool
 
     def at(self, where: slice) -> _Source:
-        """Return a part of the messages."""
+        """Return the messages that a slice selects."""
         return _Source(
             self.data,
             self.log_ns[where],

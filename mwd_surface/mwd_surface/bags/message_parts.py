@@ -15,7 +15,7 @@ from mwd_sensors.core.arrays import Samples, Stamps
 # By topic: log times, ns, and samples.
 Block = dict[str, tuple[Stamps, Any]]
 
-NEVER = 2**62  # ns, later than any stamp
+NEVER = 2**62  # later than any stamp, ns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +80,7 @@ class MessagePart:
         return self.at(slice(0, cut)), self.at(slice(cut, None))
 
     def at(self, where: Any) -> MessagePart:
-        """Return a selection of the messages."""
+        """Return the messages that a slice, a mask or an array of indices selects."""
         return MessagePart(
             self.rank,
             self.file,

@@ -70,7 +70,7 @@ class Pace:
         self._rate = rate
 
     def pause(self, now_s: float) -> None:
-        """Stop the replay time."""
+        """Pause the replay at the log time that it has reached."""
         self.seek(self.position_ns(now_s), now_s)
         self._paused = True
 

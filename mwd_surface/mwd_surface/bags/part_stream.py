@@ -89,7 +89,7 @@ class PartStream:
         end: int,
         made: Callable[[MessagePart], M],
     ) -> Iterator[M | None]:
-        """Yield the result of `made` for each chosen span; a thread loads a few spans ahead of their use."""
+        """Yield the result of `made` for each chosen span, None if it is damaged; a thread loads a few spans ahead."""
         waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
         wanted = []
         for names in self._opened.names:

@@ -179,7 +179,7 @@ class _AnyReader(Reader):
         return chunk._replace(decompressor=self._bounded(position, compression))
 
     def _bounded(self, position: int, compression: str) -> Callable[[bytes], bytes]:
-        """Return the function that decompresses the chunk at a position."""
+        """Return the function that decompresses the chunk at a byte position; bz2 and lz4 have a size limit."""
         if compression not in _BOUNDED:
             return decompressors[compression]
         return partial(self._unpacked, _BOUNDED[compression], position)
@@ -229,7 +229,7 @@ class _AnyReader(Reader):
         self.connections = [one._replace(msgcount=len(self.indexes[one.id])) for one in self.connections]
 
     def _index_chunk(self, position: int, header: Header, length: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Index the messages of a chunk; of a truncated chunk that is not compressed, those before the cut."""
+        """Index the messages of a chunk; if an uncompressed chunk is cut off, the messages before the cut."""
         file: BinaryIO = self.bio  # type: ignore[assignment]
         begin = file.tell()
         compression = header.get_string("compression")
@@ -264,7 +264,7 @@ class _AnyReader(Reader):
     def _index_record(
         self, plain: BytesIO, position: int, times: dict[int, list[int]], indexes: dict[int, list[IndexData]]
     ) -> None:
-        """Index one record of a chunk."""
+        """Add the record at the present position of `plain` to the connections or to the index, and move past it."""
         offset = plain.tell()
         header = Header.read(plain)
         kind = header.get_uint8("op")

@@ -140,7 +140,7 @@ def _source(text: str) -> tuple[Path, ListSource, tuple[str, ...]]:
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of a source from which its survey list was read."""
+    """Return the files from which the survey list of a source was read."""
     if path.is_file():
         return [path]
     found = sorted(path.rglob("surveys.json")) or sorted([*path.rglob("*.mcap"), *path.rglob("*.db3")])

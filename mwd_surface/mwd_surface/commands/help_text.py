@@ -72,7 +72,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
         self.write(f"{'':>{self.current_indent}}{said.get(heading, heading)}{said.get(': ', ':')}\n")
 
     def write_text(self, text: str) -> None:
-        """Write the paragraphs of a text."""
+        """Write the paragraphs of a help text, translated and wrapped."""
         if not spoken().entries:
             super().write_text(text)
             return
@@ -84,7 +84,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
         self.write("\n\n".join(made) + "\n")
 
     def write_dl(self, rows: Sequence[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
-        """Write names with their descriptions."""
+        """Write a list of options, arguments or commands, each with its description."""
         if not spoken().entries:
             super().write_dl(rows, col_max, col_spacing)
             return

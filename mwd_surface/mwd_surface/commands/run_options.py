@@ -167,7 +167,7 @@ def _flat(table: Mapping[Any, Any], before: str = "") -> Iterator[tuple[str, Any
 
 
 def _usual() -> dict[str, Any]:
-    """Return the default settings of each node that has parameters, by its name."""
+    """Return the default settings of each node that has parameters, by name of the node."""
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.nodes.sonde import SondeSettings
     from mwd_surface.nodes.receiver_settings import ReceiverSettings

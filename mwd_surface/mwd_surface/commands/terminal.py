@@ -70,7 +70,7 @@ def remarks() -> Console:
 
 
 def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
-    """Print names, right-aligned to a width, with their values, one per line."""
+    """Print lines of a name, right-aligned to `width` columns, and its value."""
     from rich.cells import cell_len
 
     console = output()
@@ -120,7 +120,7 @@ def remark(sentence: str) -> None:
 
 
 def _moving() -> Console:
-    """Return the console for output that moves the cursor; its text must be printable."""
+    """Return the console for output that moves the cursor; it does not escape hidden characters."""
     from rich.console import Console
 
     return Console(file=getattr(sys.stderr, "stream", sys.stderr), soft_wrap=True, highlight=False)

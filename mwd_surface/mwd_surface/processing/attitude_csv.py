@@ -22,13 +22,13 @@ HEADER = ",".join(
     ("stamp_ns", *_ANGLES, *(f"sigma_{key}" for key in _ANGLES), "gravity_x", "gravity_y", "gravity_z", "status")
 )
 _DEG = 180.0 / math.pi
-# Multiples of the last decimal in one degree, and in a gravity component of 1.
+# Number of steps of the last decimal in 1 deg, and in a gravity component of 1.
 _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
 # Largest length of a row without the status words: stamp with sign, angles and sigmas, three components, commas,
 # newline.
 _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
-# Digits of the numbers 0 to 9999, so that each division yields four digits.
+# ASCII codes of the digits of the numbers 0 to 9999, so that each division yields four digits.
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 

@@ -122,7 +122,7 @@ class BagEstimate:
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
         self._compensation, self._merger = compensation, merger
-        # Unlike the live node, refuse a date outside the field model before the run begins.
+        # Raise an error before the run begins if the date is outside the field model; the live node continues then.
         derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)

@@ -153,7 +153,11 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     namespace = imu.removesuffix(relative) if relative is not None else None
 
     def beside(layout: wire.Layout, *relatives: str, alone: bool = False) -> str | None:
-        """Return the topic in the same namespace, else the only topic that cannot belong to another well."""
+        """
+        Return the topic with a relative name next to the IMU, else the only topic that can belong to the same well.
+
+        alone : whether the only topic may have any name.
+        """
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
                 return f"{namespace}{relative}"
@@ -180,7 +184,11 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
 
 
 def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
-    """Use only the first frame of a topic, as the live estimator does: other frames belong to a second unit."""
+    """
+    Use only the first frame of each topic whose messages alternate between frames, as the live estimator does.
+
+    The other frames belong to a second unit.
+    """
     seen: dict[str, list[str]] = {name: [] for name in names if bag.topics[name].type_name != burst.TYPE_NAME}
     for count, (_, name, _, data) in enumerate(bag.messages(list(seen)) if seen else ()):
         with contextlib.suppress(wire.WireError):
@@ -295,7 +303,7 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
     found = {name for name, (_, samples) in first.items() if _timeless(samples["stamp_ns"])}
     if names[0] in found:
-        # A single first stamp of zero may be the start of a clock, unless the other topics have no time either.
+        # A single stamp of 0 may be the start of a clock; if the IMU has no times, it means that the topic has none.
         found |= {name for name, (_, samples) in first.items() if not samples["stamp_ns"].any()}
     return frozenset(found)
 
@@ -568,7 +576,7 @@ def _is_accelerometer(bag: Bag, name: str) -> bool:
 
 
 def first_samples(bag: Bag, name: str) -> Samples:
-    """Return the first samples of an IMU topic, with the fields of `FIELDS`; empty if none can be read."""
+    """Return the first samples of an IMU topic, with the fields of `FIELDS`; empty if no sample can be read."""
     layout = wire.IMU.dtype_of(FIELDS[wire.IMU.type_name])
     for block in bag.blocks([name], block_messages=_LOOKED_AT, fields=FIELDS):
         return np.asarray(block[name][1][: 2 * _LOOKED_AT], dtype=layout)

@@ -257,7 +257,7 @@ def _short_way(degrees: float) -> float:
 
 
 class _Walk:
-    """Sums over the samples of both runs."""
+    """Sums of the differences between the attitudes of two runs, block by block."""
 
     def __init__(self) -> None:
         names = [name.removesuffix("_deg") for name in ANGLES] + ["gravity"]

@@ -44,13 +44,14 @@ class ImuKind(StrEnum):
 
 
 def kind_of(samples: Samples) -> ImuKind:
-    """Return the kind of a topic, by the vectors in some of its samples, which include covariances."""
+    """Return the kind of an IMU topic, by the vectors in some of its samples; they must have the covariances."""
     no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
     if not len(samples) or (no_gyro & no_accel).all():
         return ImuKind.WHOLE
     if no_accel.mean() >= _HALF and no_gyro.mean() < _HALF:
         return ImuKind.GYRO
-    # Zero rates may come from a gyro at rest: a half needs rates that are declared absent, or NaN throughout.
+    # Zero rates may come from a gyro at rest: only rates that are declared absent, or always NaN, show that the topic
+    # has no gyro.
     if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
         return ImuKind.ACCELEROMETER
     if among_readings(no_accel):

@@ -398,7 +398,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Stream
         starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
         counts = np.diff(starts, append=len(numbers))
         found = zip(numbers[starts].tolist(), np.minimum.reduceat(offset, starts).tolist(), counts, strict=True)
-        # The message with the shortest delay in a bin shows the clock; a bin with few messages may hold only late ones.
+        # The message with the shortest delay in a bin shows the clock; the few messages of a bin may all be late.
         offsets[name] = {number: value for number, value, count in found if count >= min(_FEW, len(numbers))}
     imu = offsets.pop(topics.imu, {})
     for name, found_offsets in offsets.items():
@@ -529,7 +529,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
 
 
 def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
-    """Return log times and offsets, ns, of points on the courses."""
+    """Return log times and offsets, ns, of points between which the courses are interpolated."""
     at_ns, offsets = [], []
     for course in courses:
         numbers = sorted(course.bins)

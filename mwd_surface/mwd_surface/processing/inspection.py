@@ -340,7 +340,7 @@ def _corrected(reading: _InspectionPass) -> tuple[InputSettings, EstimatorSettin
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
         elif fault.code == FaultCode.MOUNT and reading.turned.any():
-            # Use the turning of the whole recording in axes of the unit, which does not depend on the assumed mount.
+            # Use the rotation over the whole recording in axes of the unit: it does not depend on the assumed mount.
             changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
         changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
         if changes:
@@ -403,7 +403,7 @@ def _day(reading: _InspectionPass, imu: str) -> str:
 
 
 def _other_place(given: Place, recorded: Place) -> str:
-    """Return the differences between the given place and the place in the recording; empty if that has no field."""
+    """Return the differences between the given place and the place in the recording; empty if none is recorded."""
     if recorded.field == "none":
         return ""
     names = [field.name for field in dataclasses.fields(given)]

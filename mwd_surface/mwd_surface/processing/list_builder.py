@@ -154,7 +154,7 @@ class ListBuilder:
         return survey.record(self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
-        """Apply the changes that people and the estimator made up to a log time, ns."""
+        """Apply the recorded depths set by hand, decisions of people and revisions from before a log time, ns."""
         while self._changes and until_ns is not None and self._changes[0].log_ns < until_ns:
             change = self._changes.pop(0)
             if isinstance(change, DepthByHand):

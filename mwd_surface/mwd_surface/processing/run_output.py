@@ -116,7 +116,7 @@ def destination(
 
 
 def fault_text(faults: list[SensorFault]) -> str:
-    """Return faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
+    """Return faults.csv: one line each time a fault was found, narrowed down or cleared, in order of these events."""
     return cells.table(
         FAULT_COLUMNS,
         (

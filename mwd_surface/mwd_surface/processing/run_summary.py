@@ -110,7 +110,7 @@ class Summary:
         return (self.end_ns - self.start_ns) * 1e-9
 
     def count(self, output: Output) -> None:
-        """Add the rows of an output."""
+        """Count the rows of an output of the estimator."""
         attitude = output.attitude
         if self.rows == 0 and len(attitude):
             self.start_ns = int(attitude["stamp_ns"][0])

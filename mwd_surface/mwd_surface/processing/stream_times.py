@@ -11,14 +11,14 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 # Least length of a gap: the larger of a number of intervals and a time, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
-# _RATED: number of consecutive samples whose mean interval is that of the stream, even if they arrive in bursts.
-# _BURSTS: a step above this multiple of the usual interval begins a burst; a step above this multiple of the interval
-# between bursts is a gap.
+# _RATED: number of steps in a window, whose longest step is the interval between bursts.
+# _BURSTS: the samples come in bursts if the interval between bursts is above this multiple of the median step; a step
+# above this multiple of the interval between bursts is a gap.
 _RATED, _BURSTS = 64, 3.0
 # Offset, s, and drift, s/s, of a clock from the recorder's clock above which there is a remark.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
-# A drift is reported for recordings longer than _LONG_S, s, or if it is above PACE, the share of time that only a run
-# at another speed than real time reaches.
+# A drift above PACE, s/s, shows that the run was made at another speed than real time. Smaller drifts are reported only
+# for recordings longer than _LONG_S, s.
 _LONG_S, PACE = 60.0, 0.05
 _FEW = 10  # least number of blocks for a drift
 

@@ -104,7 +104,7 @@ class Bare:
 
 @dataclasses.dataclass(frozen=True)
 class Other:
-    """A record of another kind; `body` is set only for headers, schemas, channels, attachments and metadata."""
+    """A record other than message or chunk; only header, schema, channel, attachment and metadata have a `body`."""
 
     opcode: int
     offset: int
@@ -114,7 +114,7 @@ class Other:
 
 @dataclasses.dataclass(frozen=True)
 class Damage:
-    """Bytes that could not be read."""
+    """Bytes `offset` to `end` of the file, which could not be read, and the reason."""
 
     offset: int
     end: int

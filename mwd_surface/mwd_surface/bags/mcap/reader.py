@@ -237,7 +237,7 @@ class McapFile:
             walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
             if walk.end != len(plain):
                 raise FormatError(f"a chunk's records end at byte {walk.end} of {len(plain)}")
-            # Use the size in the chunk's header: the length of its record has no checksum.
+            # Use the size in the chunk's header, because the length of the chunk's record has no checksum.
             return Chunk(at, PREFIX + head.data_at + head.compressed_size, head, data, plain, walk)
         if self._has_wrong_length(at, length):
             raise FormatError("no record begins where this one ends")
@@ -401,7 +401,7 @@ class McapFile:
         try:
             budgets.MCAP.check_ratio(self.size, sum(span.size for span in found.spans))
         except BudgetError as error:
-            # An index may name one chunk many times, which exceeds the budget; scanning the file stops in time.
+            # An index may name one chunk many times, and so exceed the budget: scan the file, which stops in time.
             raise FormatError(f"the file {error}") from error
         if found.spans:
             first = self.body(found.spans[0].offset, Opcode.CHUNK)
@@ -493,7 +493,7 @@ class McapFile:
 
 
 def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, McapChannel]]:
-    """Return the schemas and channels inside a chunk; those that cannot be parsed are left out."""
+    """Return the schemas and channels inside a chunk, by id; records that cannot be parsed are left out."""
     schemas, channels = {}, {}
     for opcode, body in records_at(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):
         try:
@@ -504,6 +504,6 @@ def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, McapChannel
                 channel = parse_channel(body)
                 channels[channel.id] = channel
         except FormatError:
-            # The chunk passed its checksum, so it was written this way; its messages then have no topic.
+            # The checksum of the chunk matches, so the wrong record was written; its messages then have no topic.
             continue
     return schemas, channels

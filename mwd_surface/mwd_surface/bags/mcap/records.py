@@ -102,7 +102,7 @@ class ChunkHead:
 
 @dataclasses.dataclass(frozen=True)
 class ChunkIndex:
-    """Positions of a chunk and its message indexes in the file."""
+    """Times, sizes and position of a chunk, and by channel the positions of its message indexes in the file."""
 
     start_ns: int
     end_ns: int

@@ -234,7 +234,7 @@ def _copy_other(piece: Other, writer: McapWriter) -> None:
             if name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
                 writer.add_metadata(name, values)
     except FormatError:
-        # The record itself is damaged. Messages matter more, and the scan has counted the lost bytes.
+        # Leave out a table that cannot be parsed; it is not counted as damage. (The scan finds damaged attachments.)
         return
 
 

@@ -64,7 +64,7 @@ def _number(data: Any, at: int) -> int:
 
 
 @compiled
-def _walk(  # one flat loop on purpose: it runs once per message of a bag
+def _walk(  # a single flat loop for speed: its body runs for every message of a bag
     data: Any, offset: Any, size: Any, channel: Any, log_ns: Any, publish_ns: Any, others: Any
 ) -> tuple[int, int, int]:
     at, count, other = 0, 0, 0

@@ -103,7 +103,7 @@ class Recorder:
         self._thread.start()
         self._recovery = RecoveryThread(earlier, lambda: not self._closing, self._report_later)
 
-    # For the caller's thread
+    # Methods for the thread of the caller.
 
     def put(
         self,
@@ -258,7 +258,7 @@ class Recorder:
         except OSError as error:
             raise RecorderError(words_of(error, self.folder)) from error
 
-    # For the writer thread
+    # Methods that run in the writer thread.
 
     def _run(self) -> None:
         # Waiting adds at most 0.1 s to the age of unsaved data.
@@ -403,7 +403,7 @@ class Recorder:
         self._untaken.append(event)
 
     def _report_later(self, level: EventLevel, text: str) -> None:
-        # Only the writer thread writes events.
+        # Pass the event to the writer thread, because only this thread may write events.
         self._queue.command(lambda: self._report(level, text))
 
 
