@@ -86,7 +86,7 @@ def qos_profile(
     reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10
 ) -> dict[str, Any]:
     """
-    Return one quality-of-service profile in the words of rosbag2.
+    Return one quality-of-service profile as a table with the names that rosbag2 uses.
 
     Raises
     ------

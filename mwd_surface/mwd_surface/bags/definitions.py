@@ -236,7 +236,7 @@ def installed() -> Definitions:
 
 def is_ours(type_name: str, type_hash: str, schema: str) -> bool:
     """
-    Return whether a recorded message type has the definition of this installation; true if one of them is unknown.
+    Return whether a recorded message type has the definition of this installation; true if either is unknown.
 
     type_hash, schema : RIHS01 hash and definition of the type in the recording; "" if the recording has none.
     """

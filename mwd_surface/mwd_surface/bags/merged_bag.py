@@ -50,7 +50,7 @@ class _Source:
     Messages in order of their log time, ns; `offset` and `size` locate their payloads in `data`.
 
     framed : whether sequence number, log time and publish time precede each payload in `data`. They are then copied;
-    otherwise the number is taken from `sequence`, and the publish time is the log time.
+    otherwise the sequence number comes from `sequence`, and the publish time is the log time.
     """
 
     data: Bytes

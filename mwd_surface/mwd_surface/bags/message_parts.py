@@ -177,7 +177,7 @@ def one_array(parts: list[Samples]) -> Samples:
 
 
 def rows_at(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
-    """Return messages of one size as rows, shape (n, size): a view if they are evenly spaced, else a copy."""
+    """Return messages of one size as rows, shape (n, size): a view if all offsets have equal steps, else a copy."""
     if len(offset) > 1:
         steps = offset[1:] - offset[:-1]
         if steps[0] > 0 and (steps == steps[0]).all():

@@ -34,7 +34,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     Recover a recording of any storage.
 
     An MCAP file or a folder of them is recovered by `mcap.recovery`. Any other recording is copied to a new bag
-    (by default ``<name>.recovered`` in the same folder), unless it is in order.
+    (by default ``<name>.recovered`` in the same folder), unless the recording is intact.
 
     Raises
     ------

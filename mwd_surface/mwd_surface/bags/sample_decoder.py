@@ -258,7 +258,7 @@ def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
 
     The middleware adds the alignment of sequence items to the size of a message even if a sequence is empty, so that up
     to four bytes per sequence stay unused after the last field. Each sequence has a count of four bytes, so there are
-    never more unused bytes than used ones.
+    never more unused bytes than used bytes.
 
     Raises
     ------

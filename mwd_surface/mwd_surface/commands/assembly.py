@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd sag` and `mwd spacing`: effects of a bottom-hole assembly on inclination and azimuth, before it is run."""
+"""`mwd sag` and `mwd spacing`: effects of a planned bottom-hole assembly on inclination and azimuth."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def _pole(option: str, text: str) -> float:
 
 
 def _numbers(option: str, text: str) -> list[float]:
-    """Return the numbers in a text LOW:HIGH[:STEP], HIGH included if a step meets it, or in a list with commas."""
+    """Return the numbers of LOW:HIGH[:STEP], from LOW in steps up to HIGH, or of a list with commas."""
     import math
 
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd calibrate`: errors of a probe from a tumble and temperature run, and the file that corrects them."""
+"""`mwd calibrate`: errors of a probe from a tumble and temperature run, and the file that corrects these errors."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ def _surveys(
     Return the survey list of a source, read with the options of the command; print remarks about the list as warnings.
 
     said: settings for reading the list. beside: another list of the same hole, whose location and field are used if
-    this list has none.
+    neither this list nor the options give a field.
     """
     import dataclasses
 

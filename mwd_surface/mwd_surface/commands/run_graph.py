@@ -158,7 +158,7 @@ def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
     """
     Return the reason why the scenario cannot be played yet; empty if it can be played.
 
-    state: sections of the page, empty while the page does not answer. logs: log text of each node, by its name.
+    state: sections of the page, empty while the page does not answer. logs: log text of each node, by node name.
     Raise StartError if a node reports that it cannot be configured; such a node does not end, but waits for corrected
     parameters.
     """

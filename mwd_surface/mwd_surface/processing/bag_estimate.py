@@ -2,8 +2,8 @@
 """
 Running the estimator over a recording, in constant memory and in stages.
 
-One thread reads blocks ahead of the estimator and another thread writes the results. The pipeline is that of the live
-node.
+One thread reads blocks ahead of the estimator and another thread writes the results. The samples pass the same
+pipeline as in the live node.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class BagEstimate:
     merger : Merger, optional
         Receives the results, and all messages of the bag.
     recorded : Recorded, optional
-        The settings in the recording, for its survey list.
+        Settings in the recording, with which its live survey list was made.
 
     Raises
     ------

@@ -138,7 +138,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     Raises
     ------
     BagError
-        The bag has no IMU, or several wells and none is named, or a named topic has another type.
+        The bag has no IMU, or has several and `given` names none of them; or a named topic has another type.
     """
     for name, quantity in ((given.imu_topic, RATE), (given.accel_topic, FORCE), (given.mag_topic, MAGNETIC)):
         _name_vector(bag, name, quantity)
@@ -489,7 +489,7 @@ def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
 
 def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
-    Return the topic of the IMU: of single messages or, if there are none, of bursts or vectors.
+    Return the topic of the IMU: a topic of single messages or, if the bag has none, of bursts or of vectors.
 
     The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half.
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Golden recordings: a short bag with earlier results, and the allowed difference of new results from them.
+Golden recordings: a short bag with its expected results, and the allowed differences of new results from these.
 
 A golden folder holds the input, `bag/`, `config.yaml` (settings of the estimator that differ from the default) and
 `limits.yaml` (name -> limit and its reason, see `compare.LIMITS`), and the results, `surveys.csv` and `attitude.csv`
@@ -53,7 +53,7 @@ def limits_of(folder: Path) -> dict[str, float]:
 @contextmanager
 def processed(path: Path, like: Path) -> Iterator[Path]:
     """
-    Yield the folder of a run: `path` itself or, if `path` is a recording, its results with the settings of `like`.
+    Yield the folder of a run: `path` itself, or the results of the recording `path` with the settings of `like`.
 
     Raises
     ------

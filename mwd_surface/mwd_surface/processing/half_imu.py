@@ -44,7 +44,7 @@ class ImuKind(StrEnum):
 
 
 def kind_of(samples: Samples) -> ImuKind:
-    """Return the kind of an IMU topic, by the vectors in some of its samples; they must have the covariances."""
+    """Return the kind of an IMU topic, by the vectors in some of its samples, which must have covariance fields."""
     no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
     if not len(samples) or (no_gyro & no_accel).all():
         return ImuKind.WHOLE

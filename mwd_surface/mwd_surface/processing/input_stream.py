@@ -375,8 +375,8 @@ def _gain(block: Block, imu: str) -> float:
     """
     Return the drift of the recorder's clock relative to the IMU's clock in a block, s per s.
 
-    It is the median over pairs of messages a tenth of the block apart. Messages in bursts, or a clock that is set once
-    within the block, do not change it.
+    The drift is the median over pairs of messages a tenth of the block apart. Messages in bursts, or a clock that is
+    set once within the block, do not change the median.
     """
     log_ns, samples = block[imu]
     apart = max(1, len(log_ns) // 10)

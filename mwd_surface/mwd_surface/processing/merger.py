@@ -45,7 +45,7 @@ class Merger:
         Folder of the copy.
     bag : Bag
     imu_topic : str
-        Topic of the IMU; the estimates get its namespace, and the log times of its messages.
+        Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner
         Thinner of attitude and gravity.
 

@@ -68,7 +68,7 @@ def process(
         Calibration of the AHRS, applied to its samples first.
     wanted : OutputSettings, optional
     recorded : Recorded, optional
-        The settings in the recording, for its survey list.
+        Settings in the recording, with which its live survey list was made.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def estimate(
     Run the estimator over a bag.
 
     sink : called with the output of each block, in order, in a separate thread. recorded : settings in the recording,
-    for its survey list.
+    with which its live survey list was made.
 
     Raises
     ------

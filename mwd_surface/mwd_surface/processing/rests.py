@@ -39,7 +39,7 @@ class Rests:
     longest_s : float
         Longest interval, s.
     hidden_s : float
-        Longest interval, s, at rest by the accelerometers in which the gyro would be at rest if it were in deg/s.
+        Longest interval, s, in which the accelerometers show rest, and the gyro would too if its unit were deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:

@@ -46,8 +46,8 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
     Recover a file or every file of a bag.
 
     A single file is left unchanged, and its valid content is written to `output` (by default ``<name>.recovered.mcap``
-    in the same folder). In a bag's folder the recovered file takes the name of the damaged one, the original is kept
-    with `KEPT` added to its name, and metadata.yaml is rewritten.
+    in the same folder). In a bag's folder the recovered file takes the name of the damaged file, which is kept with
+    `KEPT` added to its name, and metadata.yaml is rewritten.
 
     Raises
     ------

@@ -43,7 +43,7 @@ class Recorder:
         Created if missing; one recorder at a time may use it.
     settings : RecorderSettings
     definitions : Definitions, optional
-        Source of schema texts; by default this installation.
+        Source of schema texts; by default the definitions of this installation.
     tables : callable, optional
         Returns named tables of strings (versions, parameters) that are put into every file as metadata.
     event_topic : str
@@ -163,7 +163,7 @@ class Recorder:
         Raises
         ------
         RecorderError
-            No recording is running, or the disk did not finish in time (it continues in the background).
+            No recording is running, or writing did not end within `timeout_s` (it then continues in the background).
         """
         self._deadline = time.monotonic() + 0.7 * timeout_s
         return Path(self._command(self._stop, timeout_s))
@@ -224,8 +224,8 @@ class Recorder:
         """
         End the recording and the threads; return whether all was finished in time.
 
-        If a slow disk does not accept the queue within that time, the queue is dropped and counted. The file is then
-        still completed if the disk responds, else the next start recovers it.
+        If a slow disk has not accepted the queue after 0.7 `timeout_s`, the rest of the queue is dropped and counted.
+        The file is then still completed if the disk responds; otherwise the next start recovers the file.
         """
         if not self._thread.is_alive():
             return True
