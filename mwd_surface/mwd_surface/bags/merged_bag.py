@@ -133,7 +133,7 @@ class MergedBag:
         """
         Return channel and name of a new topic.
 
-        "processed" is inserted before the last part of a name already in use.
+        If `name` is in use already, "processed/" is inserted before the last part of the name.
         """
         if name in self._taken:
             head, slash, tail = name.rpartition("/")
@@ -156,7 +156,7 @@ class MergedBag:
 
     def add_rows(self, channel: int, rows: Bytes, log_ns: Numbers) -> None:
         """
-        Accept new messages of one size.
+        Accept new messages of one size; `flush` writes them.
 
         rows, shape (n, size), uint8; log_ns, shape (n,), int64, not decreasing.
         """

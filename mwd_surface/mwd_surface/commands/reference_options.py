@@ -284,7 +284,8 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
     """
     Return the settings `place.*` for a recording.
 
-    In addition to `place_changes`, the latitude may be given alone, which is enough for a gyro, or with a field.
+    Unlike in `place_changes`, the latitude may also be given alone, which is enough for the gyro azimuth, or with a
+    field.
 
     Raises
     ------

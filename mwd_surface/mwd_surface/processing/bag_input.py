@@ -133,7 +133,7 @@ class Topics:
 
 def find_topics(bag: Bag, given: InputSettings) -> Topics:
     """
-    Return the topics of the selected well.
+    Return the topics of the well that the settings select, or of the only well in a bag.
 
     Raises
     ------

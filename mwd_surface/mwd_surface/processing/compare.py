@@ -130,7 +130,7 @@ def read_limits(path: Path) -> dict[str, float]:
 
 def checked_limits(limits: dict[str, float]) -> dict[str, float]:
     """
-    Return the limits if all names are known and all values are numbers from 0 on.
+    Return the limits if all names are known and all values are finite numbers of 0 or more.
 
     Raises
     ------

@@ -24,7 +24,7 @@ _LONGEST_GAP = 60.0
 
 def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
     """
-    Return continuous measurements from times at which new hole was drilled.
+    Return measured depth, inclination and azimuth of the samples taken while new hole was drilled.
 
     Parameters
     ----------

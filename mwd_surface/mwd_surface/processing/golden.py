@@ -71,7 +71,7 @@ def processed(path: Path, like: Path) -> Iterator[Path]:
 
 def accept(golden: Path) -> None:
     """
-    Replace the golden results by the results of this version.
+    Replace the expected results of a golden recording by the results of this version.
 
     Raises
     ------

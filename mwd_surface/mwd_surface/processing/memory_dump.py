@@ -47,7 +47,7 @@ def dump(
     recorded: Recorded | None = None,
 ) -> tuple[int, int]:
     """
-    Write the memory of a tool from a recording of its sensors; return the numbers of log samples and of surveys.
+    Simulate a dump of a tool's memory from a recording of the sensors; return the numbers of log samples and surveys.
 
     Parameters
     ----------

@@ -32,8 +32,8 @@ class RecordedRequest:
     """
     One request.
 
-    stamp_ns : stamp of the last sample before the request. log_ns : log time of the request's message. kind : kind, as
-    text. apply : action on the pipeline.
+    stamp_ns : stamp of the last sample before the request, ns. log_ns : log time of the request's message, ns. kind :
+    kind, as text. apply : action on the pipeline.
     """
 
     stamp_ns: int
@@ -109,9 +109,9 @@ class RecordedRequests:
         self, stamps: NDArray[np.int64], log_ns: NDArray[np.int64]
     ) -> Iterator[tuple[slice, list[RecordedRequest]]]:
         """
-        Split samples, shapes (n,), ns, after the sample of each request.
+        Split samples at the requests, and yield the slice of each part with the requests that are due after the part.
 
-        Yield each part with the requests that are due after it.
+        stamps, log_ns, shape (n,) : stamps and log times of the samples, ns.
         """
         start = 0
         while self._waiting:

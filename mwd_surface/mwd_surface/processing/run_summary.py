@@ -51,7 +51,7 @@ class Summary:
     total_off, dip_off : float
         Largest deviation of total field, T, and dip, rad, from the reference in blocks with such rows.
     lowest, highest : float
-        Range of the inclination, rad; nan if there is none.
+        Range of the inclination, rad; nan if the inclination was never known.
     north, reference : str
         North of the azimuth, and source of the reference field.
     surveys : list of (DecidedSurvey, measured depth in m or nan)
