@@ -43,13 +43,13 @@ from mwd_surface.bags.topic_info import CDR, PACKED, REMEDY, ROS1, TopicInfo, cd
 
 __all__ = ["BagError", "BagFiles", "TopicInfo"]
 
-# First bytes of the files of each storage, and the file name endings that are looked for in a folder.
+# Storage by the first bytes of a file, and by the ending of its name. Other endings in a folder are ignored.
 _BEGINNINGS = {MAGIC: "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ros1"}
-# A channel is not in its declared encoding if its first _PROBED messages all contradict the declaration. They are
-# searched for in the first _PROBED_SPANS spans.
+# A channel does not have its declared encoding if its first messages, at most _PROBED, all contradict the declaration.
+# In MCAP files, only the first _PROBED_SPANS spans with untested channels are searched for these messages.
 _PROBED, _PROBED_SPANS = 3, 8
-_SAID = 4  # largest number of contradictions of metadata.yaml that are reported
+_SAID = 4  # largest number of differences between metadata.yaml and the files that a note lists
 
 
 class BagError(Exception):
@@ -68,6 +68,7 @@ class BagFiles:
     Parameters
     ----------
     path : Path
+        The bag, or the folder of a run, well or results that contains one bag.
 
     Attributes
     ----------
@@ -76,13 +77,13 @@ class BagFiles:
     message_compression : bool
         Whether each message is compressed separately.
     mcap : list of (McapFile, Contents)
-        The opened files, for MCAP storage.
+        The opened files with their contents; empty for other storage.
     names : list of dict of int to str
-        For each MCAP file: channel number to topic.
+        For each MCAP file: topic name by channel number.
     ros1 : list of dict of int to str
-        For each MCAP file: channel number to message type, for channels in the ROS 1 encoding.
+        For each MCAP file: message type by channel number, for channels in the ROS 1 encoding.
     other : DatabaseFiles, Ros1Bag or None
-        Reader of any other storage.
+        Reader of a bag with other storage; None for MCAP.
 
     Raises
     ------
@@ -153,7 +154,11 @@ class BagFiles:
         raise BagError(f"{self.path} holds no message" + (f" ({reason})" if reason else ""), "record it again")
 
     def _directory(self) -> tuple[list[Path], BagMetadata | None]:
-        """Return the files to read, from metadata.yaml and the folder, and the contents of metadata.yaml."""
+        """
+        Return the files to read, and the contents of metadata.yaml (None if it is missing or cannot be read).
+
+        The files are those that metadata.yaml names, then the other recording files in the folder, without copies.
+        """
         there = files_of(self.path)
         if self.path.is_file():
             return there, None
@@ -188,7 +193,7 @@ class BagFiles:
         return listed + extra, about
 
     def _of_one_storage(self, files: list[Path], stated: str) -> list[Path]:
-        """Return the files of one storage: the stated storage, else the one with most files; note the other files."""
+        """Return the files that have the stated storage, else the most frequent storage; note the files left out."""
         found = {file: storage_of(file) for file in files}
         storages = [storage for storage in found.values() if storage]
         if not storages:
@@ -203,7 +208,7 @@ class BagFiles:
         return [file for file in files if file not in other]
 
     def _compare_counts(self, about: BagMetadata) -> None:
-        """Note contradictions between metadata.yaml and the files; the contents of the files are used."""
+        """Add a note on contradictions between metadata.yaml and the files; the contents of the files are used."""
         said = []
         for topic in about.topics:
             found = self.topics.get(topic.name) or self.unreadable.get(topic.name)
@@ -238,7 +243,7 @@ class BagFiles:
             self.complete = False
         bad = [self._join_topics(file, contents) for file, contents in self.mcap]
         for name in self.topics.keys() & self.unreadable.keys():
-            # One topic has messages in two encodings: keep those that can be read.
+            # The topic has messages in two encodings: keep only the messages that can be read.
             left = self.unreadable.pop(name)
             self.notes.append(f"{left.count} messages of {name} are left out: {left.problem}")
         for names, numbers in zip(self.names, bad, strict=True):
@@ -258,8 +263,9 @@ class BagFiles:
             self.notes.append("messages are compressed one by one: read slowly")
 
     def _join_topics(self, file: McapFile, contents: Contents) -> set[int]:
-        """Add the channels of a file to the topics; return the channel numbers that cannot be read."""
-        # Probe a topic only in its first file, so that a day in a hundred files opens as fast as a single file.
+        """Add the channels of an MCAP file to the topics; return the numbers of the channels that cannot be read."""
+        # Test the encoding of a topic only in the first file with its messages, so that a day in a hundred files opens
+        # as fast as a single file.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
         problems = _probed(file, contents, fresh)
         filled = [k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].encoding.lower() == CDR]
@@ -314,7 +320,7 @@ class BagFiles:
                 check_regular(file, budgets.ROS1 if self.storage == "ros1" else budgets.DATABASE)
             self.other = Ros1Bag(plain[0]) if self.storage == "ros1" else DatabaseFiles(plain, self._scratch_folder)
         except Exception as error:
-            # Catch every exception, because rosbags, sqlite and the YAML parser raise different ones.
+            # Catch every exception, because rosbags, sqlite and the YAML parser raise different kinds.
             hint = "`mwd recover` may save parts of it" if self.storage == "sqlite3" else "was it recorded to the end?"
             raise BagError(f"{self.path} cannot be read: {error}", hint) from error
         self.topics, self.unreadable = self.other.topics, self.other.unreadable
@@ -336,7 +342,12 @@ class BagFiles:
                 self.unreadable[name] = dataclasses.replace(self.topics.pop(name), problem=problem)
 
     def _all_packed(self, problems: list[str]) -> bool:
-        """Return whether the messages of all topics are compressed one by one, even if metadata.yaml says otherwise."""
+        """
+        Return whether the messages of all topics are compressed one by one; correct `message_compression`.
+
+        problems : result of `cdr_problem` for each tested topic. If metadata.yaml contradicts the results, the results
+        decide.
+        """
         packed = bool(problems) and all(problem == PACKED for problem in problems)
         if self.message_compression and problems and PACKED not in problems:
             self.message_compression = False
@@ -371,7 +382,7 @@ def _suffix(path: Path) -> str:
 
 
 def _plain_name(path: Path) -> str:
-    """Return the name of a file without the ending of its compression."""
+    """Return the name of a file without the ending .zstd."""
     return path.name.removesuffix(".zstd")
 
 
@@ -383,6 +394,8 @@ def _same(file: Path, other: Path) -> bool:
 def recording_of(path: Path) -> Path:
     """
     Return the recording at a path: the path itself, or the only recording in the folder of a run, well or results.
+
+    The path is also returned if nothing is found.
 
     Raises
     ------
@@ -400,7 +413,7 @@ def recording_of(path: Path) -> Path:
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the files of a recording: the file itself, or those of a folder, in the order of their numbers."""
+    """Return the files of a recording: the file itself, or those of a folder, ordered by the number in the name."""
     if not path.is_dir():
         return [path]
     return sorted(
@@ -410,7 +423,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def storage_of(path: Path) -> str:
-    """Return the storage of a file by its first bytes, else by its ending; "" if the storage is unknown."""
+    """Return the storage of a file ("mcap", "sqlite3", "ros1") by its first bytes, else by its name; "" if unknown."""
     if path.suffix != ".zstd":
         try:
             with os.fdopen(open_regular(path), "rb") as file:
@@ -424,7 +437,12 @@ def storage_of(path: Path) -> str:
 
 
 def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, str]:
-    """Return the channels declared as CDR whose first messages are not CDR, each with the reason."""
+    """
+    Return, by channel number, the reason why the first messages of a channel declared as CDR are not CDR.
+
+    numbers : channels to test. Channels whose messages are CDR are left out, and channels without a message in the
+    spans that are read.
+    """
     waiting = {
         number
         for number in numbers
@@ -457,6 +475,7 @@ def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, 
 # Reading the ``.db3`` files of a bag (sqlite3 storage) through `rosbags`, merged by time.
 
 
+# Endings of the logs that SQLite leaves next to a database that was not closed.
 _LOGS = ("-wal", "-journal")
 _SCHEMAS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
@@ -513,7 +532,11 @@ class DatabaseFiles:
         self.end_ns = max((one.end_time - 1 for one in filled), default=0)
 
     def messages(self, topics: list[str], start: int | None, stop: int | None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, log time in ns, and bytes of each message, in time order over all files."""
+        """
+        Yield topic, log time in ns, and bytes of each message, in time order over all files.
+
+        start, stop : log time from (inclusive) and to (exclusive), ns; None: no limit.
+        """
 
         def of(reader: Sqlite3Reader) -> Iterator[tuple[str, int, bytes]]:
             chosen = [
@@ -579,15 +602,16 @@ class DatabaseFiles:
         return about is not None and about.type_name == type_name
 
 
-# Check of an SQLite recording before `rosbags` opens it: its rows must be stored in the file, not computed.
+# Check of an SQLite recording before `rosbags` opens the file: all rows must be stored in the file, not computed.
 
 
+# Words in the SQL definition of a table whose rows or columns are computed.
 _COMPUTED = {"VIRTUAL", "GENERATED", "AS"}
 
 
 def check_database(path: Path) -> None:
     """
-    Refuse a database with views, virtual or computed tables, which yield endless rows from a few hundred bytes.
+    Refuse a database with views, virtual or computed tables, which can yield endless rows from a few hundred bytes.
 
     Raises
     ------

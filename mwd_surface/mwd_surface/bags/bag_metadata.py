@@ -21,13 +21,13 @@ from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.output_files import write_whole
 
 FILE_NAME = "metadata.yaml"
-VERSION = 9
+VERSION = 9  # version of metadata.yaml that is written
 # Start time, ns, of a bag or file without messages, as rosbag2 writes it.
 NO_TIME = 2**63 - 1
 
 # Infinite duration, as rmw defines it.
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
-# The rmw policies, in the order of the numbers used by bags of version 8 and older.
+# Names of the values of each rmw policy. Bags of version 8 and older have the position in the tuple, from 0, instead.
 _POLICIES = {
     "history": ("system_default", "keep_last", "keep_all", "unknown"),
     "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
@@ -86,7 +86,7 @@ def qos_profile(
     reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10
 ) -> dict[str, Any]:
     """
-    Return one quality-of-service profile in the words of rosbag2.
+    Return one quality-of-service profile as a table with the names that rosbag2 uses.
 
     Raises
     ------
@@ -112,14 +112,15 @@ def qos_profile(
 
 def parse_qos(given: str | Sequence[Mapping[str, Any]] | None) -> list[dict[str, Any]]:
     """
-    Return the profiles of a topic in normal form, from YAML text, a list of tables, or nothing.
+    Return the quality-of-service profiles of a topic, complete and with names of policy values.
 
-    Numbers of old bags become names; missing entries get the defaults of rmw.
+    given : YAML text or a list of tables; "" or None gives an empty list. Numbers in bags of version 8 and older become
+    names; missing entries get the defaults of rmw.
 
     Raises
     ------
     ValueError
-        The argument is neither a list of tables nor YAML of one.
+        `given` is neither a list of tables nor the YAML text of such a list.
     """
     if isinstance(given, str):
         try:
@@ -149,7 +150,7 @@ def parse_qos(given: str | Sequence[Mapping[str, Any]] | None) -> list[dict[str,
 
 
 def qos_text(profiles: Sequence[Mapping[str, Any]]) -> str:
-    """Return the profiles as the text for a channel's metadata; "" if there are none."""
+    """Return the profiles as YAML text for the metadata of an MCAP channel; "" if the list is empty."""
     return _dump([dict(profile) for profile in profiles]).strip() if profiles else ""
 
 
@@ -159,7 +160,7 @@ def to_text(bag: BagMetadata) -> str:
 
 
 def serialized(bag: BagMetadata) -> str:
-    """Return the table of `to_text` without its root key, as in the ``rosbag2`` metadata record of an MCAP file."""
+    """Return the text of metadata.yaml without its root key, for the ``rosbag2`` metadata record of an MCAP file."""
     return _dump(_information(bag))
 
 
@@ -194,7 +195,7 @@ def read(folder: Path) -> BagMetadata:
             compression_mode=str(info.get("compression_mode") or "").lower(),
         )
     except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
-        # The replay node logs this error, and its folder is a parameter: do not quote the contents of the file.
+        # Do not quote the contents of the file: the replay node logs this error, and its parameter can name any folder.
         raise MetadataError(without_contents(path, error)) from error
 
 

@@ -3,7 +3,7 @@
 Reading a bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 
 Messages are gathered as rows of arrays. sqlite3 storage, messages compressed one by one, and big-endian or irregular
-messages are read through `rosbags`, which is slower; `Bag.notes` then has a remark on it.
+messages are read through `rosbags`, which is slower; `Bag.notes` then has a remark on the reason.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of
 # Types that users of a bag need can be imported from this module.
 __all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
 
+# Log time in ns, topic, type and bytes of a message.
 Message = tuple[int, str, str, bytes]
 
 
@@ -105,7 +106,7 @@ class Bag:
         return self.topics | self.unreadable if self.storage == "mcap" else self.topics
 
     def unread(self, *type_names: str) -> str:
-        """Return a text on the topics of some types that cannot be read, with the reason; "" if all can be read."""
+        """Return a text that lists the unreadable topics of the given types, with the reasons; "" if there are none."""
         return listed([one for one in self.unreadable.values() if one.count and one.type_name in type_names])
 
     def find_topic(self, type_name: str, suffix: str = "") -> str:
@@ -153,9 +154,9 @@ class Bag:
         Parameters
         ----------
         topics : sequence of str, optional
-            Names as in `topics`; by default all.
+            Names of topics, as in the attribute `topics`; by default all.
         start_ns, end_ns : int, optional
-            Log time from (inclusive) and to (exclusive).
+            Log time from (inclusive) and to (exclusive), ns.
         block_messages : int
             Approximate number of messages per block, of all topics together.
         fields : mapping of str to tuple of str, optional
@@ -202,9 +203,10 @@ class Bag:
         fields: Fields | None = None,
     ) -> Iterator[tuple[Block, list[Originals]]]:
         """
-        Yield the same blocks as `blocks`, each with the unchanged messages of all topics logged in its time span.
+        Yield blocks of samples like `blocks`, each with the unchanged messages of all topics in the block's time span.
 
-        The size of a block is limited only by the chunks that overlap in time. A block may have no sample.
+        Each block but the last has at least `block_messages` messages of all topics, and more if many chunks overlap in
+        time. A block may have no sample.
         """
         wanted = set(self._checked(topics))
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
@@ -235,12 +237,12 @@ class Bag:
             yield from self._in_order(group)
 
     def use_frame(self, topic: str, frame: str) -> None:
-        """Read only those messages of a topic that have this frame, because another unit publishes on the topic too."""
+        """Read only the messages of a topic whose header has this frame; for a topic on which several units publish."""
         self._decoder.frames[topic] = frame
 
     @property
     def frames_used(self) -> Mapping[str, str]:
-        """Topics restricted to one frame by `use_frame`, with that frame."""
+        """Frame of each topic that `use_frame` restricts to one frame."""
         return self._decoder.frames
 
     def decode(self, topic: str, data: bytes) -> Any:
@@ -255,14 +257,14 @@ class Bag:
         return self._decoder.decode(topic, data)
 
     def attachments(self) -> list[Attachment]:
-        """Return the files stored inside the bag; damaged ones are noted and left out."""
+        """Return the files stored inside the bag; damaged files are noted and left out."""
         return [parse_attachment(body) for body in self._extra("attachments", Opcode.ATTACHMENT)]
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """
         Return the named tables stored inside the bag.
 
-        A later file's table replaces an earlier one of the same name.
+        If several files of the bag have a table of the same name, the table in the last file is returned.
         """
         return dict(parse_metadata(body) for body in self._extra("metadata", Opcode.METADATA))
 

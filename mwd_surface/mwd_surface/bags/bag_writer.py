@@ -2,7 +2,7 @@
 """
 Writing a rosbag2 directory of MCAP files, message by message or a million rows at a time.
 
-The recorder, the simulator and the offline estimator all write through this class, so that every bag of this project
+The recorder, the simulator and the offline estimator all write through `BagWriter`, so that every bag of this project
 opens in `ros2 bag`, `rosbags`, `mcap` and Foxglove.
 """
 
@@ -24,6 +24,7 @@ from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
 from mwd_surface.bags.mcap.records import Attachment, McapChannel, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
+# Name of the metadata record of an MCAP file that repeats the contents of metadata.yaml.
 ROSBAG2_RECORD = "rosbag2"
 
 
@@ -47,7 +48,7 @@ class BagWriter:
     path : Path
         Folder of the bag; must not exist.
     definitions : Definitions, optional
-        Source of the schema texts; by default this installation.
+        Source of the schema texts; by default the definitions of this installation.
     in_place : bool
         False: write to a temporary folder next to `path` and rename it to `path` on `close`; a failure leaves nothing.
         True: write in `path` from the beginning and update metadata.yaml at the end of each file, as a recorder needs.
@@ -162,10 +163,11 @@ class BagWriter:
         self, name: str, type_name: str, encoding: str, definition: str, type_hash: str, qos: str, serialization: str
     ) -> int:
         """
-        Return the channel number of a topic copied from another bag, with the definition that the topic has there.
+        Declare a topic of another bag, with the schema from that bag, and return its channel number.
 
-        encoding, definition : schema of the topic; both are empty if that bag has none, and the definition known here
-        is used. type_hash, qos : as stated in that bag.
+        encoding, definition : encoding and text of the schema in the other bag. If that bag has no schema, both are
+        empty, and the schema of this installation is used. type_hash, qos : as stated in the other bag. serialization :
+        encoding of the messages.
 
         Raises
         ------
@@ -217,6 +219,8 @@ class BagWriter:
         """
         Write one serialised message.
 
+        log_ns, publish_ns : ns since the epoch; by default, publish_ns is log_ns.
+
         Raises
         ------
         ValueError
@@ -266,7 +270,7 @@ class BagWriter:
         """
         Finish the current file and return its path; after a failure, the call may be repeated.
 
-        The next call must be `begin_file` or `close`.
+        sync : whether to force the file to the disk. The next call must be `begin_file` or `close`.
         """
         if self._open:
             self.file.close_chunk()
@@ -305,7 +309,7 @@ class BagWriter:
 
     def give_up_file(self) -> int:
         """
-        Leave the current file without an end, for later recovery; the next call must be `begin_file` or `close`.
+        Close the current file without its end, for later recovery; the next call must be `begin_file` or `close`.
 
         Returns the number of messages that never reached the file.
         """

@@ -22,6 +22,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
+# Line between the definitions of two types in a ``ros2msg`` schema.
 _RULE = "=" * 80
 
 
@@ -50,7 +51,12 @@ class Definition:
 
 
 def share_folders() -> list[Path]:
-    """Return the folders of packages: each ``share`` of AMENT_PREFIX_PATH and of this Python, and the source tree."""
+    """
+    Return the existing folders that contain packages.
+
+    They are ``share`` in each prefix of AMENT_PREFIX_PATH and in the prefix of this Python, and the root of the source
+    tree.
+    """
     prefixes = [Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
     folders = [prefix / "share" for prefix in (*prefixes, Path(sys.prefix))]
     # In a source tree, this file is <root>/mwd_surface/mwd_surface/bags/definitions.py, and mwd_msgs/msg is in <root>.
@@ -128,19 +134,19 @@ class Definitions:
         Raises
         ------
         DefinitionError
-            As `definition`.
+            See `definition`.
         """
         self.load(type_name)
         return 4 + int(self.typestore.get_msgdef(type_name).getsize_cdr(0, message, self.typestore))
 
     def make(self, type_name: str, fields: dict[str, Any]) -> Any:
         """
-        Return a message of a type with the given fields; all others are 0 or empty, as ROS fills them.
+        Return a message of a type with the given fields; all other fields are 0 or empty, as in a new ROS message.
 
         Raises
         ------
         DefinitionError
-            As `definition`.
+            See `definition`.
         """
         self.load(type_name)
         values: dict[str, Any] = {}
@@ -189,7 +195,8 @@ class Definitions:
         return order
 
     def _own_text(self, type_name: str) -> str:
-        # Prefer the file: it has units and comments, which a reader in ten years needs; the table has only the fields.
+        # Prefer the ``.msg`` file to the table of `rosbags`, which has only the fields: a reader in ten years needs the
+        # units and comments of the file.
         path = self._find(type_name) if type_name.startswith("mwd_") else None
         if path is not None:
             body = path.read_text(encoding="utf-8")
@@ -229,7 +236,7 @@ def installed() -> Definitions:
 
 def is_ours(type_name: str, type_hash: str, schema: str) -> bool:
     """
-    Return whether a recorded message type has the definition of this installation; true if one of them is unknown.
+    Return whether a recorded message type has the definition of this installation; true if either is unknown.
 
     type_hash, schema : RIHS01 hash and definition of the type in the recording; "" if the recording has none.
     """

@@ -21,6 +21,8 @@ class FolderLock:
     """
     Lock of a folder, held until `free` is called; a missing folder is created.
 
+    name : name of the lock file in the folder.
+
     Raises
     ------
     OSError
@@ -33,8 +35,8 @@ class FolderLock:
         folder.mkdir(parents=True, exist_ok=True)
         self._handles: list[int] = []
         try:
-            # Lock the folder too, because somebody may delete the file while its owner works. Some network file systems
-            # cannot lock folders; then only the file is locked.
+            # Lock the folder too, because somebody may delete the lock file while the lock is held. Some network file
+            # systems cannot lock folders; then only the file is locked.
             self._lock(os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC), needed=False)
             file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             self._lock(file, needed=True)
@@ -45,7 +47,7 @@ class FolderLock:
             self.free()
             raise
         with contextlib.suppress(OSError):
-            # Write the process number, which the error of another process names; the lock itself needs no content.
+            # Write the process number for the error of other processes; the lock itself needs no content.
             os.ftruncate(file, 0)
             os.pwrite(file, str(os.getpid()).encode(), 0)
 
@@ -60,7 +62,7 @@ class FolderLock:
                 raise
 
     def free(self) -> None:
-        """Release the folder; further calls do nothing."""
+        """Release the lock; further calls do nothing."""
         while self._handles:
             os.close(self._handles.pop())
 

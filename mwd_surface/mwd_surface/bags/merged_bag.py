@@ -29,7 +29,12 @@ _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
 
 
 class _Rows(NamedTuple):
-    """Columns of messages, shape (n,): offset of the record to write, log time, offset and size of the payload ..."""
+    """
+    Columns of messages, each of shape (n,).
+
+    place : offset of the message's record in the output. log_ns : log time, ns. offset, size : position and length of
+    the payload in the input.
+    """
 
     place: Numbers
     log_ns: Numbers
@@ -41,7 +46,12 @@ class _Rows(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class _Source:
-    """Messages in order of time; if `framed`, their records take sequence number and publish time from `data`."""
+    """
+    Messages in order of their log time, ns; `offset` and `size` locate their payloads in `data`.
+
+    framed : whether sequence number, log time and publish time precede each payload in `data`. They are then copied;
+    otherwise the sequence number comes from `sequence`, and the publish time is the log time.
+    """
 
     data: Bytes
     log_ns: Numbers
@@ -52,7 +62,7 @@ class _Source:
     framed: bool
 
     def at(self, where: slice) -> _Source:
-        """Return a part of the messages."""
+        """Return the messages that a slice selects."""
         return _Source(
             self.data,
             self.log_ns[where],
@@ -123,7 +133,7 @@ class MergedBag:
         """
         Return channel and name of a new topic.
 
-        "processed" is inserted before the last part of a name already in use.
+        If `name` is in use already, "processed/" is inserted before the last part of the name.
         """
         if name in self._taken:
             head, slash, tail = name.rpartition("/")
@@ -146,7 +156,7 @@ class MergedBag:
 
     def add_rows(self, channel: int, rows: Bytes, log_ns: Numbers) -> None:
         """
-        Accept new messages of one size.
+        Accept new messages of one size; `flush` writes them.
 
         rows, shape (n, size), uint8; log_ns, shape (n,), int64, not decreasing.
         """
@@ -222,7 +232,7 @@ def _put(out: Bytes, at: int, value: int, size: int) -> None:
 
 @compiled
 def _write_records(out: Bytes, data: Bytes, rows: _Rows, framed: bool) -> None:
-    """Write one record for each message at its offset in `out`."""
+    """Write one record for each message, at the offset `rows.place` in `out`."""
     for i in range(len(rows.place)):
         at, source = rows.place[i], rows.offset[i]
         out[at] = _MESSAGE

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Samples, Stamps
 
+# By topic: log times, ns, and samples.
 Block = dict[str, tuple[Stamps, Any]]
 
-NEVER = 2**62  # ns, later than any stamp
+NEVER = 2**62  # later than any stamp, ns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +51,7 @@ class MessagePart:
     Attributes
     ----------
     rank : (int, int)
-        Order of the span: number of the file, byte offset in the file.
+        Sort key of the span: number of the file, byte offset in the file.
     file : int
         Number of the file.
     data : ndarray of uint8
@@ -79,7 +80,7 @@ class MessagePart:
         return self.at(slice(0, cut)), self.at(slice(cut, None))
 
     def at(self, where: Any) -> MessagePart:
-        """Return a selection of the messages."""
+        """Return the messages that a slice, a mask or an array of indices selects."""
         return MessagePart(
             self.rank,
             self.file,
@@ -124,7 +125,12 @@ class Decoded:
 
 
 def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) -> Iterator[Block]:
-    """Join and sort the pieces of each topic, and cut all topics at the same times into blocks of the given size."""
+    """
+    Join and sort the pieces of each topic, and yield them as blocks.
+
+    Pieces of at least 2 `block_messages` messages are cut, at the same times in all topics, into blocks of about
+    `block_messages`; fewer messages give one block.
+    """
     joined: Block = {}
     for name, parts in pieces.items():
         log_ns = parts[0][0] if len(parts) == 1 else np.concatenate([part[0] for part in parts])
@@ -141,7 +147,6 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
     if total < 2 * block_messages:
         yield {name: part for name, part in joined.items() if len(part[0])}
         return
-    # The chunk is larger than a block: cut all topics at the same times.
     times = np.sort(np.concatenate([log_ns for log_ns, _ in joined.values()]))
     marks = np.unique(times[block_messages::block_messages])
     done = dict.fromkeys(joined, 0)
@@ -172,7 +177,7 @@ def one_array(parts: list[Samples]) -> Samples:
 
 
 def rows_at(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
-    """Return messages of one size as rows, shape (n, size): a view if they are evenly spaced, else a copy."""
+    """Return messages of one size as rows, shape (n, size): a view if all offsets have equal steps, else a copy."""
     if len(offset) > 1:
         steps = offset[1:] - offset[:-1]
         if steps[0] > 0 and (steps == steps[0]).all():

@@ -20,7 +20,7 @@ class Pace:
     log_ns : int
         Log time at which the replay begins, ns.
     now_s : float
-        Monotonic clock at that moment, s.
+        Reading of the monotonic clock when the replay begins, s.
     rate : float
         Seconds of the recording per second of wall time; infinity: as fast as possible.
 
@@ -47,7 +47,11 @@ class Pace:
         return self._paused
 
     def position_ns(self, now_s: float) -> int:
-        """Return the log time, ns, reached at a wall time, as published on /clock; constant while paused."""
+        """
+        Return the log time, ns, that the replay has reached at a wall time, as published on /clock.
+
+        The log time does not advance while the replay is paused or has an infinite rate.
+        """
         if self._paused or math.isinf(self._rate):
             return self._log_ns
         return self._log_ns + round((now_s - self._now_s) * self._rate * 1e9)
@@ -60,18 +64,18 @@ class Pace:
         return self._now_s + (log_ns - self._log_ns) * 1e-9 / self._rate
 
     def set_rate(self, rate: float, now_s: float) -> None:
-        """Continue from here at another rate. Raises ValueError like the constructor."""
+        """Continue from the present log time at another rate. Raises ValueError like the constructor."""
         rate = _checked(rate)
         self.seek(self.position_ns(now_s), now_s)
         self._rate = rate
 
     def pause(self, now_s: float) -> None:
-        """Stop the replay time."""
+        """Pause the replay at the log time that it has reached."""
         self.seek(self.position_ns(now_s), now_s)
         self._paused = True
 
     def resume(self, now_s: float) -> None:
-        """Let the replay time continue from where it stopped."""
+        """Continue from the log time at which the replay was paused."""
         self._paused = False
         self._now_s = now_s
 

@@ -34,6 +34,8 @@ class PartStream:
     """
     Reader of the parts of an opened bag.
 
+    topics : mapping of str to TopicInfo
+        All topics of the bag; in storage other than MCAP, the position of a topic is its channel number.
     on_damage : callable
         Called with a sentence for each damage found while reading.
     """
@@ -45,10 +47,10 @@ class PartStream:
         self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[MessagePart], M]
     ) -> Iterator[list[M]]:
         """
-        Yield the results of `made` for the parts that have messages of some topics and log times, in groups.
+        Yield, in groups, the result of `made` for each part with messages of the given topics and log times.
 
-        start_ns, end_ns : log time from (inclusive) and to (exclusive), ns. Every message of a group was logged no
-        later than every message of the next group.
+        start_ns, end_ns : log time from (inclusive) and to (exclusive), ns. No message of a group was logged later than
+        any message of the next group.
         """
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
         if self._opened.other is not None:
@@ -87,7 +89,7 @@ class PartStream:
         end: int,
         made: Callable[[MessagePart], M],
     ) -> Iterator[M | None]:
-        """Yield the result of `made` for each chosen span; a thread loads a few spans ahead of their use."""
+        """Yield the result of `made` for each chosen span, None if it is damaged; a thread loads a few spans ahead."""
         waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
         wanted = []
         for names in self._opened.names:
@@ -146,7 +148,7 @@ class PartStream:
         return self._from_ros1(part, number) if self._opened.ros1[number] else part
 
     def _from_ros1(self, part: MessagePart, number: int) -> MessagePart:
-        """Return a part with its messages converted from the ROS 1 encoding to that of ROS 2."""
+        """Return a part with its messages converted from the encoding of ROS 1 to the encoding of ROS 2."""
         types = self._opened.ros1[number]
         rows: list[tuple[int, int, bytes]] = []
         failed: dict[str, tuple[int, Exception]] = {}

@@ -31,6 +31,7 @@ from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 # Multiple of the recording's decompressed size that may be decompressed in total before the recording is refused.
 _AGAIN = 4
 _MAGIC = b"#ROSBAG V2.0\n"
+# Decompressors whose output can be limited in size.
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
     "bz2": bz2.BZ2Decompressor,
     "lz4": lz4.frame.LZ4FrameDecompressor,
@@ -81,7 +82,11 @@ class Ros1Bag:
         self.end_ns = max((info.end_time - 1 for info in filled), default=0)
 
     def messages(self, topics: list[str], start: int | None, stop: int | None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, log time in ns, and the bytes of each message in the ROS 2 encoding."""
+        """
+        Yield topic, log time in ns, and the bytes of each message in the ROS 2 encoding.
+
+        start, stop : log time from (inclusive) and to (exclusive), ns; None: no limit.
+        """
         wanted = [one for one in self._reader.connections if one.topic in topics]
         for connection, log_ns, data in self._reader.messages(wanted, start, stop) if wanted else ():
             yield connection.topic, log_ns, bytes(ros2_types().ros1_to_cdr(data, connection.msgtype))
@@ -99,7 +104,7 @@ class _AnyReader(Reader):
     Attributes
     ----------
     cut : str
-        Where the reading of a file without index ended, in words; empty if the file has an index.
+        Text with the byte at which reading of a file without index ended; empty if the file has an index.
     """
 
     cut = ""
@@ -174,7 +179,7 @@ class _AnyReader(Reader):
         return chunk._replace(decompressor=self._bounded(position, compression))
 
     def _bounded(self, position: int, compression: str) -> Callable[[bytes], bytes]:
-        """Return the function that decompresses the chunk at a position."""
+        """Return the function that decompresses the chunk at a byte position; bz2 and lz4 have a size limit."""
         if compression not in _BOUNDED:
             return decompressors[compression]
         return partial(self._unpacked, _BOUNDED[compression], position)
@@ -190,7 +195,7 @@ class _AnyReader(Reader):
         try:
             plain = bytes(unpacker.decompress(data, max_length=most + 1))
         except Exception as error:
-            # bz2 and lz4 raise errors of their own.
+            # bz2 and lz4 raise different kinds of errors.
             raise ReaderError(f"a chunk does not decompress: {error}") from error
         budgets.ROS1.check("unpacked", len(plain))
         if not unpacker.eof:
@@ -224,7 +229,7 @@ class _AnyReader(Reader):
         self.connections = [one._replace(msgcount=len(self.indexes[one.id])) for one in self.connections]
 
     def _index_chunk(self, position: int, header: Header, length: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Index the messages of a chunk; of a truncated chunk that is not compressed, those before the cut."""
+        """Index the messages of a chunk; if an uncompressed chunk is cut off, the messages before the cut."""
         file: BinaryIO = self.bio  # type: ignore[assignment]
         begin = file.tell()
         compression = header.get_string("compression")
@@ -259,7 +264,7 @@ class _AnyReader(Reader):
     def _index_record(
         self, plain: BytesIO, position: int, times: dict[int, list[int]], indexes: dict[int, list[IndexData]]
     ) -> None:
-        """Index one record of a chunk."""
+        """Add the record at the present position of `plain` to the connections or to the index, and move past it."""
         offset = plain.tell()
         header = Header.read(plain)
         kind = header.get_uint8("op")

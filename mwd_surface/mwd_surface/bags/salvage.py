@@ -24,7 +24,8 @@ from mwd_surface.bags.topic_info import TopicInfo
 
 # Rows read from a damaged database at once; number of consecutive empty reads that end the search.
 _STEP, _BARREN = 1000, 50
-# If the header of a database states a size above this multiple of the file's size, the header itself is damaged.
+# Largest ratio of the size stated in the header of a database to the size of its file; above it, the header is taken
+# as damaged.
 _LONGEST = 100
 
 
@@ -33,7 +34,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     Recover a recording of any storage.
 
     An MCAP file or a folder of them is recovered by `mcap.recovery`. Any other recording is copied to a new bag
-    (by default ``<name>.recovered`` in the same folder), unless it is in order.
+    (by default ``<name>.recovered`` in the same folder), unless the recording is intact.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
 
 
 def _copied(bag: Bag, target: Path) -> RecoveryReport:
-    """Copy all messages that a bag yields."""
+    """Copy all readable messages of a bag to a new bag at `target`."""
     messages = ((log_ns, name, data) for log_ns, name, _, data in bag.messages())
     counts = _write(target, dict(bag.topics), messages)
     return RecoveryReport(
@@ -99,7 +100,7 @@ def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[
 
 
 def _saved(path: Path, files: list[Path], target: Path, reason: str) -> RecoveryReport:
-    """Save all rows of damaged databases that can be read."""
+    """Copy the messages in all readable rows of damaged databases to a new bag at `target`."""
     with tempfile.TemporaryDirectory(prefix="mwd_recover_") as scratch:
         databases = [_Database(file, Path(scratch) / f"{number}.db3") for number, file in enumerate(files)]
         topics = {name: TopicInfo(name, kind, 1) for one in databases for name, kind in one.topics.values()}

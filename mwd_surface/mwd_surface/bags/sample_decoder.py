@@ -2,7 +2,7 @@
 """
 Decoding of messages to samples: as rows of numbers if their layout is fixed, else one by one through `rosbags`.
 
-A message that cannot be decoded is counted, reported and left out.
+A message that cannot be decoded is reported and left out.
 """
 
 from __future__ import annotations
@@ -69,10 +69,12 @@ class SampleDecoder:
         self, part: MessagePart, names: Mapping[int, str], fields: Fields, wanted: set[str] | None = None
     ) -> Iterator[tuple[str, Stamps, Any]]:
         """
-        Yield (topic, log_ns, samples) of a part; messages that are not of their declared type are counted and left out.
+        Yield (topic, log_ns, samples) of a part.
 
-        names: topic of each channel number of the part. fields: fields to read, by type name; other types are read
-        completely. wanted: topics; by default all.
+        Messages that are not of their declared type are reported and left out.
+
+        names : topic of each channel number of the part. fields : fields to read, by type name; types not named here
+        are read completely. wanted : topics to decode; by default all.
         """
         numbers = np.unique(part.channel)
         for number in numbers.tolist():
@@ -198,7 +200,7 @@ class SampleDecoder:
         return sample[0]  # type: ignore[no-any-return]
 
     def unzipped(self, data: bytes) -> bytes | None:
-        """Return a message that was compressed by itself; None if it is damaged, which is reported."""
+        """Decompress a message that was compressed by itself; report a damaged message and return None."""
         reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
         try:
             if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:
@@ -256,7 +258,7 @@ def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
 
     The middleware adds the alignment of sequence items to the size of a message even if a sequence is empty, so that up
     to four bytes per sequence stay unused after the last field. Each sequence has a count of four bytes, so there are
-    never more unused bytes than used ones.
+    never more unused bytes than used bytes.
 
     Raises
     ------

@@ -25,7 +25,7 @@ _DERIVED = ("free", "bias", "offset", "delta", "euler", "std", "sigma", "varianc
 REMEDY = "record or convert them in ROS 2's own encoding (CDR)"
 #: Problem text for messages that a recorder compressed one by one without stating it in metadata.yaml.
 PACKED = "its messages are compressed one by one"
-_ZSTD = b"\x28\xb5\x2f\xfd"
+_ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of data compressed with zstd
 # The two kinds of CDR encapsulation (first two bytes of a message) that ROS 2 writes: big and little endian.
 _BIG_ENDIAN = b"\x00\x00"
 _CDR_HEADS = (_BIG_ENDIAN, b"\x00\x01")
@@ -129,7 +129,7 @@ def read_as(encoding: str, schema_encoding: str, declared: str) -> tuple[str, st
 
 def cdr_problem(messages: list[bytes], type_name: str) -> str:
     """
-    Return why messages declared as CDR are not CDR, as text; "" if any of them may be CDR.
+    Return the reason why messages declared as CDR are not CDR, as text; "" if any of the messages may be CDR.
 
     Messages of a sensor that begin like big-endian CDR are decoded as a test, because the first message of a ROS 1
     recording begins with the same bytes.

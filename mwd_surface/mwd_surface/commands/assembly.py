@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd sag` and `mwd spacing`: effects of a bottom-hole assembly on inclination and azimuth, before it is run."""
+"""`mwd sag` and `mwd spacing`: effects of a planned bottom-hole assembly on inclination and azimuth."""
 
 from __future__ import annotations
 
@@ -168,7 +168,11 @@ def spacing(
 def _poles_of(
     pieces: tuple[Steel, ...], poles: tuple[float, float], below_length: float
 ) -> tuple[tuple[float, float], float]:
-    """Return an assembly's pole strengths above and below the sensors, Wb, and the length of the steel below, m."""
+    """
+    Return the pole strengths of an assembly above and below the sensors, Wb, and the length of the steel below, m.
+
+    poles, below_length : values for an assembly that has no such steel.
+    """
     import math
 
     up = max((piece.pole for piece in pieces if math.isinf(piece.length)), default=poles[0])
@@ -209,7 +213,7 @@ def _pole(option: str, text: str) -> float:
 
 
 def _numbers(option: str, text: str) -> list[float]:
-    """Return the numbers of a text LOW:HIGH[:STEP], both ends included, or of a list with commas."""
+    """Return the numbers of LOW:HIGH[:STEP], from LOW in steps up to HIGH, or of a list with commas."""
     import math
 
     try:

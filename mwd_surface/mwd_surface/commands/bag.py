@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd bag info` and `mwd recover`: contents of a recording, and repair of a damaged one."""
+"""`mwd bag info` and `mwd recover`: contents of a recording, and repair of a damaged recording."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ def batch(
 
 
 def _show(output: Path, index: Path, outcomes: Sequence[Outcome], elapsed: float) -> int:
-    """Print the totals; return the number of recordings that failed."""
+    """Print the totals of a batch of recordings; return the number of recordings that failed."""
     from mwd_surface.commands import terminal
     from mwd_surface.fleet.fleet_dataset import FAILED
 

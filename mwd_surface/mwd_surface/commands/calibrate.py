@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd calibrate`: errors of a probe from a tumble and temperature run, and the file that corrects them."""
+"""`mwd calibrate`: errors of a probe from a tumble and temperature run, and the file that corrects these errors."""
 
 from __future__ import annotations
 
@@ -85,7 +85,11 @@ def calibrate(
 def _data(
     run: str, unit: str, grade: str | None, seed: int | None, reading: Reading
 ) -> tuple[CalibrationReadings, Scenario | None, int]:
-    """Return the samples of a recording or simulation, its scenario if known, and the day, ns (0: unknown)."""
+    """
+    Return the samples of a recording or a simulation, its scenario if known, and its start.
+
+    The start is in ns since the epoch, 0 for a simulation.
+    """
     from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_files import storage_of
     from mwd_surface.bags.bag_reader import Bag
@@ -112,7 +116,7 @@ def _data(
 
 
 def _show(source: str, unit: str, found: Calibration) -> None:
-    """Print residuals and errors."""
+    """Print the residuals of a calibration and the sensor errors that it found."""
     from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_table import SpokenTable
     from mwd_surface.runs import calibration_run
@@ -150,7 +154,12 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
 def _place(
     lat: float | None, lon: float | None, date: str | None, field: str | None, day_ns: int
 ) -> tuple[float | None, tuple[float, float] | None, str]:
-    """Return gravity, m/s^2, field, and their source as text; a value that no option gives is None."""
+    """
+    Return gravity, m/s^2, the field (total, T, and dip, rad), and their source as text.
+
+    Gravity or field is None if no option gives it; if both are None, the source is "". day_ns : time of the data, ns
+    since the epoch, for the field model.
+    """
     import datetime
     import math
 

@@ -113,7 +113,11 @@ def _limits(given: list[str] | None) -> dict[str, float]:
 
 
 def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
-    """Print the differences, first run minus second run; names: names of the two runs."""
+    """
+    Print the differences of two runs, first minus second.
+
+    names: names of the runs. limited: whether limits are set; exceeded limits are then printed.
+    """
     from mwd_surface.commands import terminal
 
     console = terminal.output()

@@ -106,7 +106,7 @@ def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array])
 
 
 def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, got: Reception) -> str:
-    """Write the tables, and a plot unless it is a serial line; return the names of the files."""
+    """Write the tables of words and surveys, and for a sampled signal a plot; return the names of the files."""
     from mwd_sensors.core.output_files import write_whole
     from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.plots.drawing import png

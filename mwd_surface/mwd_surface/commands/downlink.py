@@ -20,11 +20,12 @@ app = typer.Typer(
 Name = Annotated[str, typer.Option("--name", help="Your name, for the record; required except to abort.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of the request, from `mwd downlink state`.")]
 _SUBMIT, _GRANT, _DENY, _ABORT = range(4)  # decisions, as in mwd_msgs/DecideDownlink
+# Words for the states, in the order of their numbers in mwd_msgs/DownlinkState.
 _STATES = (
     *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
     *("lapsed", "aborted"),
 )
-_ENDED = _STATES[7:]
+_ENDED = _STATES[7:]  # states in which a command has ended
 _LISTEN_S = 3.0  # longest wait for a state before the graph is asked again, s
 
 
@@ -107,7 +108,7 @@ def watch(
 
 
 def _shown(message: dict[str, Any], before: str) -> str:
-    """Print the line of a state if it has changed, and return it; exit if the command has ended."""
+    """Print the line of a state unless it equals `before`; return the line, or exit if the command has ended."""
     line, word = _line(message), _STATES[message["state"]]
     if line != before:
         typer.echo(say(line))

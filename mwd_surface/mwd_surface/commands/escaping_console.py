@@ -29,10 +29,10 @@ class _Escaped:
 
 
 class _EscapeAll(RenderHook):
-    """Hook that escapes all text that a console prints."""
+    """Hook of a rich console that escapes hidden characters in all printed text."""
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        """Return the renderables with escaped text, which are printed instead."""
+        """Return renderables with escaped text, which the console prints in place of `renderables`."""
         return [_Escaped(one) for one in renderables]
 
 

@@ -168,10 +168,10 @@ def _table(
     with_logs: bool,
 ) -> SurveyTable:
     """
-    Return the printed table of a source.
+    Return the table of surveys that is exported or reported, with everything that a report needs.
 
-    plan: file of the plan, and settings for reading it. with_logs: whether to add logs and health of the tool, for
-    which a recording is played from its beginning to its end.
+    plan: file of the plan, and settings for reading this file. with_logs: whether to add logs and health of the tool,
+    for which a recording is played from its beginning to its end.
     """
     import time
 

@@ -113,6 +113,7 @@ def finalize(
     terminal.write(output, files)
 
 
+# Export format of each file that is written for other programs and people.
 _EXPORTS = {
     "definitive.csv": "csv",
     "raw.csv": "raw_csv",
@@ -139,7 +140,7 @@ def _source(text: str) -> tuple[Path, ListSource, tuple[str, ...]]:
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of a source from which its survey list was read."""
+    """Return the files from which the survey list of a source was read."""
     if path.is_file():
         return [path]
     found = sorted(path.rglob("surveys.json")) or sorted([*path.rglob("*.mcap"), *path.rglob("*.db3")])

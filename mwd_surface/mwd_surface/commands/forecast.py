@@ -68,7 +68,7 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    options = locals()  # must be the first statement, so that only the options are in it, by name
+    options = locals()  # must be the first statement, while the options are the only local variables
     import math
 
     from mwd_surface.commands import terminal

@@ -160,7 +160,11 @@ def topic_hz(
 
 @contextlib.contextmanager
 def visit(domain: int | None) -> Iterator[GraphClient]:
-    """Connect to the graph of a domain for the duration of the block."""
+    """
+    Yield a client that is connected to the nodes of a ROS domain until the block ends.
+
+    domain : None: ROS_DOMAIN_ID, else the domain of the run on this machine.
+    """
     import os
     import tempfile
 
@@ -176,7 +180,7 @@ def visit(domain: int | None) -> Iterator[GraphClient]:
 
 
 def _assigned(fields: list[str] | None) -> dict[str, Any]:
-    """Return FIELD=VALUE texts as a dict; a name with dots is a nested field."""
+    """Return FIELD=VALUE texts as a dict; a field name with dots gives nested dicts."""
     from mwd_surface.commands.reference_options import assignments
 
     table: dict[str, Any] = {}

@@ -20,7 +20,9 @@ from mwd_surface.commands.speech import say, spoken
 
 # Pieces of a line: spaces, a single wide (Chinese) character, or a word of other characters.
 _PIECES = re.compile(r"\s+|[\u2e80-\uffef…—]|[^\s\u2e80-\uffef…—]+")
+# Marks that must not begin a line.
 _CLOSING = "。，、；：）！？」…"
+# Description of an option, and the default, range or "required" that typer appends in brackets.
 _EXTRA = re.compile(r"(.*?)\s*\[((?:default: |required|env var: |x[<>]|[^\[\]]*<=?x)[^\[\]]*)\]", re.DOTALL)
 _SHORTEST = 20  # least width of the column of descriptions
 
@@ -42,7 +44,7 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def paragraphs(text: str) -> Iterator[tuple[str, bool]]:
-    """Yield the paragraphs of a help text, and whether the line breaks of each are kept; else it is on one line."""
+    """Yield each paragraph of a help text, and whether its line breaks are kept; if not, the paragraph is one line."""
     for block in re.split(r"\n\s*\n", inspect.cleandoc(text).partition("\f")[0]):
         fixed = block.lstrip().startswith("\b")
         yield (block.partition("\b")[2].strip("\n") if fixed else " ".join(block.split())), fixed
@@ -70,7 +72,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
         self.write(f"{'':>{self.current_indent}}{said.get(heading, heading)}{said.get(': ', ':')}\n")
 
     def write_text(self, text: str) -> None:
-        """Write the paragraphs of a text."""
+        """Write the paragraphs of a help text, translated and wrapped."""
         if not spoken().entries:
             super().write_text(text)
             return
@@ -82,7 +84,7 @@ class SpokenHelp(typer.Context.formatter_class):  # type: ignore[misc, valid-typ
         self.write("\n\n".join(made) + "\n")
 
     def write_dl(self, rows: Sequence[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
-        """Write names with their descriptions."""
+        """Write a list of options, arguments or commands, each with its description."""
         if not spoken().entries:
             super().write_dl(rows, col_max, col_spacing)
             return

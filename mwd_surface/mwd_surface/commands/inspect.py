@@ -120,14 +120,14 @@ def inspect(
 
 
 def _rests(count: int | None, longest_s: float) -> str:
-    """Return how often the tool rested for long enough, in words."""
+    """Return a text on the number of intervals at rest long enough for a survey, and on the longest interval, s."""
     if count is None:
         return "not known, because there are fewer than the 3 samples in each half second that a survey needs"
     return f"{count} times long enough for a survey, longest {longest_s:.0f} s"
 
 
 def _not_used(topics: list[TopicInfo]) -> str:
-    """Return the topics that are not inputs: topics of other programs by name, topics of this program as a number."""
+    """Return a text on topics that are not used: the names of foreign topics, and the number of topics of mwd_msgs."""
     foreign = [f"{topic.name} ({topic.type_name})" for topic in topics if not topic.type_name.startswith("mwd_msgs/")]
     own = len(topics) - len(foreign)
     return ", ".join([*foreign, *([f"{own} of this program's own topics (see `mwd bag info`)"] if own else [])])

@@ -97,6 +97,8 @@ def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
     """
     Return the settings of a list from NAME=VALUE texts; `confirm` can be given several times.
 
+    option: name of the option that has these texts, for messages.
+
     Raises
     ------
     SettingsError
@@ -126,6 +128,8 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
     ------
     ListFileError
         The plan cannot be read, as in `read_plan`; options in the message are those of --plan-set.
+    ValueError
+        --plan-set is given without --plan.
     """
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked

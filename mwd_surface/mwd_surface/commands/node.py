@@ -32,6 +32,7 @@ MODULES = {
     Node.WELL: "mwd_surface.nodes.well",
 }
 _ROS_PACKAGES = ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs", "rosgraph_msgs", "std_srvs", "tf2_msgs")
+# Settings of a typer command that accepts arguments for ROS, which the command passes on.
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
@@ -58,7 +59,9 @@ def node(
 
 def node_main(module: str) -> Callable[[Sequence[str]], int]:
     """
-    Return the main function of a node; set up the middleware for streams, unless the user has configured it.
+    Return the main function of a node.
+
+    The middleware is configured for messages at high rates, unless the user has set a profile.
 
     Raises
     ------

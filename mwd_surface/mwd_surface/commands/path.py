@@ -118,7 +118,7 @@ def path(
       mwd path boreholes.xlsx -o out --dip up
       mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
     """
-    options = locals()  # must be the first statement, so that only the options are in it, by name
+    options = locals()  # must be the first statement, while the options are the only local variables
     import dataclasses
 
     from mwd_surface.commands import terminal
@@ -155,10 +155,10 @@ def _surveys(
     source: Path, options: dict[str, Any], said: ListSettings, code: str | None, beside: SurveyList | None = None
 ) -> SurveyList:
     """
-    Return the survey list of a source by the options of the command; print remarks about it as warnings.
+    Return the survey list of a source, read with the options of the command; print remarks about the list as warnings.
 
     said: settings for reading the list. beside: another list of the same hole, whose location and field are used if
-    this list has none.
+    neither this list nor the options give a field.
     """
     import dataclasses
 
@@ -260,7 +260,11 @@ def _is_source(source: Path, stored: Path) -> bool:
 
 
 def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> dict[str, str | bytes]:
-    """Return the files, by name, of the comparison of a path with the path of another list, from the same north."""
+    """
+    Compare a path with the path of another list, print the differences, and return the files to write, by name.
+
+    The azimuths of the other list are first referred to the north of the path. names : names of the two lists.
+    """
     import dataclasses
 
     from mwd_surface.commands.speech import spoken_figure

@@ -109,7 +109,7 @@ def process(
 
 
 def _refuse_taken(output: Path) -> None:
-    """Raise an error if a folder has results of a run, before processing begins."""
+    """Raise ValueError if a folder already has results of a run."""
     from mwd_surface.processing.run_output import results_in
 
     if found := results_in(output):
@@ -125,7 +125,11 @@ def _run(
     wanted: OutputSettings,
     calibration: Path | None,
 ) -> None:
-    """Process a recording and show the summary; settings: function of the recorded estimator settings."""
+    """
+    Process a recording and show the summary.
+
+    settings: function that returns the settings to use, from the settings in the recording or None.
+    """
     from mwd_sensors.calibration.compensation import Compensation
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
@@ -170,7 +174,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         terminal.warn(warning)
     for fault in summary.faults:
         if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
-            continue  # reported before, or in the table below
+            continue  # a warning or the line "magnetometer" reports this
         # Print the time relative to the first sample, like --start and --end.
         moment = max((fault.cleared_ns or fault.since_ns) - summary.start_ns, 0)
         text = describe(fault)
@@ -195,7 +199,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         show_surveys(console, records, summary.listed.well.angles)
         for sentence in revision_sentences(records):
             console.print(sentence, markup=False)
-        # If the recording has no depths, the line above says so, and no warning per survey is printed.
+        # If the recording has no depths, the line "depths" reports this: do not print a warning for each survey.
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
             terminal.warn(sentence)
     else:

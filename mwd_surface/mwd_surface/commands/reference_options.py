@@ -284,7 +284,8 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
     """
     Return the settings `place.*` for a recording.
 
-    In addition to `place_changes`, the latitude may be given alone, which is enough for a gyro, or with a field.
+    Unlike in `place_changes`, the latitude may also be given alone, which is enough for the gyro azimuth, or with a
+    field.
 
     Raises
     ------
@@ -299,7 +300,7 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
 
 
 def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
-    """Return settings of a class from the options with the same names; for None the default is kept."""
+    """Return settings of a class from the options with the same names; an option that is None keeps the default."""
     import dataclasses
 
     from mwd_sensors.core import settings

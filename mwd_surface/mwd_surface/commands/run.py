@@ -182,7 +182,7 @@ def _written_plan(story: Scenario, folder: Path) -> Path:
 def _parameters(
     story: Scenario, path: Path, *, method: str | None, rate: float, seed: int | None
 ) -> dict[str, dict[str, Any]]:
-    """Return the parameters of each node that follow from the scenario and these options."""
+    """Return the parameters of each node that follow from the scenario and from method, rate and seed."""
     from mwd_surface.runs import launch_plan
 
     sonde: dict[str, Any] = {

@@ -85,7 +85,11 @@ def run_graph(
 def _in_one_process(
     parameters: dict[str, dict[str, Any]], namespace: str, folder: Path, options: RunOptions
 ) -> tuple[dict[str, dict[str, Any]], RunOptions, str]:
-    """Return parameters, options and process name for sonde, estimator and surface in one process."""
+    """
+    Return the parameters, options and process name with which sonde, estimator and surface run in one process.
+
+    The parameters of these nodes are written to a file in `folder`, which the options then name.
+    """
     from mwd_surface.runs import launch_plan
 
     shared = {node: parameters[node] for node in launch_plan.WELL}
@@ -101,7 +105,7 @@ class StartError(RuntimeError):
 
 
 class _Interrupts:
-    """Counter of the signals SIGINT and SIGTERM during the block."""
+    """Context that counts the signals SIGINT and SIGTERM, which do not end the process in its block."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -154,8 +158,9 @@ def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
     """
     Return the reason why the scenario cannot be played yet; empty if it can be played.
 
-    state: sections of the page, empty while the page does not answer. logs: log text of each node, by its name.
-    Raise StartError if a node reports that it cannot be configured: it would keep running, for corrected parameters.
+    state: sections of the page, empty while the page does not answer. logs: log text of each node, by node name.
+    Raise StartError if a node reports that it cannot be configured; such a node does not end, but waits for corrected
+    parameters.
     """
     for node, words in logs.items():
         _, found, reason = words.partition("cannot configure: ")
@@ -175,7 +180,11 @@ def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
 def _run_to_end(
     supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str, last: str, hold: bool
 ) -> None:
-    """Wait until the scenario is over (the process `last` ends) or an interrupt; hold: wait for an interrupt only."""
+    """
+    Wait until the scenario is over or the user interrupts it, and show the progress.
+
+    last: process whose end is the end of the scenario. hold: whether to wait for an interrupt after the scenario.
+    """
     import time
 
     from mwd_surface.commands import terminal
@@ -207,7 +216,7 @@ def _how_far(state: dict[str, Any]) -> str:
 
 
 def _state(address: str) -> dict[str, Any]:
-    """Return the sections of the page; empty while the page does not answer."""
+    """Return the sections of the live page from its state.json; empty while the page does not answer."""
     import json
     import urllib.request
 

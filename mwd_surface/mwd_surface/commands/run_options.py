@@ -79,7 +79,7 @@ def give_parameters(
     """
     Replace parameters that `mwd run` computes by those that the user gives; --set has precedence over --params.
 
-    parameters: computed parameters of each node, by its name; changed in place. namespace: namespace of the well.
+    parameters: computed parameters by node name; changed in place. namespace: namespace of the well.
     options: values of the given options, by name.
 
     Raises
@@ -167,7 +167,7 @@ def _flat(table: Mapping[Any, Any], before: str = "") -> Iterator[tuple[str, Any
 
 
 def _usual() -> dict[str, Any]:
-    """Return the default settings of each node that has parameters, by its name."""
+    """Return the default settings of each node that has parameters, by name of the node."""
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.nodes.sonde import SondeSettings
     from mwd_surface.nodes.receiver_settings import ReceiverSettings
@@ -181,7 +181,7 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
     """
     Add the parameters of --set to the parameters of the nodes.
 
-    parameters: parameters of each node, by its name; changed in place.
+    parameters: parameters by node name; changed in place.
 
     Raises
     ------
@@ -246,7 +246,9 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
 
 def parameter_file(params: Path | None) -> list[str]:
     """
-    Return the ROS arguments for a parameter file; they precede the parameters of the node, which replace them.
+    Return the ROS arguments for a parameter file.
+
+    Other parameters of the node follow these arguments and have precedence over the file.
 
     Raises
     ------

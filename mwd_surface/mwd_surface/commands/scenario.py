@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd scenario list` and `mwd simulate`: list the scenarios, and record one without any middleware."""
+"""`mwd scenario list` and `mwd simulate`: list the scenarios, and record a scenario without any middleware."""
 
 from __future__ import annotations
 

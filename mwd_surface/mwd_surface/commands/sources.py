@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The recording, the estimates or the survey list that a path stands for, whatever kind of folder or file it names.
+Recording, estimates or survey list for a path that a user gives: a recording, a list, or a folder of a run or results.
 
-What a recording of sensor data does not contain is computed from it.
+If a recording has only sensor data, estimates and survey list are computed from these data.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def survey_list_at(path: Path, given: Given | None = None) -> tuple[SurveyList, 
     """
     Return the survey list at a path and notes on its origin, as `surveys_of` does.
 
-    If a recording has no list, compute one from its samples; it is not saved.
+    If a recording has no list, a list is computed from the samples of the recording, and is not saved.
 
     Raises
     ------
@@ -62,10 +62,10 @@ def survey_list_at(path: Path, given: Given | None = None) -> tuple[SurveyList, 
 @contextlib.contextmanager
 def estimated(bag: Bag, given: InputSettings, read: ProcessedInput | None = None) -> Iterator[Bag]:
     """
-    Process a recording into a temporary copy that contains the estimates.
+    Yield a temporary copy of a recording that also contains the estimates.
 
-    given: settings for reading the recording. read: input settings of existing results, used instead of `given` if
-    `given` has only default values.
+    given: settings for reading the recording. read: existing results. Their estimator settings are used, and their
+    input settings if `given` has only default values.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def choose(code: str) -> None:
 
 
 def spoken() -> Language:
-    """Return the chosen language."""
+    """Return the language that the user has chosen for the commands."""
     return language_of_commands(os.environ)
 
 

@@ -12,7 +12,7 @@ from mwd_surface.commands.speech import say
 
 
 def spoken_text(said: Any) -> Any:
-    """Return a string or a rich Text in the chosen language, translated per style; other objects unchanged."""
+    """Return a string or rich Text in the chosen language, translated style by style; other objects are unchanged."""
     if isinstance(said, str):
         return say(said) if "[" not in said else spoken_text(Text.from_markup(said))
     if not isinstance(said, Text) or not said.plain.strip():

@@ -84,7 +84,7 @@ def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> 
 
 
 def _accepted_beyond(survey: Survey) -> bool:
-    """Return whether the survey is accepted although its field or dip deviates from the reference."""
+    """Return whether a survey is accepted although its total field or dip is outside the limits of the reference."""
     _, field, dip = totals(survey)
     return survey.verdict == Verdict.ACCEPT and not {field.light, dip.light}.isdisjoint({DOUBTFUL, REJECT})
 
@@ -116,7 +116,11 @@ def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
 
 
 def correction_sentences(references: Sequence[Reference | None]) -> list[str]:
-    """Return one sentence for each correction from magnetic north, with its declination and convergence."""
+    """
+    Return one sentence for each correction from magnetic north, with its declination and convergence.
+
+    After three sentences, a last one gives the number of other corrections.
+    """
     found: dict[str, None] = {}
     for reference in references:
         north = best_north(reference)
@@ -152,7 +156,7 @@ def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
 
 
 def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
-    """Return sentences about records of a list without a depth, with the reason, and about flagged records."""
+    """Return sentences about surveys without a depth, with the reason, and about surveys with flags."""
     without: dict[str, list[int]] = {}
     flagged: dict[str, list[int]] = {}
     # Do not report flags of the first record with a depth, because a recording does not contain the hole above it.

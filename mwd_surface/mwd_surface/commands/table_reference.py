@@ -120,10 +120,10 @@ def table_reference(
     settings: EstimatorSettings, known: GivenReference, times: Iterable[str] = (), otherwise: str = ""
 ) -> tuple[Reference | None, tuple[str, ...]]:
     """
-    Return the reference from options and settings, and remarks for the user; the reference is None if it is not given.
+    Return the reference from options and settings, and remarks for the user; None: no reference is given.
 
     times: times of the stations, as text; the first valid time gives the day of the field if no date is set. otherwise:
-    day to use, with a remark, if there is neither a date nor a time; if it is empty, a missing day is an error.
+    day to use, with a remark, if there is neither a date nor a time; "": a missing day is an error.
 
     Raises
     ------

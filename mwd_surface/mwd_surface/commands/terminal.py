@@ -70,7 +70,7 @@ def remarks() -> Console:
 
 
 def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
-    """Print names, right-aligned to a width, with their values, one per line."""
+    """Print lines of a name, right-aligned to `width` columns, and its value."""
     from rich.cells import cell_len
 
     console = output()
@@ -81,7 +81,7 @@ def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
 
 
 def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
-    """Return a table without a frame: columns in `left` are aligned left, others right; names: of the columns."""
+    """Return a table without a frame and with these column names; columns in `left` are aligned left, others right."""
     from mwd_surface.commands.spoken_table import SpokenTable
 
     made = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
@@ -120,7 +120,7 @@ def remark(sentence: str) -> None:
 
 
 def _moving() -> Console:
-    """Return the console for output that moves the cursor; its text must be printable."""
+    """Return the console for output that moves the cursor; it does not escape hidden characters."""
     from rich.console import Console
 
     return Console(file=getattr(sys.stderr, "stream", sys.stderr), soft_wrap=True, highlight=False)

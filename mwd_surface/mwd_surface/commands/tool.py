@@ -112,7 +112,7 @@ def _word_line(item: SequenceItem, word: Word) -> str:
 
 
 def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
-    """Return lines on pulse width, sync and parity of the tool, found in a pressure file without its configuration."""
+    """Return lines on the pulse width, sync and parity in a pressure file, and on whether they are as configured."""
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link import other_width
@@ -139,7 +139,7 @@ def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
 
 
 def _alike(one: ToolConfiguration, other: ToolConfiguration) -> bool:
-    """Return whether two configurations have the same width within 1 %, sync and parity."""
+    """Return whether two configurations have the same sync and parity, and pulse widths that agree within 1 %."""
     close = abs(one.pulse_width_s / other.pulse_width_s - 1.0) < 0.01
     return close and (one.sync, one.parity) == (other.sync, other.parity)
 

@@ -70,7 +70,7 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
-    options = locals()  # must be the first statement, so that only the options are in it, by name
+    options = locals()  # must be the first statement, while the options are the only local variables
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import assigned, list_settings
     from mwd_surface.commands.speech import spoken_figure

@@ -19,7 +19,7 @@ def version() -> None:
 
 
 def version_lines() -> list[str]:
-    """Return the versions, one per line."""
+    """Return lines with the versions of mwd, Python, ROS and the main packages."""
     import importlib.metadata
     import platform
 

@@ -105,7 +105,7 @@ def view(
 
 
 def _play(player: Player, asked: Playing, server: PageServer) -> None:
-    """Play until interrupted; a long seek shows intermediate states."""
+    """Play the recording on the page until interrupted; show intermediate states during a long seek."""
     import time
 
     from mwd_surface.page.state_json import StateJson

@@ -22,18 +22,18 @@ HEADER = ",".join(
     ("stamp_ns", *_ANGLES, *(f"sigma_{key}" for key in _ANGLES), "gravity_x", "gravity_y", "gravity_z", "status")
 )
 _DEG = 180.0 / math.pi
-# Number of units of the last decimal in one degree, and in a gravity component of 1.
+# Number of steps of the last decimal in 1 deg, and in a gravity component of 1.
 _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
 # Largest length of a row without the status words: stamp with sign, angles and sigmas, three components, commas,
 # newline.
 _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
-# Digits of the numbers 0 to 9999, so that each division yields four digits.
+# ASCII codes of the digits of the numbers 0 to 9999, so that each division yields four digits.
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 
 class CsvLines:
-    """Formatter of the lines of successive blocks in a reused buffer: a result is valid until the next call."""
+    """Formatter of CSV lines, block by block; the buffer is reused, so that a result is valid until the next call."""
 
     def __init__(self) -> None:
         self._buffer = np.empty(0, dtype=np.uint8)
@@ -73,7 +73,7 @@ class CsvLines:
 
 def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """Return the distinct status masks and the index of the mask of each row."""
-    # The status rarely changes: look only at the rows where it does.
+    # The status rarely changes: search for distinct masks only in the rows where the mask changes.
     starts = np.flatnonzero(np.concatenate([[True], status[1:] != status[:-1]]))
     masks, which = np.unique(status[starts], return_inverse=True)
     return masks, np.repeat(which, np.diff(np.append(starts, len(status)))).astype(np.int64)
@@ -106,7 +106,7 @@ def _whole(buffer: NDArray[np.uint8], at: int, value: int) -> int:
 
 @compiled
 def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps: bool) -> int:
-    """Write a comma and an angle, rad, in degrees with six decimals; rounding up to a full circle gives 0."""
+    """Write a comma and, if `known`, an angle, rad, in degrees with six decimals; if `wraps`, 360 becomes 0."""
     buffer[at] = 44
     if not known:
         return at + 1

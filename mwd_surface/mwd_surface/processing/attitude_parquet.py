@@ -36,7 +36,7 @@ _GROUP_ROWS = 131_072  # least number of rows in a row group, except the last
 
 class ParquetWriter:
     """
-    Writer of a file, one row group at a time.
+    Writer of a Parquet file of the attitude, one row group at a time.
 
     Unknown values are null. `status` is a text of words joined by bars, as in the CSV.
 

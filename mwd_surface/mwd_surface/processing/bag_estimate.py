@@ -2,8 +2,8 @@
 """
 Running the estimator over a recording, in constant memory and in stages.
 
-One thread reads blocks ahead of the estimator and another thread writes the results. The pipeline is that of the live
-node.
+One thread reads blocks ahead of the estimator and another thread writes the results. The samples pass the same
+pipeline as in the live node.
 """
 
 from __future__ import annotations
@@ -54,8 +54,10 @@ from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
 from mwd_surface.surveys.recorded_settings import Recorded
 
+# Samples of a block, by topic.
 BlockSamples = dict[str | None, Samples]
-# Largest difference of the stamps of sensors logged together, s; with a larger one, one sensor uses another clock.
+# Largest difference, s, between the stamps of two sensors at the same log time. A larger difference shows that the
+# sensors use different clocks.
 _SKEW_S = 1.0
 
 
@@ -71,7 +73,7 @@ class _Result:
     originals : list of Originals
         Messages of the bag.
     until_ns : int
-        No message logged up to this time, ns, will follow.
+        No message logged up to this time, ns, will follow; None if no such time is known.
     """
 
     output: Output | None
@@ -96,12 +98,14 @@ class BagEstimate:
     merger : Merger, optional
         Receives the results, and all messages of the bag.
     recorded : Recorded, optional
-        The settings in the recording, for its survey list.
+        Settings in the recording, with which its live survey list was made.
 
     Raises
     ------
     BagError
         The bag has no topic of an IMU.
+    ValueError
+        The settings require a field that no model covers, or the samples cannot be used.
     """
 
     def __init__(
@@ -118,7 +122,7 @@ class BagEstimate:
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
         self._compensation, self._merger = compensation, merger
-        # Unlike the live node, refuse a date outside the field model before the run begins.
+        # Raise an error before the run begins if the date is outside the field model; the live node continues then.
         derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)
@@ -130,7 +134,8 @@ class BagEstimate:
         same = estimator == (recorded or Recorded()).estimator
         self._requests = RecordedRequests(bag, self._list.namespace, begin_ns, with_field=same)
         self._used = UsedSamples(bag, self._list.namespace)
-        # Samples of the other sensors in the last two blocks, which a restart of the estimate needs again.
+        # Samples of all sensors in the last two blocks, with the blocks: a restart of the estimate needs those of the
+        # sensors other than the IMU again.
         self._companions: list[tuple[BlockSamples, Block]] = []
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
         self._span = asked_span(bag, given)
@@ -145,8 +150,8 @@ class BagEstimate:
         """
         Run the estimator and return the summary.
 
-        sink : called with the output of each block, in order of time, in a separate thread; its exception ends the run.
-        progress : called with the completed share, 0 to 1.
+        sink : called with the output of each block, in order of time, in a separate thread; an exception in `sink` ends
+        the run. progress : called with the completed share, 0 to 1.
         """
         self._warn_of_input()
 
@@ -229,7 +234,7 @@ class BagEstimate:
                 yield from self._asked(request)
 
     def _asked(self, request: RecordedRequest) -> Iterator[_Result]:
-        """Repeat a request of the recording."""
+        """Apply a request of the recording to the pipeline, and yield the output that results."""
         try:
             output = request.apply(self._pipeline)
         except ValueError as error:
@@ -264,7 +269,7 @@ class BagEstimate:
         """
         Check the units of the first IMU and magnetometer samples.
 
-        A magnetometer implausible in any unit is not used.
+        A magnetometer whose readings are implausible in every unit is not used.
         """
         new = {name: samples[name] for name in self._unchecked & samples.keys()}
         self._unchecked -= new.keys()
@@ -319,7 +324,7 @@ class BagEstimate:
 
     def _push_companions(self, samples: BlockSamples, block: Block, *, again: bool = False) -> None:
         """
-        Push all samples except those of the IMU.
+        Push all samples except the IMU samples into the pipeline, and the depths of the rig into the survey list.
 
         block : the same samples with the log times of their messages. again : the samples were pushed before, and the
         estimate has been restarted since.
@@ -393,7 +398,8 @@ def _compensate(compensation: Compensation, samples: BlockSamples, topics: Topic
         samples[topics.mag] = compensation.mag(samples[topics.mag])
 
 
-# Check whether a recording holds the samples that the live estimator used, by its counters for each topic.
+# Check whether a recording holds the samples that the live estimator used. The live estimator publishes the number of
+# samples used from each topic, and a recording contains these messages.
 
 
 TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
@@ -401,7 +407,12 @@ TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
 
 @dataclasses.dataclass
 class _Count:
-    """Sample counts of one run of the estimator on a topic: used live between two stamps, ns, and recorded."""
+    """
+    Numbers of samples of one topic, in one run of the live estimator.
+
+    first_ns, last_ns : stamps of the first and the last sample used live, ns. used : number of samples used live.
+    recorded : number of samples between these stamps in the recording. recorded_from_ns : first of their stamps, ns.
+    """
 
     first_ns: int
     last_ns: int
@@ -429,9 +440,9 @@ class UsedSamples:
 
     def _take_count(self, topic: str, first_ns: int, last_ns: int, used: int) -> None:
         """
-        Add a count.
+        Add a count that the live estimator published.
 
-        A count that restarts at another stamp or with fewer samples belongs to another run of the estimator.
+        If the first stamp changes or the number of samples falls, another run of the estimator has begun.
         """
         runs = self._counts.setdefault(topic, [])
         if runs and used >= runs[-1].used and first_ns == runs[-1].first_ns:
@@ -440,7 +451,7 @@ class UsedSamples:
             runs.append(_Count(first_ns, last_ns, used))
 
     def take(self, samples: Mapping[str | None, Samples]) -> None:
-        """Count samples of the recording, by topic."""
+        """Count samples of the recording; `samples` is by topic."""
         for topic, part in samples.items():
             stamps = part["stamp_ns"]
             for run in self._counts.get(self._singles.get(topic or "", topic or ""), ()):
@@ -451,7 +462,11 @@ class UsedSamples:
                     run.recorded_from_ns = min(run.recorded_from_ns or begin, begin)
 
     def differences(self, topics: Topics) -> list[str]:
-        """Return a sentence for each used topic whose recording differs from the samples used live."""
+        """
+        Return a sentence for each run of the live estimator and each topic in use whose numbers of samples differ.
+
+        The number of recorded samples is compared with the number of samples used live.
+        """
         found = []
         for topic in topics.all:
             single = self._singles.get(topic, topic)
@@ -488,7 +503,7 @@ def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
     Yield an iterator of the items, which a thread computes at most `depth` items before they are used.
 
     An exception in `items` is raised where the next item would have been used. When the block ends, early or not, the
-    thread finishes the current item and ends; this closes a generator.
+    thread finishes the current item, closes `items` if it is a generator, and ends.
     """
     # Entries are (item,), an exception, or None at the end.
     ready: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(depth)
@@ -539,8 +554,8 @@ def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[
     Yield a function that passes an item to a thread, which calls `work` with each item in order.
 
     The function waits while `depth` items wait already. An exception of `work` ends the thread, and is raised by the
-    next call or at the end of the block. If the block ends normally all items have been processed; if it raises,
-    waiting items are dropped.
+    next call or at the end of the block. If the block ends normally, all items have been processed; if the block raises
+    an exception, waiting items are dropped.
     """
     waiting: queue.Queue[tuple[T] | None] = queue.Queue(depth)
     drop = threading.Event()
@@ -577,13 +592,18 @@ def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[
 # Queue of IMU samples that wait for the next block, or for enough later samples to smooth them.
 
 
-# Samples after a gap longer than this, ns, do not affect the smoothed samples before it.
+# Longest gap in the log times, ns, across which gravity is smoothed. A longer gap divides the samples: those after the
+# gap do not affect those before it.
 _SILENCE_NS = 60 * wire.NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
 class Imu:
-    """Samples ready for the estimator, their log times, and their smoothed gravity; None without a smoother."""
+    """
+    IMU samples ready for the estimator.
+
+    log_ns : log times of the samples, ns. followed : smoothed gravity at the samples; None without a smoother.
+    """
 
     samples: Samples
     log_ns: Stamps
@@ -607,7 +627,7 @@ class ImuQueue:
 
     @property
     def samples_are(self) -> str:
-        """Meaning of a sample as determined by the smoother, see `State.samples_are`."""
+        """Kind of the samples according to the data, see `BoundedState.samples_are`; "" without a smoother."""
         return self._smoother.samples_are if self._smoother is not None else ""
 
     @property
@@ -621,12 +641,16 @@ class ImuQueue:
         return int((self._old or self._new)[0][1][0])
 
     def add(self, samples: Samples, log_ns: Stamps) -> None:
-        """Hold the samples of a block."""
+        """Add the IMU samples of a block with their log times, ns."""
         if len(samples):
             self._new.append((samples, log_ns))
 
     def done(self) -> Iterator[Imu]:
-        """Remove and yield the samples that are ready; push the other sensors' samples of the same time first."""
+        """
+        Remove and yield the samples that are ready.
+
+        The caller must have pushed the samples of the other sensors for the same time into the pipeline.
+        """
         new, self._new = self._new, []
         if self._smoother is None:
             yield from (Imu(samples, log_ns, None) for samples, log_ns in new)

@@ -51,8 +51,8 @@ FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-# Topics of results with their types; a namespace with one of them is a well of this program. _ORIENTED is the topic on
-# which the estimator publishes the IMU samples with the orientation.
+# Topics of results with their types; a namespace with one of these topics belongs to a well that this program has
+# estimated. _ORIENTED is the topic on which the estimator publishes the IMU samples with the orientation.
 _RESULTS = {
     "attitude": "mwd_msgs/msg/Attitude",
     "gravity": "mwd_msgs/msg/Gravity",
@@ -64,11 +64,13 @@ _ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # number of messages of all topics together after which frames and times are considered known
 _AVERAGED, _AVERAGED_NS = 10, 5e7  # largest number of samples, and longest time, ns, of a mean tested for gravity
-# A mean specific force below this is not gravity in m/s2, g or mg; even a turning tool has a larger mean. The lowest
-# limit of `units` is the same.
+# Least mean specific force that can be gravity, in m/s2, g or mg; even a turning tool has a larger mean. The lowest
+# limit in `units` is the same.
 _LEAST_GRAVITY = 0.3
-_IN_TURNS = 4  # number of frame changes of a topic that prove two units
-_SAME_AT_LEAST = 10  # number of messages with the same time that prove that the messages have no time
+_IN_TURNS = 4  # least number of frame changes of a topic that shows that two units publish it
+# Least number of messages with equal stamps that shows that a topic has no stamps of its own, and least number of
+# samples in which missing gravity is looked for.
+_SAME_AT_LEAST = 10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +106,7 @@ class InputSettings:
 
 
 def option_of(name: str) -> str:
-    """Return the option of the commands that sets a setting of the input."""
+    """Return the command-line option of a field of `InputSettings`."""
     return {"start_s": "--start", "end_s": "--end"}.get(name, f"--{name.replace('_', '-')}")
 
 
@@ -131,12 +133,12 @@ class Topics:
 
 def find_topics(bag: Bag, given: InputSettings) -> Topics:
     """
-    Return the topics of the selected well.
+    Return the topics of the well that the settings select, or of the only well in a bag.
 
     Raises
     ------
     BagError
-        The bag has no IMU, or several wells and none is named, or a named topic has another type.
+        The bag has no IMU, or has several and `given` names none of them; or a named topic has another type.
     """
     for name, quantity in ((given.imu_topic, RATE), (given.accel_topic, FORCE), (given.mag_topic, MAGNETIC)):
         _name_vector(bag, name, quantity)
@@ -151,7 +153,11 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     namespace = imu.removesuffix(relative) if relative is not None else None
 
     def beside(layout: wire.Layout, *relatives: str, alone: bool = False) -> str | None:
-        """Return the topic in the same namespace, else the only topic that cannot belong to another well."""
+        """
+        Return the topic with a relative name next to the IMU, else the only topic that can belong to the same well.
+
+        alone : whether the only topic may have any name.
+        """
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
                 return f"{namespace}{relative}"
@@ -178,7 +184,11 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
 
 
 def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
-    """Use only the first frame of a topic, as the live estimator does: other frames belong to a second unit."""
+    """
+    Use only the first frame of each topic whose messages alternate between frames, as the live estimator does.
+
+    The other frames belong to a second unit.
+    """
     seen: dict[str, list[str]] = {name: [] for name in names if bag.topics[name].type_name != burst.TYPE_NAME}
     for count, (_, name, _, data) in enumerate(bag.messages(list(seen)) if seen else ()):
         with contextlib.suppress(wire.WireError):
@@ -224,7 +234,9 @@ def _measured(bag: Bag, names: Sequence[str]) -> list[str]:
 
 def wells(bag: Bag, given: InputSettings) -> list[Topics]:
     """
-    Return the topics of every well in a bag: for each IMU with the usual name, or for the selected one.
+    Return the topics of every well in a bag, one entry for each IMU with the usual name.
+
+    If an IMU is selected, or fewer than two IMUs have the usual name, there is one entry.
 
     Raises
     ------
@@ -291,7 +303,7 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
     found = {name for name, (_, samples) in first.items() if _timeless(samples["stamp_ns"])}
     if names[0] in found:
-        # A single first stamp of zero may be the start of a clock, unless the other topics have no time either.
+        # A single stamp of 0 may be the start of a clock; if the IMU has no times, it means that the topic has none.
         found |= {name for name, (_, samples) in first.items() if not samples["stamp_ns"].any()}
     return frozenset(found)
 
@@ -322,7 +334,7 @@ class OptionNeededError(ValueError):
 
 def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
     """
-    Return warnings of readings that are implausible in any unit.
+    Return warnings about readings that are implausible in every unit.
 
     samples : some samples of the IMU and of the magnetometer, in SI.
 
@@ -347,7 +359,7 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
 
 
 def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
-    """Raise OptionNeededError if the motion indicated another unit until the end; the message names the option."""
+    """Raise OptionNeededError if a fault that lasts to the end shows a wrong unit; the message names the option."""
     last = {fault.check: fault for fault in faults if fault.unit == FaultUnit.CONVENTIONAL}
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
@@ -378,7 +390,11 @@ def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
 
 
 def tool_frame(bag: Bag, topics: Topics, mount: Mount) -> str:
-    """Return the frame of the tool's axes: the sonde's frame if the mount turns the samples, else their own frame."""
+    """
+    Return the name of the frame of the tool's axes.
+
+    This is the frame of the sonde if the mount turns the samples, else the frame in the messages of the IMU.
+    """
     frame = frame_names(bag, [topics.imu]).get(topics.imu, wire.SONDE_FRAME)
     return frame[: frame.rfind("/") + 1] + wire.SONDE_FRAME if mount.turns else frame
 
@@ -429,7 +445,7 @@ def worth_saying(bag: Bag) -> list[str]:
 
 
 def _cut_off(path: Path) -> bool:
-    """Return whether a file does not end like an MCAP file, so that messages may be missing."""
+    """Return whether an MCAP file of a recording lacks its last bytes, so that messages may be missing."""
     for file in path.glob("*.mcap") if path.is_dir() else [path]:
         if file.suffix == ".mcap":
             with file.open("rb") as opened:
@@ -440,7 +456,7 @@ def _cut_off(path: Path) -> bool:
 
 
 def _name_vector(bag: Bag, name: str, quantity: str) -> None:
-    """Assign the quantity of a sensor to a topic of vectors that a user chooses, unless its name shows the quantity."""
+    """Set the quantity of a topic of vectors that a user chose for a sensor, unless its name shows a quantity."""
     for candidate in (name, f"/{name}"):
         about = bag.topics.get(candidate)
         if about is not None and about.type_name == wire.VECTOR.type_name and not about.quantity:
@@ -454,7 +470,7 @@ def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
     Raises
     ------
     BagError
-        There is no topic of that name, or its messages do not carry samples of this type.
+        There is no topic of that name, or its messages do not carry samples of the type of `layout`.
     """
     if not name:
         return None
@@ -473,7 +489,7 @@ def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
 
 def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
-    Return the topic of the IMU: of single messages or, if there are none, of bursts or vectors.
+    Return the topic of the IMU: a topic of single messages or, if the bag has none, of bursts or of vectors.
 
     The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half.
     """
@@ -509,7 +525,12 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
 
 
 def _likely(bag: Bag, candidates: list[str]) -> list[str]:
-    """Return the topics that may be a complete IMU, without accelerometer halves and topics without gravity."""
+    """
+    Return the topics that may be the IMU, from their first samples.
+
+    These are the topics with gyro and accelerometer, and of these the topics with gravity if there are any. If no topic
+    has both sensors, return the gyro of a pair of two topics, else all candidates.
+    """
     first = {name: first_samples(bag, name) for name in candidates}
     whole = [name for name in candidates if kind_of(first[name]) != ImuKind.GYRO and not is_accelerometer(first[name])]
     if whole:
@@ -519,7 +540,7 @@ def _likely(bag: Bag, candidates: list[str]) -> list[str]:
 
 
 def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
-    """Return the topics of gyro and accelerometer; one topic and None if the IMU is complete."""
+    """Return the topics of gyro and accelerometer; `imu` and None if `imu` has both or the other half is not found."""
     kind, alone = _kind(bag, imu), _is_accelerometer(bag, imu)
     if kind != ImuKind.GYRO and not alone:
         return imu, None
@@ -534,7 +555,7 @@ def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
 
 
 def _nearest(name: str, others: list[str]) -> str | None:
-    """Return the topic whose name has the longest beginning in common with a name; None if there is no single one."""
+    """Return the topic whose name shares the longest beginning with `name`; None unless exactly one topic does."""
     pairs = {other: zip(name, other, strict=False) for other in others}
     shared = {
         other: sum(1 for _ in itertools.takewhile(lambda two: two[0] == two[1], pairs[other])) for other in others
@@ -555,7 +576,7 @@ def _is_accelerometer(bag: Bag, name: str) -> bool:
 
 
 def first_samples(bag: Bag, name: str) -> Samples:
-    """Return the first samples of an IMU topic, with the fields of `FIELDS`; empty if none can be read."""
+    """Return the first samples of an IMU topic, with the fields of `FIELDS`; empty if no sample can be read."""
     layout = wire.IMU.dtype_of(FIELDS[wire.IMU.type_name])
     for block in bag.blocks([name], block_messages=_LOOKED_AT, fields=FIELDS):
         return np.asarray(block[name][1][: 2 * _LOOKED_AT], dtype=layout)
@@ -564,9 +585,10 @@ def first_samples(bag: Bag, name: str) -> Samples:
 
 def without_gravity(samples: Samples) -> bool:
     """
-    Return whether a driver has removed gravity: a mean specific force is far below gravity in any unit.
+    Return whether a driver has removed gravity from the specific force.
 
-    Even if the tool shakes and turns, the mean over several samples is near gravity, in any unit.
+    Means over at most 10 samples and 50 ms are near gravity even if the tool shakes and turns. Gravity is missing if a
+    tenth of these means are below `_LEAST_GRAVITY`, which is far below gravity in any unit.
     """
     force = samples["linear_acceleration"]
     if len(force) < _SAME_AT_LEAST or not np.any(force):

@@ -35,7 +35,7 @@ LIMITS = (
 )
 _STATION_ANGLES = (("inclination_deg", False), ("azimuth_deg", True), ("toolface_deg", True))
 _SIGMAS = ("sigma_inclination_deg", "sigma_azimuth_deg", "sigma_toolface_deg")
-_PAIRED_WITHIN_NS = 2_000_000_000  # stations farther apart in time are different stations
+_PAIRED_WITHIN_NS = 2_000_000_000  # longest time between two stations that are paired, ns
 _ROUNDING = 1.0 + 1e-9  # factor of a limit that allows for rounding
 
 
@@ -57,7 +57,11 @@ class StationDifference:
 
 @dataclasses.dataclass(frozen=True)
 class DifferenceStatistics:
-    """Differences of one quantity over the samples in which both runs have it, deg."""
+    """
+    Differences of one quantity over the samples in which both runs have the quantity, deg.
+
+    count : number of these samples. known_in_one : number of samples in which only one run has the quantity.
+    """
 
     name: str
     count: int
@@ -126,7 +130,7 @@ def read_limits(path: Path) -> dict[str, float]:
 
 def checked_limits(limits: dict[str, float]) -> dict[str, float]:
     """
-    Return the limits if all names are known and all values are numbers from 0 on.
+    Return the limits if all names are known and all values are finite numbers of 0 or more.
 
     Raises
     ------
@@ -253,7 +257,7 @@ def _short_way(degrees: float) -> float:
 
 
 class _Walk:
-    """Sums over the samples of both runs."""
+    """Sums of the differences between the attitudes of two runs, block by block."""
 
     def __init__(self) -> None:
         names = [name.removesuffix("_deg") for name in ANGLES] + ["gravity"]
@@ -296,7 +300,11 @@ class _Walk:
 
 
 def _side_by_side(ours: Iterator[Rows], expected: Iterator[Rows], walk: _Walk) -> Iterator[tuple[Rows, Rows]]:
-    """Yield rows with equal stamps as far as both runs have been read; of repeated stamps the first row counts."""
+    """
+    Yield, block by block, the rows of both runs that have equal stamps; count all other rows in `walk`.
+
+    If a block repeats a stamp, only the first row with this stamp is used.
+    """
     ours, expected = (map(_in_order, run) for run in (ours, expected))
     a, b = next(ours, None), next(expected, None)
     while a is not None and b is not None:

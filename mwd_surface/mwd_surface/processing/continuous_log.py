@@ -13,9 +13,10 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.processing import run_folder
 from mwd_surface.trajectory.dense_trajectory import Continuous
 
-# The bit is on bottom within this distance of its greatest depth, m.
+# Largest distance of the bit from its greatest depth so far, m, at which the bit counts as on bottom.
 _ON_BOTTOM = 0.3
-# Time to ignore after the string starts or stops, s: its acceleration along the hole tilts the measured inclination.
+# Time to ignore after the start and before the end of each movement of the string, s: the acceleration of the string
+# along the hole tilts the measured inclination.
 _SETTLES = 10.0
 # Longest gap in the rig's data that is bridged, s.
 _LONGEST_GAP = 60.0
@@ -23,7 +24,7 @@ _LONGEST_GAP = 60.0
 
 def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
     """
-    Return continuous measurements from times at which new hole was drilled.
+    Return measured depth, inclination and azimuth of the samples taken while new hole was drilled.
 
     Parameters
     ----------

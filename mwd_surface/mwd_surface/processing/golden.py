@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Golden recordings: a short bag with earlier results, and the allowed difference of new results from them.
+Golden recordings: a short bag with its expected results, and the allowed differences of new results from these.
 
 A golden folder holds the input, `bag/`, `config.yaml` (settings of the estimator that differ from the default) and
 `limits.yaml` (name -> limit and its reason, see `compare.LIMITS`), and the results, `surveys.csv` and `attitude.csv`
@@ -21,7 +21,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing import compare, process, run_config, run_folder
 from mwd_surface.surveys.recorded_settings import recorded_settings
 
-_KEPT_EVERY_NS = 1_000_000_000
+_KEPT_EVERY_NS = 1_000_000_000  # interval of the attitude rows that are kept, ns
 
 
 def is_golden(folder: Path) -> bool:
@@ -30,7 +30,7 @@ def is_golden(folder: Path) -> bool:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether the path is a recording or the folder of a run with a recording; False for results."""
+    """Return whether the path is a recording or a folder that holds one; False for results of `mwd process`."""
     path = recording_of(path)
     if path.is_file():
         return path.suffix in (".mcap", ".db3")
@@ -39,7 +39,7 @@ def is_recording(path: Path) -> bool:
 
 def limits_of(folder: Path) -> dict[str, float]:
     """
-    Return the limits that belong to an expected run; empty for an ordinary run.
+    Return the limits that belong to an expected run; empty if the folder has no limits.yaml.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def limits_of(folder: Path) -> dict[str, float]:
 @contextmanager
 def processed(path: Path, like: Path) -> Iterator[Path]:
     """
-    Yield the folder of a run: `path` itself or, if `path` is a recording, its results with the settings of `like`.
+    Yield the folder of a run: `path` itself, or the results of the recording `path` with the settings of `like`.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def processed(path: Path, like: Path) -> Iterator[Path]:
 
 def accept(golden: Path) -> None:
     """
-    Replace the golden results by the results of this version.
+    Replace the expected results of a golden recording by the results of this version.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def _process(path: Path, like: Path, run: Path) -> None:
 
 
 def _keep_some(source: Path, target: Path) -> None:
-    """Keep the first row of every second as text, so that nothing is rounded twice."""
+    """Copy the header and the first row of every second as text, so that no number is rounded twice."""
     last = -1
     with source.open(encoding="utf-8") as rows, target.open("w", encoding="utf-8") as kept:
         kept.write(next(rows))

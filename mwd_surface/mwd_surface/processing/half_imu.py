@@ -18,7 +18,7 @@ from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Samples, Stamps
 
 _GYRO, _ACCEL = "angular_velocity", "linear_acceleration"
-# Shares of messages without a vector above which a topic is one half, or its messages alternate.
+# Least share of messages without a vector if the topic is one half of an IMU, and if its messages alternate.
 _HALF, _IN_TURNS = 0.98, 0.05
 # Least number of changes between the two kinds of alternating messages; a failing sensor changes only once.
 _CHANGES = 8
@@ -29,7 +29,12 @@ _RATED = 16  # number of first intervals whose median is the interval of the acc
 
 @unique
 class ImuKind(StrEnum):
-    """Vectors that the messages of an IMU topic carry."""
+    """
+    Vectors that the messages of an IMU topic carry.
+
+    IN_TURNS : some messages carry only the rate, others only the specific force. SOME_EMPTY : some messages carry both
+    vectors, others none.
+    """
 
     WHOLE = "whole"
     GYRO = "gyro"
@@ -39,13 +44,14 @@ class ImuKind(StrEnum):
 
 
 def kind_of(samples: Samples) -> ImuKind:
-    """Return the kind of a topic, by the vectors in some of its samples, which include covariances."""
+    """Return the kind of an IMU topic, by the vectors in some of its samples, which must have covariance fields."""
     no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
     if not len(samples) or (no_gyro & no_accel).all():
         return ImuKind.WHOLE
     if no_accel.mean() >= _HALF and no_gyro.mean() < _HALF:
         return ImuKind.GYRO
-    # Zero rates may come from a gyro at rest: a half needs rates that are declared absent, or NaN throughout.
+    # Zero rates may come from a gyro at rest: only rates that are declared absent, or always NaN, show that the topic
+    # has no gyro.
     if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
         return ImuKind.ACCELEROMETER
     if among_readings(no_accel):
@@ -54,7 +60,11 @@ def kind_of(samples: Samples) -> ImuKind:
 
 
 def among_readings(empty: NDArray[np.bool_]) -> bool:
-    """Return whether empty messages recur among others; a failed sensor stays empty."""
+    """
+    Return whether empty messages recur among others; the messages of a failed sensor stay empty.
+
+    empty, shape (n,) : whether each message in order lacks the vector.
+    """
     if not len(empty):
         return False
     changes = int(np.count_nonzero(empty[1:] != empty[:-1]))
@@ -62,18 +72,22 @@ def among_readings(empty: NDArray[np.bool_]) -> bool:
 
 
 def is_accelerometer(samples: Samples) -> bool:
-    """Return whether messages carry a specific force and never a rate: one half, if another topic is the other half."""
+    """
+    Return whether all messages carry a specific force and no message carries a rate.
+
+    The topic may be one half of an IMU, or a complete IMU with a failed gyro.
+    """
     return len(samples) > 0 and bool(_without(samples, _GYRO).all() and not _without(samples, _ACCEL).any())
 
 
 class Joiner:
     """
-    Joiner of the halves of an IMU, block by block; the samples do not depend on how the stream is cut.
+    Joiner of the halves of an IMU, block by block; the samples do not depend on how the data are divided into blocks.
 
     Parameters
     ----------
-    kind : Kind
-        Kind of the gyro's topic. If the topic has both halves, the values of each message show its half.
+    kind : ImuKind
+        Kind of the gyro's topic. If the topic has both halves, the half of each message is known from its values.
     """
 
     def __init__(self, kind: ImuKind) -> None:
@@ -86,13 +100,13 @@ class Joiner:
 
     @property
     def first_log_ns(self) -> int | None:
-        """Log time of the first message that waits for its other half, ns; None if none waits."""
+        """Log time of the first gyro message that waits for the accelerometer, ns; None if no message waits."""
         return int(self._gyro[0][0][0]) if self._gyro else None
 
     def push(
         self, gyro: tuple[Stamps, Samples] | None, accel: tuple[Stamps, Samples] | None = None
     ) -> tuple[Stamps, Samples] | None:
-        """Accept (log_ns, samples) of a block and return the complete samples; None if there are none."""
+        """Accept (log_ns, samples) of a block and return the samples that are complete; None if no sample is."""
         if self._kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY) and gyro is not None:
             log_ns, samples = gyro
             no_accel = _without(samples, _ACCEL)
@@ -107,7 +121,11 @@ class Joiner:
         return self._joined(int(self._accel_ns[-1]) if len(self._accel_ns) else None)
 
     def finish(self) -> tuple[Stamps, Samples] | None:
-        """Return the remaining samples whose other half is known."""
+        """
+        Return the remaining gyro samples with the specific force, NaN where the accelerometer has no samples.
+
+        None if no gyro sample waits, or if the accelerometer never had a sample.
+        """
         return self._joined(2**62)
 
     def _take_accel(self, samples: Samples) -> None:
@@ -121,7 +139,7 @@ class Joiner:
             self._interval = int(np.median(np.diff(self._accel_ns[: _RATED + 1])))
 
     def _joined(self, until_ns: int | None) -> tuple[Stamps, Samples] | None:
-        """Return the gyro samples up to a time with the specific force at their times."""
+        """Return the gyro samples up to the stamp `until_ns`, ns, with specific force interpolated to their stamps."""
         if not self._gyro or until_ns is None or not len(self._accel_ns):
             return None
         log_ns = np.concatenate([part[0] for part in self._gyro])

@@ -38,17 +38,17 @@ from mwd_surface.processing.stream_times import PACE
 
 # Width of the time bins in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
-# Samples cannot be paired if their clocks differ by more than this, s; message delays are shorter.
+# Largest difference of two clocks, s, at which their samples can be paired; message delays are shorter.
 _APART_S = 1.0
-# Least number of messages in a time bin for a comparison of the clocks.
+# Least number of messages from which the offset of a clock can be judged, in a time bin or between two jumps.
 _FEW = 5
-# Least time since 1970 of a clock that has been set (1989), ns.
+# Earliest reading of a clock that has been set, ns since the epoch (in 1989).
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
 _RAW = "record the raw data of the driver (topic often ending in data_raw), or let the driver keep gravity in the data"
 
 
 class StreamProblem(NamedTuple):
-    """Reason why samples cannot be used as they are; `option` has name and value of a helpful setting, or is empty."""
+    """Reason why samples cannot be used as they are; `option` is name and value of a setting that helps, or None."""
 
     sentence: str
     option: tuple[str, str] | None = None
@@ -96,7 +96,7 @@ class SampleStream:
 
     @property
     def remarks(self) -> list[str]:
-        """Return sentences on unusual times of the topics, and on samples left out so far."""
+        """Sentences on unusual times of the topics, and on samples left out so far."""
         names = ", ".join(sorted(self.without_time))
         return [
             *([f"{names}: the headers have no time, so the times of recording are used"] if names else []),
@@ -126,7 +126,7 @@ class SampleStream:
         return {name: part for name, part in out.items() if len(part[0])}
 
     def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples without a time if the topic has times: those before the clock of a driver was set."""
+        """Leave out samples with stamp 0 if the topic has other stamps: the clock of the driver was not yet set."""
         if name in self.without_time:
             return log_ns, samples
         dated = (samples["stamp_ns"] != 0) | (log_ns < CLOCK_SET_NS)
@@ -142,7 +142,7 @@ class SampleStream:
         return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Stamp samples without a time by the log time, and convert other stamps to that clock if requested."""
+        """Stamp samples without a time by the log time; convert other stamps to the recorder's clock if requested."""
         if name in self.without_time:
             samples["stamp_ns"] = log_ns
         elif name in self._clocks:
@@ -166,8 +166,8 @@ class InputStream(SampleStream):
     Attributes
     ----------
     topics : Topics
-    problems : list of Problem
-        Reasons why the samples read so far cannot be used although the first ones could.
+    problems : list of StreamProblem
+        Reasons why the samples read so far cannot be used, although the first samples could.
     """
 
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
@@ -182,7 +182,7 @@ class InputStream(SampleStream):
         """
         Log time of the first IMU message that waits for its other half or as a possible copy, ns.
 
-        None if none waits.
+        None if no message waits.
         """
         waiting = [self._repeated[self.topics.imu], self._joiner]
         found = [one.first_log_ns for one in waiting if one is not None]
@@ -196,7 +196,7 @@ class InputStream(SampleStream):
             yield rest
 
     def take(self, block: Block) -> Block:
-        """Return the block in the form that the estimator needs; its IMU samples may be those of an earlier block."""
+        """Return the block in the form that the estimator needs; its IMU samples may come from an earlier block."""
         if self._given.stamps == "header" and not self.problems:
             self.problems += _apart(self.topics, block, self.without_time)
         topics, out = self.topics, super().take(block)
@@ -226,7 +226,10 @@ class InputStream(SampleStream):
 
 class RecordingStream:
     """
-    Topics of a recording, block by block: those of its wells as the estimator needs them, all others unchanged.
+    Topics of a recording, block by block.
+
+    IMU, magnetometer and precision unit of each well have the form that the estimator needs (`InputStream`); all other
+    topics have the form of `SampleStream`.
 
     Parameters
     ----------
@@ -254,7 +257,7 @@ class RecordingStream:
 
     @property
     def remarks(self) -> list[str]:
-        """Return sentences on unusual samples and on those left out so far, for the topics that are read."""
+        """Sentences on unusual samples and on samples left out so far, for the topics that are read."""
         found = [text for one in (*self._wells, self._others) for text in one.remarks]
         found += [problem.sentence for well in self._wells for problem in well.problems]
         return [text for text in found if not self._names_another(text)]
@@ -283,7 +286,7 @@ def _samples(count: int) -> str:
 
 
 def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
-    """Return the topics of the wells; empty if a recording has no IMU, or has several and the caller names none."""
+    """Return the topics of each well; empty if the bag has no IMU, or has several and `given` names no sensor."""
     try:
         return wells(bag, given)
     except BagError:
@@ -299,7 +302,11 @@ def asked_span(bag: Bag, given: InputSettings) -> tuple[int | None, int | None]:
 
 
 def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[StreamProblem]:
-    """Return why the samples of a recording cannot be used at a place, judged by the first samples."""
+    """
+    Return the reasons why the samples of a recording cannot be used, judged by the first samples.
+
+    place : if the field model needs a date that `place` does not give, the clock of the IMU must have been set.
+    """
     found: list[StreamProblem] = []
     accelerometer = topics.accelerometer or topics.imu
     samples = first_samples(bag, accelerometer)
@@ -336,7 +343,7 @@ def refuse(found: list[StreamProblem]) -> None:
 
 
 def _clock_problems(bag: Bag, topics: Topics) -> list[StreamProblem]:
-    """Return a problem if the clocks of the units differ at the beginning."""
+    """Return a problem if the clocks of the units differ at the beginning of the recording; else an empty list."""
     first: Block = {}
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG)}
     for name in _units(topics):
@@ -352,7 +359,7 @@ def _units(topics: Topics) -> list[str]:
 
 def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
     """
-    Return the recorder's clock minus that of a topic's stamps for each message of a block, shape (n,), s.
+    Return the recorder's clock minus the clock of a topic's stamps, for each message of a block, shape (n,), s.
 
     The drift of the recorder's clock relative to the IMU's clock within the block is subtracted; in a run at half speed
     the recorder's clock gains half a second per second. Offsets of different topics can then be compared although their
@@ -368,8 +375,8 @@ def _gain(block: Block, imu: str) -> float:
     """
     Return the drift of the recorder's clock relative to the IMU's clock in a block, s per s.
 
-    It is the median over pairs of messages a tenth of the block apart. Messages in bursts, or a clock that is set once
-    within the block, do not change it.
+    The drift is the median over pairs of messages a tenth of the block apart. Messages in bursts, or a clock that is
+    set once within the block, do not change the median.
     """
     log_ns, samples = block[imu]
     apart = max(1, len(log_ns) // 10)
@@ -380,7 +387,7 @@ def _gain(block: Block, imu: str) -> float:
 
 
 def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[StreamProblem]:
-    """Return a problem if the clocks of the units differ in some time bin of a block."""
+    """Return a problem if the clocks of the units differ in any time bin of a block. without: topics without times."""
     offsets: dict[str, dict[int, float]] = {}
     for name in _units(topics):
         if name not in block or topics.imu not in block:
@@ -391,7 +398,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Stream
         starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
         counts = np.diff(starts, append=len(numbers))
         found = zip(numbers[starts].tolist(), np.minimum.reduceat(offset, starts).tolist(), counts, strict=True)
-        # The message with the shortest delay in a bin shows the clock; a bin with few messages may hold only late ones.
+        # The message with the shortest delay in a bin shows the clock; the few messages of a bin may all be late.
         offsets[name] = {number: value for number, value, count in found if count >= min(_FEW, len(numbers))}
     imu = offsets.pop(topics.imu, {})
     for name, found_offsets in offsets.items():
@@ -416,10 +423,11 @@ def clock_was_set(bag: Bag, topics: Topics) -> bool:
 
 def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.int64]]]:
     """
-    Return the recorder's clock minus that of each topic, ns, at some log times; interpolate linearly between them.
+    Return, by topic, some log times and the recorder's clock minus the topic's clock at these times, ns.
 
-    The message with the shortest delay in each bin shows the difference of the clocks, so that bursts do no harm. A
-    clock that is set during the recording has one course before and another after.
+    Between these times, the difference is interpolated linearly. The message with the shortest delay in each time bin
+    shows the difference, so that bursts do no harm. If a clock is set during the recording, the difference has one
+    course before and another after.
 
     Raises
     ------
@@ -448,10 +456,11 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
 @dataclasses.dataclass
 class _Course:
     """
-    Course of a clock from one jump of its offset to the next.
+    Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next.
 
-    first_ns, last_ns: first and last log time, ns. last_offset: last offset, ns. was_set: whether the course began
-    because the clock was set, not because messages were delayed. bins: number of the time bin -> least offset, ns.
+    first_ns, last_ns : first and last log time, ns. last_offset : last offset, ns. was_set : whether the course began
+    because the clock was set, not because messages were delayed. count : number of messages. bins : least offset, ns,
+    by number of the time bin.
     """
 
     first_ns: int
@@ -483,7 +492,7 @@ class _Course:
 
 
 def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -> None:
-    """Add messages to the course of a clock; an offset that differs by more than a delay begins another course."""
+    """Add messages to the courses of a clock; a jump of the offset by more than `_APART_S` begins another course."""
     late = np.diff(offset, prepend=courses[-1].last_offset if courses else offset[0])
     logged = np.diff(log_ns, prepend=courses[-1].last_ns if courses else log_ns[0])
     jumps = np.flatnonzero(np.abs(late) > _APART_S * 1e9)
@@ -502,7 +511,7 @@ def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -
 
 
 def _without_delays(courses: list[_Course]) -> list[_Course]:
-    """Leave out courses of a few messages and courses that are only delays; join courses that agree."""
+    """Leave out courses of a few messages and courses that are only delays; join courses with nearly equal offsets."""
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
     for k, course in enumerate(courses):
@@ -520,7 +529,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
 
 
 def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
-    """Return log times and offsets, ns, of points on the courses."""
+    """Return log times and offsets, ns, of points between which the courses are interpolated."""
     at_ns, offsets = [], []
     for course in courses:
         numbers = sorted(course.bins)

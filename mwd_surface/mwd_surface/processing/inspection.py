@@ -76,7 +76,7 @@ class Inspection:
     frames : dict of str to str
         Frame that the messages of each topic name.
     units : dict of str to str
-        Units of the readings: name of the option to unit.
+        Units of the readings, by name of the option.
     mount : str
         Mount of the units in the tool, as text.
     turns_about : str
@@ -94,7 +94,7 @@ class Inspection:
     surveys : list of str
         Verdicts of the surveys that the command yields.
     refusal : str
-        Why `mwd process` refuses the recording; empty if it does not.
+        Reason why `mwd process` refuses the recording; empty if it accepts the recording.
     command : str
         Command that processes the recording; empty if `mwd process` refuses it.
     """
@@ -120,7 +120,8 @@ class _InspectionPass:
     """
     One pass over the recording: how the samples were read, and the findings.
 
-    turned : rotation vector of the string in axes of the IMU, rad.
+    turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned. turned :
+    sum of the rotation vectors in these intervals, in axes of the IMU, rad.
     """
 
     given: InputSettings
@@ -211,7 +212,11 @@ def inspect(
 
 
 def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> tuple[Topics, InputSettings, str]:
-    """Return topics and settings with which a recording can be read, and why `mwd process` still refuses it, or ""."""
+    """
+    Return the topics and settings with which a recording can be read.
+
+    The third value is the reason why `mwd process` refuses the recording even with these settings, or "".
+    """
     topics = find_topics(bag, given)
     for _ in range(_PASSES):
         found = problems(bag, topics, given, estimator.place)
@@ -224,7 +229,7 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
 
 
 def _processed(bag: Bag, reading: _InspectionPass) -> tuple[Summary | None, str]:
-    """Return the summary of `mwd process` for the recording; None and the reason if it refuses the recording."""
+    """Return the summary of `mwd process` for the recording and ""; None and the reason if the recording is refused."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     day = _day(reading, find_topics(bag, given).imu)
     settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator
@@ -256,7 +261,7 @@ def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings
 def _read(
     bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings, progress: Callable[[float], None]
 ) -> _InspectionPass:
-    """Pass all samples through the checks of the sensors."""
+    """Pass all samples through the checks of the sensors, and return the findings."""
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
     state, gate = monitor.initial(), InputGate(derivation.input_ranges(estimator))
@@ -302,7 +307,7 @@ def _read(
 
 
 def _expect(state: monitor.MonitorState, estimator: EstimatorSettings, first_ns: int) -> None:
-    """Set the expected field of the place for the checks."""
+    """Give the checks the reference gravity and magnetic field of the place."""
     reference = reference_of(estimator, first_ns)
     if reference is not None:
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
@@ -335,7 +340,7 @@ def _corrected(reading: _InspectionPass) -> tuple[InputSettings, EstimatorSettin
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
         elif fault.code == FaultCode.MOUNT and reading.turned.any():
-            # Use the turning of the whole recording in axes of the unit, which does not depend on the assumed mount.
+            # Use the rotation over the whole recording in axes of the unit: it does not depend on the assumed mount.
             changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
         changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
         if changes:
@@ -390,7 +395,7 @@ def _missing(topics: Topics, reading: _InspectionPass, mount: Mount, reason: str
 
 
 def _day(reading: _InspectionPass, imu: str) -> str:
-    """Return the date for the field model: the given one, else that of the first sample; "" if there is none."""
+    """Return the date for the field model: the given date, else that of the first sample; "" if neither is known."""
     place, first = reading.estimator.place, reading.times[imu].first_ns
     if not place.model or place.date or first < CLOCK_SET_NS:
         return place.date if place.model else ""
@@ -398,7 +403,7 @@ def _day(reading: _InspectionPass, imu: str) -> str:
 
 
 def _other_place(given: Place, recorded: Place) -> str:
-    """Return the differences between the given place and the place in the recording; empty if it has none."""
+    """Return the differences between the given place and the place in the recording; empty if none is recorded."""
     if recorded.field == "none":
         return ""
     names = [field.name for field in dataclasses.fields(given)]
@@ -407,7 +412,7 @@ def _other_place(given: Place, recorded: Place) -> str:
 
 
 def _command(bag: Bag, topics: Topics, reading: _InspectionPass, output: Path, own: EstimatorSettings) -> str:
-    """Return the command that processes the bag as it was read; own: settings that it uses without options."""
+    """Return the command that processes the bag as it was read; own: settings in force without any option."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
     for name, usual in vars(InputSettings()).items():
         if (value := getattr(reading.given, name)) != usual and name != "partial":
@@ -460,10 +465,11 @@ def reference_of(estimator: EstimatorSettings, first_ns: int) -> Reference | Non
 
 def mag_mounts(bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings) -> list[str]:
     """
-    Return the mounts of the magnetometer, of the 24 along the tool's axes, that fit gravity and the reference field.
+    Return the mounts of the magnetometer that fit gravity and the reference field.
 
-    The angle between gravity and field is the complement of the dip in every attitude: with a wrong mount it varies as
-    the tool turns, or gives another dip. Empty without a reference field.
+    All 24 mounts along the axes of the tool are tried. The angle between gravity and field is the complement of the dip
+    in every attitude: with a wrong mount the angle varies as the tool turns, or gives another dip. Empty without a
+    reference field.
     """
     mount = mount_of(bag, topics, estimator.tool.mount)
     up, field, first_ns = [], [], 0

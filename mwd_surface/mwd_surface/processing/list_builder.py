@@ -77,7 +77,7 @@ class ListBuilder:
         self.sensor_to_bit = known if given.sensor_to_bit_m is None else given.sensor_to_bit_m
         self._table = read_depths(Path(given.depths)) if given.depths else None
         self._live = recorded_list(bag, namespace, self._well) if recorded.surface is not None else RecordedList()
-        # The live depth of a survey holds unless depths are given in another way.
+        # The live depth of a survey is kept unless the options give a table, a topic of the rig or another distance.
         self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
         self.depth = DepthTrack(self._surface.depth)
         self._given_depths = given.depths
@@ -154,7 +154,7 @@ class ListBuilder:
         return survey.record(self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
-        """Apply the changes that people and the estimator made up to a log time, ns."""
+        """Apply the recorded depths set by hand, decisions of people and revisions from before a log time, ns."""
         while self._changes and until_ns is not None and self._changes[0].log_ns < until_ns:
             change = self._changes.pop(0)
             if isinstance(change, DepthByHand):

@@ -47,7 +47,7 @@ def dump(
     recorded: Recorded | None = None,
 ) -> tuple[int, int]:
     """
-    Write the memory of a tool from a recording of its sensors; return the numbers of log samples and of surveys.
+    Simulate a dump of a tool's memory from a recording of the sensors; return the numbers of log samples and surveys.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def dump(
 
 def _rotation(bag: Bag) -> Samples:
     """
-    Return the rotary speed of the tool as means of the axial gyro over 0.1 s; all other fields are NaN.
+    Return the rotary speed of the tool, rad/s, as means of the axial gyro over 0.1 s; all other values are NaN.
 
-    The rotary speed of the estimator is not used, because its filter delays it by half a second.
+    The rotary speed of the estimator is not used, because a filter delays this speed by half a second.
     """
     name = find_topics(bag, InputSettings()).imu
     imu, _ = wire.decode_messages(wire.IMU, [data for _, _, _, data in bag.messages([name])])

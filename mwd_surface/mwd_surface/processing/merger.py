@@ -45,7 +45,7 @@ class Merger:
         Folder of the copy.
     bag : Bag
     imu_topic : str
-        Topic of the IMU; the estimates get its namespace, and the log times of its messages.
+        Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner
         Thinner of attitude and gravity.
 
@@ -98,11 +98,11 @@ class Merger:
             for relative, samples in (("interference", output.interference), ("dynamics", output.dynamics)):
                 at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
-            # Log each survey with the sample that ends its interval, or with the first later one not written yet.
+            # Give each survey the log time of the first sample at or after its end, or of the last sample.
             for survey, at in zip(output.surveys, end_rows(output), strict=True):
                 self._write_survey(survey, int(log_ns[at]))
         elif output is not None:
-            # These surveys were held back until no more samples arrived.
+            # These surveys come after the last sample: give them the log time of the last message.
             for survey in output.surveys:
                 self._write_survey(survey, self._last_ns)
         if until_ns is not None:

@@ -68,7 +68,7 @@ def process(
         Calibration of the AHRS, applied to its samples first.
     wanted : OutputSettings, optional
     recorded : Recorded, optional
-        The settings in the recording, for its survey list.
+        Settings in the recording, with which its live survey list was made.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def process(
 
 
 def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> EstimatorSettings | None:
-    """Return settings with the accelerometer reversed if a fault at the end shows that its signs are wrong."""
+    """Return settings with the accelerometer reversed if a fault at the end shows wrong signs; otherwise None."""
     last = {fault.check: fault for fault in summary.faults}
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
@@ -109,7 +109,7 @@ def _processed(
     wanted: OutputSettings,
     recorded: Recorded | None,
 ) -> Summary:
-    """Process a bag once."""
+    """Process a bag with these settings and write the results to `folder`."""
     with drafts(folder) as draft:
         with destination(draft, bag, wanted, given) as (sink, merger):
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
@@ -138,7 +138,7 @@ def estimate(
     Run the estimator over a bag.
 
     sink : called with the output of each block, in order, in a separate thread. recorded : settings in the recording,
-    for its survey list.
+    with which its live survey list was made.
 
     Raises
     ------

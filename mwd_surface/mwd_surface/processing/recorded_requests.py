@@ -22,14 +22,19 @@ from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.recorded_list import EVENT_TYPE, EVENTS
 
-# A request takes effect only at samples logged at most this much earlier than its message, ns. If the stamps of a
-# recording go back, this limit finds the samples of the right pass.
+# Longest time, ns, from the log time of a sample to the log time of a request that takes effect at the sample. If the
+# stamps of a recording go back, samples from before that event have suitable stamps too; this limit excludes them.
 _LATEST_NS = 10 * NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
 class RecordedRequest:
-    """One request: stamp of the last sample before it, ns, log time of its message, ns, kind as text, and action."""
+    """
+    One request.
+
+    stamp_ns : stamp of the last sample before the request, ns. log_ns : log time of the request's message, ns. kind :
+    kind, as text. apply : action on the pipeline.
+    """
 
     stamp_ns: int
     log_ns: int
@@ -104,9 +109,9 @@ class RecordedRequests:
         self, stamps: NDArray[np.int64], log_ns: NDArray[np.int64]
     ) -> Iterator[tuple[slice, list[RecordedRequest]]]:
         """
-        Split samples, shapes (n,), ns, after the sample of each request.
+        Split samples at the requests, and yield the slice of each part with the requests that are due after the part.
 
-        Yield each part with the requests that are due after it.
+        stamps, log_ns, shape (n,) : stamps and log times of the samples, ns.
         """
         start = 0
         while self._waiting:

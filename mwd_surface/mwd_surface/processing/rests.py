@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Intervals in which a tool rests: count of those long enough for a survey, and detection of a gyro in a wrong unit.
+Count of the intervals in which a tool rests long enough for a survey, and detection of a gyro in a wrong unit.
 
-The accelerometers show intervals at rest too. The gyro may be in another unit if the accelerometers are at rest, the
-gyro shows turning or noise, gravity does not follow this turning, and no axis of the gyro has most of the noise, as the
-axis of a turning string has. If a gyro in deg/s is read in rad/s, its rate and noise are 57 times too large.
+The accelerometers alone also show intervals at rest. The gyro may be in another unit if the accelerometers are at rest,
+the gyro shows turning or noise, gravity does not follow this turning, and no axis of the gyro has most of the noise, as
+the axis of a turning string has. If a gyro in deg/s is read in rad/s, its rate and noise are 57 times too large.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_surface.processing.input_stream import StreamProblem
 
 _DEG = math.pi / 180.0
-# Least noise ratio of a gyro's quietest to noisiest axis; a turning string has most noise along its axis.
+# Least ratio of the noise of the quietest to the noisiest axis of a gyro in a wrong unit; a turning string has most of
+# the noise along its axis, so that the ratio is smaller.
 _ALIKE = 0.4
-_FEW = 3  # least number of samples in half a second, as for a survey
+_FEW = 3  # least number of samples in half a second that can be judged, as for a survey
 
 
 class Rests:
@@ -38,7 +39,7 @@ class Rests:
     longest_s : float
         Longest interval, s.
     hidden_s : float
-        Longest interval, s, at rest by the accelerometers in which the gyro would be at rest if it were in deg/s.
+        Longest interval, s, in which the accelerometers show rest, and the gyro would too if its unit were deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:
@@ -73,7 +74,7 @@ class Rests:
 
     @property
     def count(self) -> int | None:
-        """Number of intervals at rest, as described above."""
+        """Number of intervals long enough for a survey; None if most half seconds have too few samples to judge."""
         return self._count if 2 * self._sampled > self._half_seconds else None
 
     def problems(self, imu: str, gyro_unit: str) -> list[StreamProblem]:
@@ -87,7 +88,12 @@ class Rests:
         return [StreamProblem(sentence, ("gyro_unit", "deg/s"))]
 
     def _close(self, mean: Array, noise: Array, follows: bool) -> None:
-        """Judge half a second by mean and standard deviation of rate and force, shape (6,)."""
+        """
+        Judge half a second.
+
+        mean, noise, shape (6,) : mean and standard deviation of rate, rad/s, and specific force, m/s2. follows :
+        whether the half second has enough samples and directly follows the half second before.
+        """
         limit, speed = MAX_RATE * self._settings.motion, float(np.linalg.norm(mean[:3]))
         quiet = follows and bool(noise[3:].max() <= MAX_FORCE_NOISE * self._settings.motion) and math.isfinite(speed)
         steady = quiet and not bool(np.abs(mean[3:] - self._before).max() > MAX_FORCE_STEP)

@@ -56,9 +56,10 @@ class _InputFile:
 @dataclasses.dataclass(frozen=True)
 class ProcessedInput:
     """
-    Input of `mwd process` for the results in a folder, and its settings.
+    Recording and settings from which `mwd process` computed the results in a folder.
 
-    remarks : sentences about settings that this version cannot use.
+    calibrated : whether a calibration was applied to the recording. given : settings of the input. remarks : sentences
+    about settings that this version cannot use.
     """
 
     recording: Path
@@ -70,7 +71,7 @@ class ProcessedInput:
 
 def processed_input(folder: Path) -> ProcessedInput | None:
     """
-    Return the input of the results in a folder; None if the folder holds no results.
+    Return the recording and the settings of the results in a folder; None if the folder holds no results.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
 
 
 def _nested(table: dict[str, Any]) -> dict[str, Any]:
-    """Return dotted names, as ROS writes them, as nested tables."""
+    """Return a table with dotted names, as in ROS parameter files, as nested tables."""
     out: dict[str, Any] = {}
     for name, value in _dotted(table).items():
         *parents, leaf = name.split(".")

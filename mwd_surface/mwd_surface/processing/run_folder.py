@@ -23,6 +23,7 @@ GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 _COLUMNS = ("stamp_ns", *ANGLES, *GRAVITY, "status")
 _TYPES = {"stamp_ns": pa.int64(), "status": pa.string(), **dict.fromkeys((*ANGLES, *GRAVITY), pa.float64())}
 
+# Size of a row in memory, bytes: 8 for each column.
 _ROW_BYTES = 8 * len(_COLUMNS)
 
 Rows = dict[str, NDArray[Any]]
@@ -34,7 +35,7 @@ def is_run(folder: Path) -> bool:
 
 
 def attitude_file(folder: Path) -> Path | None:
-    """Return the attitude file of a run: attitude.parquet or attitude.csv; None if there is none."""
+    """Return the attitude file of a run: attitude.parquet, else attitude.csv; None if the folder has neither."""
     found = (folder / f"attitude.{ending}" for ending in ("parquet", "csv"))
     return next((path for path in found if path.is_file()), None)
 
@@ -93,7 +94,7 @@ def _batches(file: Path) -> Iterator[pa.RecordBatch]:
             budgets.RUN.check("records", about.num_rows)
             groups = range(about.num_row_groups)
             budgets.RUN.check_ratio(size, sum(about.row_group(k).total_byte_size for k in groups))
-            # Runs of equal values pack any number of rows into a few bytes: count the rows by their width in memory.
+            # Repeated equal values pack any number of rows into a few bytes: check the size of the rows in memory too.
             budgets.RUN.check_ratio(size, about.num_rows * _ROW_BYTES)
             yield from opened.iter_batches(columns=list(_COLUMNS))
         return

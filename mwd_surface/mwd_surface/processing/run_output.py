@@ -86,7 +86,7 @@ def drafts(folder: Path) -> Iterator[Path]:
 def destination(
     folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
 ) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
-    """Yield the function that writes the attitude of each block, and the merger, if any."""
+    """Yield the function that writes the attitude of each block, and the merger for the format mcap, else None."""
     thinner = Thinner(wanted.rate_hz)
     if wanted.format == "mcap":
         with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
@@ -116,7 +116,7 @@ def destination(
 
 
 def fault_text(faults: list[SensorFault]) -> str:
-    """Return faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
+    """Return faults.csv: one line each time a fault was found, narrowed down or cleared, in order of these events."""
     return cells.table(
         FAULT_COLUMNS,
         (

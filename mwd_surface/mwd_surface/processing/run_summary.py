@@ -51,7 +51,7 @@ class Summary:
     total_off, dip_off : float
         Largest deviation of total field, T, and dip, rad, from the reference in blocks with such rows.
     lowest, highest : float
-        Range of the inclination, rad; nan if there is none.
+        Range of the inclination, rad; nan if the inclination was never known.
     north, reference : str
         North of the azimuth, and source of the reference field.
     surveys : list of (DecidedSurvey, measured depth in m or nan)
@@ -110,7 +110,7 @@ class Summary:
         return (self.end_ns - self.start_ns) * 1e-9
 
     def count(self, output: Output) -> None:
-        """Add the rows of an output."""
+        """Count the rows of an output of the estimator."""
         attitude = output.attitude
         if self.rows == 0 and len(attitude):
             self.start_ns = int(attitude["stamp_ns"][0])
@@ -158,7 +158,7 @@ def pipeline_warnings(
     """
     Return the warnings after the whole recording has passed the pipeline.
 
-    samples_are : meaning of a sample as determined by a smoother (`State.samples_are`).
+    samples_are : kind of the samples according to the data, from a smoother (`BoundedState.samples_are`).
     """
     warnings = []
     if estimator.tool.accelerometer.assumed:
@@ -168,7 +168,7 @@ def pipeline_warnings(
             f"{summary.rejected} of {summary.rows} IMU samples were refused, because their times do not advance, or "
             "their values are impossible or not finite"
         )
-    # If the time went back to its beginning or before, there is no rate.
+    # There is no rate if the last stamp is not after the first, because the time went back.
     if summary.gaps > _MANY_GAPS * summary.rows and summary.seconds > 0.0:
         rate_hz = (summary.rows - 1) / summary.seconds
         warnings.append(

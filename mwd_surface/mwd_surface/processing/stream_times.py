@@ -9,16 +9,16 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array, Stamps
 
-# A gap is longer than this number of intervals, and longer than this time, s.
+# Least length of a gap: the larger of a number of intervals and a time, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
-# _RATED: number of consecutive samples whose mean interval is that of the stream, even if they arrive in bursts.
-# _BURSTS: a step above this multiple of the usual interval begins a burst; a step above this multiple of the interval
-# between bursts is a gap.
+# _RATED: number of steps in a window, whose longest step is the interval between bursts.
+# _BURSTS: the samples come in bursts if the interval between bursts is above this multiple of the median step; a step
+# above this multiple of the interval between bursts is a gap.
 _RATED, _BURSTS = 64, 3.0
 # Offset, s, and drift, s/s, of a clock from the recorder's clock above which there is a remark.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
-# A drift is reported for recordings longer than _LONG_S, s, or if it is above PACE, the share of time that only a run
-# at another speed than real time reaches.
+# A drift above PACE, s/s, shows that the run was made at another speed than real time. Smaller drifts are reported only
+# for recordings longer than _LONG_S, s.
 _LONG_S, PACE = 60.0, 0.05
 _FEW = 10  # least number of blocks for a drift
 
@@ -34,7 +34,7 @@ class StreamTimes:
     first_ns, last_ns : int
         First and last stamp; 0 before any sample.
     longest_gap_s, gap_at_s : float
-        Longest gap, and its start after the first sample, s.
+        Length of the longest gap, and time from the first sample to the beginning of this gap, s.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class StreamTimes:
         if math.isnan(self._interval_s) and (forward > 0.0).any():
             self._interval_s, self._burst_s = _intervals(forward[forward > 0.0])
         limit = max(_INTERVALS * self._interval_s, _BURSTS * self._burst_s, _SHORTEST_S)
-        # If the clock is set during the recording, the length of a gap is unknown.
+        # A clock that is set forward during the recording also counts as a gap.
         long = np.flatnonzero(steps > limit)
         self.gaps += len(long)
         if len(long) and steps[long].max() > self.longest_gap_s:
@@ -86,9 +86,9 @@ class StreamTimes:
     @property
     def drift(self) -> float:
         """
-        Rate of change of `offset_s`, s/s; nan if there are too few blocks.
+        Rate of change of `offset_s`, s/s; nan if there are too few blocks, or a recording is too short to judge.
 
-        It does not contain steps, such as those of a clock that is set during the recording.
+        Steps of the offset, for example when a clock is set during the recording, are not part of the drift.
         """
         if len(self._offsets) < _FEW:
             return math.nan
@@ -139,11 +139,11 @@ class StreamTimes:
 
 def _intervals(steps: Array) -> tuple[float, float]:
     """
-    Return the interval of a stream and the usual interval between bursts, s, from its first steps, shape (n,).
+    Return the interval between samples and the usual interval between bursts, s, from the first steps, shape (n,).
 
-    In a stream of bursts, the interval between bursts is the median of the longest step among some consecutive samples;
-    in a regular stream this median is the interval. The mean interval of a stream in bursts leaves out gaps. In a
-    regular stream the median is used, because some samples may be lost.
+    The interval between bursts is the median of the longest steps in windows of at most `_RATED` steps. If it is at
+    most `_BURSTS` times the median step, the stream is regular, and the interval is the median step, because some
+    samples may be lost. Otherwise the samples come in bursts, and the interval is the mean step, without gaps.
     """
     count = min(_RATED, len(steps))
     rows = np.lib.stride_tricks.sliding_window_view(steps, count)[:: max(count // 2, 1)]

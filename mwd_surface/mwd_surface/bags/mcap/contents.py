@@ -16,7 +16,7 @@ from mwd_surface.bags.mcap.walk import Walk
 @dataclasses.dataclass(frozen=True)
 class MessageSpan:
     """
-    A run of messages: one chunk, or messages outside of any chunk.
+    A contiguous group of messages in a file: one chunk, or messages outside of any chunk.
 
     Attributes
     ----------
@@ -43,20 +43,23 @@ class MessageSpan:
 @dataclasses.dataclass
 class Contents:
     """
-    Contents of a file.
+    Contents of an MCAP file.
 
     Attributes
     ----------
     schemas, channels, counts : dict
         By id: schemas, channels, and number of messages of each channel.
+    spans : list of MessageSpan
+        Positions and times of the messages.
     attachments, metadata : list of (int, int)
         Position and length in the file of each record of this kind.
     complete : bool
-        The file has its footer and a valid summary, or at least its data section ends properly.
+        The file has a valid summary or, if it was scanned, its data section has its end and no damage.
     scanned : bool
         The contents were found by scanning the file, not from its summary.
     checksums : bool
-        Every chunk has a checksum.
+        Every chunk has a checksum, and no message is outside of a chunk. If the contents come from the summary, only
+        the first chunk was checked.
     notes : list of str
         One sentence for each fault or anything unusual that was found.
     """
@@ -75,7 +78,11 @@ class Contents:
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """A valid chunk found while scanning; `data` is its compressed form."""
+    """
+    A valid chunk found while scanning.
+
+    data, plain : records of the chunk, compressed and decompressed. walk : positions of the records in `plain`.
+    """
 
     offset: int
     length: int
@@ -97,7 +104,7 @@ class Bare:
 
 @dataclasses.dataclass(frozen=True)
 class Other:
-    """A record of another kind; `body` is set only for headers, schemas, channels, attachments and metadata."""
+    """A record other than message or chunk; only header, schema, channel, attachment and metadata have a `body`."""
 
     opcode: int
     offset: int
@@ -107,7 +114,7 @@ class Other:
 
 @dataclasses.dataclass(frozen=True)
 class Damage:
-    """Bytes that could not be read."""
+    """Bytes `offset` to `end` of the file, which could not be read, and the reason."""
 
     offset: int
     end: int

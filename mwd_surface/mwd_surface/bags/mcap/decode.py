@@ -22,6 +22,7 @@ from mwd_surface.bags.mcap.records import (
     Statistics,
 )
 
+# Fixed first part of a chunk index, and one entry of its table: channel, position of the message index.
 _index_head, _index_entry = struct.Struct("<QQQQI"), struct.Struct("<HQ")
 
 

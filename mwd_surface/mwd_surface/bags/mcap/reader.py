@@ -56,7 +56,7 @@ _BODIES = (
     Opcode.METADATA,
 )
 _PRIVATE = 0x80  # opcodes from here on are reserved for private records
-# Exact body sizes of some records, and least body sizes of all records, bytes.
+# Exact body size of each kind of record with a fixed length, and least body size of the other kinds, bytes.
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
 _SHORTEST = {
     int(Opcode.HEADER): 8,
@@ -137,7 +137,7 @@ class McapFile:
         return data
 
     def body(self, offset: int, opcode: int) -> bytes:
-        """Return the body of the record that begins at `offset`. Raises FormatError if it has another opcode."""
+        """Return the body of the record at byte `offset`. Raises FormatError if the record has another opcode."""
         prefix = self.read(offset, PREFIX)
         if prefix[0] != opcode:
             raise FormatError(f"byte {offset}: expected a record {opcode}, found {prefix[0]}")
@@ -161,7 +161,7 @@ class McapFile:
         return decompress(head, memoryview(body)[head.data_at : head.data_at + head.compressed_size])
 
     def contents(self) -> Contents:
-        """Return the contents of the file; damage in the file is noted in them and never raises an error."""
+        """Return the contents of the file; damage is described in `Contents.notes` and never raises an error."""
         try:
             found = self._summary()
         except FormatError as error:
@@ -178,7 +178,11 @@ class McapFile:
             return False
 
     def data_checksum_matches(self, data_end: int) -> bool:
-        """Return whether the CRC in the DataEnd record at `data_end` matches all bytes before; true without a CRC."""
+        """
+        Return whether the CRC in the DataEnd record at byte `data_end` matches the bytes before the record.
+
+        True if the record has no CRC; False if the file cannot be read.
+        """
         try:
             expected = int.from_bytes(self.body(data_end, Opcode.DATA_END)[:4], "little")
             crc, at = 0, 0
@@ -233,7 +237,7 @@ class McapFile:
             walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
             if walk.end != len(plain):
                 raise FormatError(f"a chunk's records end at byte {walk.end} of {len(plain)}")
-            # Use the size in the chunk's header: the length of its record has no checksum.
+            # Use the size in the chunk's header, because the length of the chunk's record has no checksum.
             return Chunk(at, PREFIX + head.data_at + head.compressed_size, head, data, plain, walk)
         if self._has_wrong_length(at, length):
             raise FormatError("no record begins where this one ends")
@@ -254,7 +258,12 @@ class McapFile:
         return Bare(at, end, plain[:end], walk_records(np.frombuffer(plain[:end], dtype=np.uint8)))
 
     def _has_wrong_length(self, at: int, length: int) -> bool:
-        """Return whether no record follows a record of this length, but one does if one bit of the length changes."""
+        """
+        Return whether the length of the record at `at` probably has one wrong bit.
+
+        This is so if no record follows a record of this length, but a record follows after one bit of the length is
+        changed.
+        """
         after = at + PREFIX
         if self.read(at, 1)[0] == Opcode.FOOTER or self._begins_records(after + length, first=False, cut_off=False):
             return False
@@ -274,7 +283,11 @@ class McapFile:
         return any(self._begins_records(after + other) for other in likely)
 
     def _resume(self, at: int) -> int:
-        """Return where reading continues after damage at `at`: after the damaged record, else at a record found."""
+        """
+        Return the position at which reading continues after damage at `at`.
+
+        This is the end of the damaged record if another record begins there, else the next record that is found.
+        """
         try:
             after = at + PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
             if after <= self.size and self._begins_records(after, first=False, cut_off=False):
@@ -288,7 +301,7 @@ class McapFile:
         """
         Return the first position from `at` on where records follow one another.
 
-        The end of the file if there is none.
+        Return the end of the file if there is no such position.
         """
         while at + PREFIX <= self.size:
             window = np.frombuffer(self.read(at, min(_WINDOW, self.size - at)), dtype=np.uint8)
@@ -325,7 +338,7 @@ class McapFile:
                 if len(prefix) < PREFIX:
                     return cut_off and not sure
                 if not sure:
-                    # The damage may be in the length of this record instead of the one before.
+                    # The damage may be in the length of this record instead of the length of the record before.
                     length = _FIXED.get(opcode, length)
                 if length < _SHORTEST.get(opcode, 0) or length != _FIXED.get(opcode, length):
                     return False
@@ -353,7 +366,7 @@ class McapFile:
         data = self.read(start, end - start)
         if crc and zlib.crc32(foot[:25], zlib.crc32(data)) != crc:
             raise FormatError("the summary's checksum does not match")
-        # A summary has few records, and often nothing else is read: do not wait for the compiled loop.
+        # Use the plain loop: a summary has few records, and loading the compiled loop would take longer.
         walk = walk_plain(np.frombuffer(data, dtype=np.uint8))
         if walk.end != len(data):
             raise FormatError("the summary is not made of records")
@@ -388,7 +401,7 @@ class McapFile:
         try:
             budgets.MCAP.check_ratio(self.size, sum(span.size for span in found.spans))
         except BudgetError as error:
-            # An index may name one chunk many times, which exceeds the budget; scanning the file stops in time.
+            # An index may name one chunk many times, and so exceed the budget: scan the file, which stops in time.
             raise FormatError(f"the file {error}") from error
         if found.spans:
             first = self.body(found.spans[0].offset, Opcode.CHUNK)
@@ -435,7 +448,11 @@ class McapFile:
             found.notes.append(f"{self.path.name}: a record at byte {piece.offset} skipped: {error}")
 
     def _note_repeated(self, at: int, found: Contents) -> None:
-        """Restore declarations that were lost in damaged parts from the summary, which repeats all declarations."""
+        """
+        Add the schemas and channels that were lost in damaged parts.
+
+        They are read from the summary at byte `at`, which repeats all schemas and channels.
+        """
         lost = Contents()
         with contextlib.suppress(FormatError):
             while at < self.size - len(MAGIC):
@@ -476,7 +493,7 @@ class McapFile:
 
 
 def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, McapChannel]]:
-    """Return the schemas and channels inside a chunk; those that cannot be parsed are left out."""
+    """Return the schemas and channels inside a chunk, by id; records that cannot be parsed are left out."""
     schemas, channels = {}, {}
     for opcode, body in records_at(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):
         try:
@@ -487,6 +504,6 @@ def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, McapChannel
                 channel = parse_channel(body)
                 channels[channel.id] = channel
         except FormatError:
-            # The chunk passed its checksum, so it was written this way; its messages then have no topic.
+            # The checksum of the chunk matches, so the wrong record was written; its messages then have no topic.
             continue
     return schemas, channels

@@ -17,7 +17,7 @@ import numpy as np
 
 from mwd_sensors.core import budgets
 
-MAGIC = b"\x89MCAP0\r\n"
+MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a file
 
 
 class Opcode(enum.IntEnum):
@@ -40,11 +40,12 @@ class Opcode(enum.IntEnum):
     DATA_END = 15
 
 
-PREFIX = 9  # opcode, length
-MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
+# Sizes, bytes: opcode and length of a record; channel, sequence, log time and publish time of a message.
+PREFIX = 9
+MESSAGE_HEAD = 22
 MESSAGE_PREFIX = PREFIX + MESSAGE_HEAD
 FOOTER_BYTES = PREFIX + 20
-# A larger chunk is refused, so that one forged length cannot exhaust the memory of the machine.
+# Largest size of a chunk, bytes. Larger chunks are refused, so that one forged length cannot exhaust the memory.
 MAX_CHUNK_BYTES = budgets.MCAP.unpacked or 0
 COMPRESSIONS = ("", "zstd", "lz4")
 # Layout of a message record in the bulk writer; the payload follows these fields.
@@ -88,7 +89,7 @@ class McapChannel:
 
 @dataclasses.dataclass(frozen=True)
 class ChunkHead:
-    """Header of a chunk in front of its (compressed) records; `data_at` is their offset in the record's body."""
+    """Header of a chunk; `data_at` is the offset of the (compressed) records of the chunk in the chunk's body."""
 
     start_ns: int
     end_ns: int
@@ -101,7 +102,7 @@ class ChunkHead:
 
 @dataclasses.dataclass(frozen=True)
 class ChunkIndex:
-    """Positions of a chunk and its message indexes in the file."""
+    """Times, sizes and position of a chunk, and by channel the positions of its message indexes in the file."""
 
     start_ns: int
     end_ns: int
@@ -127,7 +128,7 @@ class Attachment:
 
 @dataclasses.dataclass(frozen=True)
 class Statistics:
-    """Totals in the summary."""
+    """Totals in the summary: numbers of records, time span in ns, and number of messages of each channel."""
 
     messages: int
     schemas: int

@@ -28,8 +28,10 @@ from mwd_surface.bags.mcap.recovery_report import RecoveryReport, Tally, all_not
 from mwd_surface.bags.mcap.walk import Walk
 from mwd_surface.bags.mcap.writer import McapWriter, is_being_written
 
+# Names of the metadata records in a recovered file: the contents of metadata.yaml, and the report of the recovery.
 ROSBAG2_RECORD = "rosbag2"
 RECOVERY_RECORD = "mwd_recovery"
+# Endings of the name of a damaged original that is kept, and of a file that is being written.
 KEPT = ".damaged"
 _DRAFT = ".recovering"
 _UNSIGNED = 2**64 - 1  # mask that turns an int64 back into the uint64 of a publication time
@@ -43,9 +45,9 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
     """
     Recover a file or every file of a bag.
 
-    A single file is left unchanged and its valid content is written to `output` (by default ``<name>.recovered.mcap``
-    in the same folder). In a bag's folder the recovered file takes the name of the damaged one, the original is kept
-    with `KEPT` added to its name, and metadata.yaml is rewritten.
+    A single file is left unchanged, and its valid content is written to `output` (by default ``<name>.recovered.mcap``
+    in the same folder). In a bag's folder the recovered file takes the name of the damaged file, which is kept with
+    `KEPT` added to its name, and metadata.yaml is rewritten.
 
     Raises
     ------
@@ -232,7 +234,7 @@ def _copy_other(piece: Other, writer: McapWriter) -> None:
             if name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
                 writer.add_metadata(name, values)
     except FormatError:
-        # The record itself is damaged. Messages matter more, and the scan has counted the lost bytes.
+        # Leave out a table that cannot be parsed; it is not counted as damage. (The scan finds damaged attachments.)
         return
 
 

@@ -77,7 +77,7 @@ class RecoveryReport:
 
 
 def check(path: Path) -> RecoveryReport:
-    """Read a whole file and compare its checksums, positions and counts. Raises OSError only."""
+    """Read a whole file, compare its checksums, positions and counts, and report the faults. Raises OSError only."""
     try:
         file = McapFile(path)
     except FormatError as error:
@@ -107,7 +107,7 @@ def check(path: Path) -> RecoveryReport:
 
 @dataclasses.dataclass
 class Tally:
-    """Counts over the pieces of a scan."""
+    """Counts of messages, chunks and damages over the pieces of a scan."""
 
     contents: Contents
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
@@ -145,7 +145,7 @@ class Tally:
                 ]
 
     def report(self, source: Path) -> RecoveryReport:
-        """Return the counts as a report."""
+        """Return the counts as a report on the file `source`."""
         topics: dict[str, int] = {}
         for number, count in self.counts.items():
             name = self.contents.channels[number].topic
@@ -165,6 +165,6 @@ class Tally:
 
 
 def all_notes(contents: Contents, met: Sequence[str]) -> list[str]:
-    """Return the notes of the contents and of the scan."""
-    # Contents that come from a scan have noted the same damage already.
+    """Return the notes of the contents and the notes `met` during a scan, without repetitions."""
+    # If the contents come from a scan, their notes describe the same damage already.
     return list(contents.notes) if contents.scanned else [*contents.notes, *met]

@@ -44,7 +44,7 @@ class Walk:
     impossible: int = 0
 
     def at(self, chosen: NDArray[np.bool_]) -> Walk:
-        """Return a walk with the chosen messages, shape (n,)."""
+        """Return the walk with only the messages for which `chosen`, shape (n,), is true."""
         return dataclasses.replace(
             self,
             offset=self.offset[chosen],
@@ -64,7 +64,7 @@ def _number(data: Any, at: int) -> int:
 
 
 @compiled
-def _walk(  # one flat loop on purpose: it runs once per message of a bag
+def _walk(  # a single flat loop for speed: its body runs for every message of a bag
     data: Any, offset: Any, size: Any, channel: Any, log_ns: Any, publish_ns: Any, others: Any
 ) -> tuple[int, int, int]:
     at, count, other = 0, 0, 0
@@ -114,7 +114,7 @@ def walk_records(data: Bytes) -> Walk:
     """
     Find the records in a byte array, shape (n,), uint8.
 
-    The walk stops at the first record that does not fit and never raises an error.
+    The walk stops at the first record that does not fit into the array, and never raises an error.
     """
     n, m = _count(data)
     offset, size, log_ns, publish_ns = (np.empty(n, dtype=np.int64) for _ in range(4))
@@ -125,7 +125,7 @@ def walk_records(data: Bytes) -> Walk:
 
 
 def _possible(walk: Walk) -> Walk:
-    """Leave out messages with impossible times: one flipped bit must not lose the other messages."""
+    """Leave out and count messages with an impossible log time: one flipped bit must not lose the other messages."""
     possible = walk.log_ns >= 0
     if possible.all():
         return walk

@@ -75,7 +75,7 @@ class McapWriter:
         self.channels: dict[int, McapChannel] = {}
         self._compress = Compressor(compression, level)
         self._schemas: dict[int, Schema] = {}
-        # Encoded as in the summary, because an hour of a fast recording has tens of thousands of chunks.
+        # Kept in encoded form, as in the summary, because an hour of a fast recording has tens of thousands of chunks.
         self._chunk_index: list[bytes] = []
         self._written_ns: tuple[int, int] | None = None
         self._attachment_index: list[bytes] = []
@@ -108,7 +108,11 @@ class McapWriter:
         self._schemas[schema.id] = schema
 
     def add_channel(self, channel: McapChannel) -> None:
-        """Write the declaration of a topic; its id must be new, and its schema written before (0: no schema)."""
+        """
+        Write the declaration of a topic.
+
+        The id must be new. The schema must have been written before; schema_id 0 means that there is no schema.
+        """
         record = channel_record(channel)
         self._append(record)
         self._declarations += record
@@ -230,7 +234,7 @@ class McapWriter:
             self._count(channel, len(entries), int(entries["log_ns"].min()), int(entries["log_ns"].max()))
 
     def attach(self, item: Attachment) -> None:
-        """Store a file inside this one; the current chunk is closed first."""
+        """Store a file inside the recording; the current chunk is closed first."""
         self.close_chunk()
         data, offset = attachment_record(item), self.size
         self._append(data)
@@ -248,7 +252,7 @@ class McapWriter:
         os.fdatasync(self._file)
 
     def finish(self, sync: bool = False) -> None:
-        """Write the current chunk, the summary and the footer, and close the file."""
+        """Write the current chunk, the summary and the footer, force them to the disk if `sync`, and close the file."""
         self.close_chunk()
         data_end = packed_record(Opcode.DATA_END, self._crc.to_bytes(4, "little"))
         self._append(data_end + packed_summary(self._groups(), self.size + len(data_end)))
@@ -454,7 +458,7 @@ def metadata_record(name: str, values: Mapping[str, str]) -> bytes:
 
 
 def metadata_index_record(name: str, offset: int, length: int) -> bytes:
-    """Return the summary record that points to a table."""
+    """Return the summary record that points to a named table."""
     return packed_record(Opcode.METADATA_INDEX, struct.pack("<QQ", offset, length) + packed_text(name))
 
 

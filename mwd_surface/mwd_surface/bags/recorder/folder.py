@@ -35,7 +35,7 @@ def locked(folder: Path) -> FolderLock:
 
 def recording_path(folder: Path, name: str, prefix: str) -> Path:
     """
-    Return the path of a new recording, named `name`, or by prefix and time of day if `name` is empty.
+    Return the path of a new recording, named `name` or, if `name` is empty, by prefix, date and time (UTC).
 
     A name in use gets the suffix _2, _3 and so on: a node restarted after a crash records again and overwrites nothing.
 
@@ -52,6 +52,6 @@ def recording_path(folder: Path, name: str, prefix: str) -> Path:
 
 
 def recordings_named(folder: Path, name: str) -> list[Path]:
-    """Return the recordings of a folder that were given this name, in order: `name`, `name`_2 and so on."""
+    """Return the recordings in a folder that `recording_path` named `name`, `name`_2 and so on, oldest first."""
     paths = (folder / name if k == 1 else folder / f"{name}_{k}" for k in itertools.count(1))
     return list(itertools.takewhile(Path.exists, paths))

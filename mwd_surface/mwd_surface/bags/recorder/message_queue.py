@@ -15,7 +15,11 @@ _BATCH = 1000  # largest number of entries in a batch
 
 
 class QueuedMessage(NamedTuple):
-    """A message: log and publish time in ns since the epoch, offered profiles as YAML, RIHS01 hash of the type."""
+    """
+    A received message that waits to be written.
+
+    log_ns, publish_ns : ns since the epoch. qos : offered profiles as YAML. type_hash : RIHS01 hash of the type.
+    """
 
     topic: str
     type_name: str
@@ -33,7 +37,7 @@ class QueuedMessage(NamedTuple):
 
 @dataclasses.dataclass
 class WriterCommand:
-    """A request that the writer thread carries out when its turn among the messages comes."""
+    """A request that the writer thread carries out after all messages that were queued before the request."""
 
     run: Callable[[], Any]
     answer: concurrent.futures.Future[Any] = dataclasses.field(default_factory=concurrent.futures.Future)
@@ -66,7 +70,7 @@ class MessageQueue:
         return len(self._items)
 
     def put(self, item: QueuedMessage) -> bool:
-        """Accept a message; if it does not fit, count it as refused and return False."""
+        """Accept a message and return True; if the queue is full, count the message as refused and return False."""
         with self._lock:
             if self.waiting_bytes + item.size > self.limit:
                 self.refused += 1
@@ -79,14 +83,14 @@ class MessageQueue:
         return True
 
     def command(self, run: Callable[[], Any]) -> concurrent.futures.Future[Any]:
-        """Accept a command and return its future answer."""
+        """Accept a command and return the future that will hold its answer."""
         command = WriterCommand(run)
         with self._lock:
             self._items.append(command)
         return command.answer
 
     def batch(self) -> list[QueuedMessage | WriterCommand]:
-        """Return the next entries, at most a thousand; empty if none waits."""
+        """Remove and return the next entries, at most a thousand."""
         taken: list[QueuedMessage | WriterCommand] = []
         with self._lock:
             while self._items and len(taken) < _BATCH:

@@ -43,7 +43,7 @@ class Recorder:
         Created if missing; one recorder at a time may use it.
     settings : RecorderSettings
     definitions : Definitions, optional
-        Source of schema texts; by default this installation.
+        Source of schema texts; by default the definitions of this installation.
     tables : callable, optional
         Returns named tables of strings (versions, parameters) that are put into every file as metadata.
     event_topic : str
@@ -103,7 +103,7 @@ class Recorder:
         self._thread.start()
         self._recovery = RecoveryThread(earlier, lambda: not self._closing, self._report_later)
 
-    # For the caller's thread
+    # Methods for the thread of the caller.
 
     def put(
         self,
@@ -129,8 +129,8 @@ class Recorder:
         qos, type_hash : str
             Offered profiles as YAML and RIHS01 hash; used when the topic is first seen.
 
-        Returns False if the message was not accepted: nothing is being recorded, or the queue is full (then it is
-        counted).
+        Returns False if the message was not accepted: nothing is being recorded, or the queue is full. A message that
+        does not fit into the queue is counted.
         """
         if not self._taking:
             return False
@@ -143,8 +143,8 @@ class Recorder:
         """
         Begin a recording and return its folder.
 
-        name : name of the new folder in `folder`, numbered if it is in use; by default the time of day. custom :
-        ``custom_data`` of metadata.yaml.
+        name : name of the new folder in `folder`, numbered if it is in use; by default from date and time (UTC).
+        custom : ``custom_data`` of metadata.yaml.
 
         Raises
         ------
@@ -156,23 +156,25 @@ class Recorder:
 
     def stop(self, timeout_s: float = 3.0) -> Path:
         """
-        End the recording after everything accepted before, and return its folder.
+        Write the messages accepted so far, end the recording, and return its folder.
+
+        Messages that are not written after 0.7 `timeout_s` are dropped and counted.
 
         Raises
         ------
         RecorderError
-            No recording is running, or the disk did not finish in time (it continues in the background).
+            No recording is running, or writing did not end within `timeout_s` (it then continues in the background).
         """
         self._deadline = time.monotonic() + 0.7 * timeout_s
         return Path(self._command(self._stop, timeout_s))
 
     def split(self, timeout_s: float = 3.0) -> Path:
-        """Continue in a new file and return the finished one. Raises RecorderError as `stop` does."""
+        """Continue in a new file and return the finished file. Raises RecorderError like `stop`, and during a pause."""
         return Path(self._command(self._split_asked, timeout_s))
 
     def snapshot(self, name: str = "", timeout_s: float = 10.0) -> Path:
         """
-        Write the last seconds, which are kept in memory, into a separate bag; return its folder.
+        Write the messages of the last `snapshot_seconds`, kept in memory, into a separate bag; return its folder.
 
         Raises
         ------
@@ -213,7 +215,7 @@ class Recorder:
     def take_events(self) -> list[RecorderEvent]:
         """Return the events since the last call, oldest first, at most the last 1000; never waits."""
         taken = []
-        # Another thread appends at the same time; removing events one by one is safe against that.
+        # Remove the events one by one, because another thread may append events at the same time.
         while self._untaken:
             taken.append(self._untaken.popleft())
         return taken
@@ -222,8 +224,8 @@ class Recorder:
         """
         End the recording and the threads; return whether all was finished in time.
 
-        If a slow disk does not accept the queue within that time, the queue is dropped and counted. The file is then
-        still completed if the disk responds, else the next start recovers it.
+        If a slow disk has not accepted the queue after 0.7 `timeout_s`, the rest of the queue is dropped and counted.
+        The file is then still completed if the disk responds; otherwise the next start recovers the file.
         """
         if not self._thread.is_alive():
             return True
@@ -256,10 +258,10 @@ class Recorder:
         except OSError as error:
             raise RecorderError(words_of(error, self.folder)) from error
 
-    # For the writer thread
+    # Methods that run in the writer thread.
 
     def _run(self) -> None:
-        # At most a tenth of a second is added to the age of unsaved data by waiting.
+        # Waiting adds at most 0.1 s to the age of unsaved data.
         pause = min(0.1, self.settings.chunk_seconds / 2)
         while True:
             if not self._queue:
@@ -401,7 +403,7 @@ class Recorder:
         self._untaken.append(event)
 
     def _report_later(self, level: EventLevel, text: str) -> None:
-        # Only the writer thread writes events.
+        # Pass the event to the writer thread, because only this thread may write events.
         self._queue.command(lambda: self._report(level, text))
 
 

@@ -25,6 +25,7 @@ from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import EventLevel, RecorderEvent, RecorderState
 
 EVENT_TYPE = "rcl_interfaces/msg/Log"
+# Errors of a full disk, of an exhausted quota, and of a file above the largest size of the file system.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LOOK = 0.5  # time between checks of the free disk space, s
 _LOOK_BYTES = 8 * 1024 * 1024  # number of written bytes after which the free disk space is checked earlier
@@ -211,7 +212,7 @@ class Session:
         return channel
 
     def _by_time(self) -> None:
-        """Write the current chunk if it is old enough."""
+        """Write the current chunk if its first message has waited for `chunk_seconds`."""
         if self._chunk_began is not None and time.monotonic() - self._chunk_began >= self._settings.chunk_seconds:
             self.writer.file.close_chunk()
             self._chunk_began = None
@@ -262,7 +263,7 @@ class Session:
         self.state, self.reason = state, reason
 
     def disk_failed(self, error: OSError) -> None:
-        """Pause, and complete the file as far as the disk allows."""
+        """Pause the recording, and complete the file as far as the disk allows."""
         full = error.errno in _FULL
         reason = self._words(error)
         self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
@@ -285,7 +286,7 @@ class Session:
         )
 
     def split(self) -> Path:
-        """Continue in a new file; return the finished one."""
+        """Continue in a new file; return the finished file."""
         done = self.writer.file.path
         self._new_file()
         return done
@@ -358,7 +359,7 @@ class Session:
 
 
 def words_of(error: OSError, folder: Path) -> str:
-    """Return a text on the disk's error, with its path."""
+    """Return a text with the path and the reason of an error of the disk."""
     return f"{error.filename or folder}: {error.strerror or error}"
 
 
