@@ -27,6 +27,7 @@ from mwd_surface.bags.mcap.decode import (
     parse_channel,
     parse_chunk_head,
     parse_chunk_index,
+    parse_metadata,
     parse_schema,
     parse_statistics,
 )
@@ -244,6 +245,8 @@ class McapFile:
         body = self.read(at + PREFIX, length) if opcode in _BODIES else b""
         if opcode == Opcode.ATTACHMENT:
             parse_attachment(body)
+        elif opcode == Opcode.METADATA:
+            parse_metadata(body)
         return Other(opcode, at, total, body)
 
     def _bare(self, at: int, first: int) -> Bare:

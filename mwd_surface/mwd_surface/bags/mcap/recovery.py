@@ -226,16 +226,12 @@ def _copy_messages(piece: Chunk | Bare, channels: Mapping[int, McapChannel], wri
 
 
 def _copy_other(piece: Other, writer: McapWriter) -> None:
-    try:
-        if piece.opcode == Opcode.ATTACHMENT:
-            writer.attach(parse_attachment(piece.body))
-        elif piece.opcode == Opcode.METADATA:
-            name, values = parse_metadata(piece.body)
-            if name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
-                writer.add_metadata(name, values)
-    except FormatError:
-        # Leave out a table that cannot be parsed; it is not counted as damage. (The scan finds damaged attachments.)
-        return
+    if piece.opcode == Opcode.ATTACHMENT:
+        writer.attach(parse_attachment(piece.body))
+    elif piece.opcode == Opcode.METADATA:
+        name, values = parse_metadata(piece.body)
+        if name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
+            writer.add_metadata(name, values)
 
 
 def _entries(walk: Walk, number: int) -> NDArray[np.void]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import struct
 import tracemalloc
 from pathlib import Path
 
@@ -127,6 +128,25 @@ def test_a_killed_recording_becomes_a_whole_bag_with_the_original_beside_it(tmp_
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
         statistics = make_reader(file, validate_crcs=True).get_summary().statistics
         assert (statistics.message_count, statistics.attachment_count) == (written, 1)
+
+
+def test_a_table_that_cannot_be_read_is_a_damage_and_costs_only_itself(tmp_path):
+    writer = record(tmp_path / "bag")
+    writer.file.add_metadata("well", {"name": "F-4"})
+    writer.close()
+    path = tmp_path / "bag" / "bag_0.mcap"
+    data = path.read_bytes()
+    table = b"\4\0\0\0well" + struct.pack("<I", 15)
+    assert data.count(table) == 1
+    path.write_bytes(data.replace(table, table[:-4] + struct.pack("<I", 16)))
+    assert not recovery.check(path).sound
+    before = messages(path)
+    (report,) = recovery.recover_bag(tmp_path / "bag")
+    assert report.damages == 1
+    assert messages(path) == before
+    with Bag(tmp_path / "bag") as bag:
+        assert "well" not in bag.metadata()
+        assert [item.data for item in bag.attachments()] == [b"a: 1"]
 
 
 def test_only_the_last_file_of_a_split_recording_is_touched_and_none_is_lost(tmp_path):
