@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks whether this machine has all that the ROS graph needs, with instructions for the rest: one result per check.
+Checks of this machine for everything that the ROS graph needs: one result per check, with the remedy for a problem.
 
 The checks change nothing and start no node.
 """
