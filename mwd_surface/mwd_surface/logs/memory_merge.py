@@ -192,7 +192,7 @@ def _covered(intervals: list[_Ends]) -> _Covered:
 
 
 def _uncovered(whole: _Ends, begins: list[int], ends: list[int]) -> list[_Ends]:
-    """Return the parts of an interval, ns, that a union of intervals does not cover; its length may be zero."""
+    """Return the parts of an interval, ns, that a union of intervals does not cover; whole: may have the length 0."""
     begin, last = whole
     first = bisect.bisect_left(ends, begin)
     if begin == last:
