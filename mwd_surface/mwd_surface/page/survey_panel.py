@@ -93,7 +93,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
 
 
 def _other_value(survey: Survey | None, north: North) -> dict[str, Any] | None:
-    """Return azimuth, sigma and verdict of a value of a survey that is not in force; None without such a value."""
+    """Return azimuth, its sigma and the verdict of a replaced or proposed revision of a survey; None without one."""
     if survey is None:
         return None
     return {
