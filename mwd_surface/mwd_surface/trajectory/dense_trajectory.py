@@ -94,7 +94,7 @@ def dense_trajectory(
     continuous : Continuous, optional
         Continuous measurements, preferred to the slide sheet in an interval that they cover. The azimuth may be from
         any north, and the angles may have an error that is constant from one station to the next.
-    stretches : sequence of Stretch
+    stretches : sequence of DrilledStretch
         Slide sheet: the dogleg of an interval is placed where the string slid. An interval without slides, or with too
         little information, remains an arc.
     step : float
@@ -188,7 +188,7 @@ class _Interval:
         """
         Return inclination and azimuth at the points, rad, with the dogleg where the string slid.
 
-        Return None if the slide sheet does not cover the interval, or if no hole was slid.
+        Return None if the slide sheet covers too little of the interval, or if too little hole was slid.
         """
         overlaps = [
             (max(s.from_depth, self._low), min(s.to_depth, self._high), s.mode)
