@@ -114,9 +114,9 @@ def azimuth_error(axial: float, inclination: float, azimuth: float, horizontal: 
 
 def largest_interference(limit: float, inclination: float, azimuth: float, horizontal: float) -> float:
     """
-    Return the axial field, T, of which one sign causes an azimuth error equal to a limit, rad.
+    Return the largest axial field, T, whose azimuth error stays within a limit, rad, for both signs of the field.
 
-    Return inf if no axial field exceeds the limit. Other arguments as in `azimuth_error`.
+    Return inf if no axial field causes a larger azimuth error. Other arguments as in `azimuth_error`.
     """
 
     def worst(axial: float) -> float:

@@ -167,7 +167,7 @@ def error_terms(
     ----------
     stations : tuple of ndarray, shape (n,) each
         Measured depth, m, inclination and azimuth from true north, rad.
-    tools : sequence of Tool or None, length n
+    tools : sequence of ErrorTool or None, length n
         Tool that measured each station; None for a station that is taken as given (a tie-on).
     reference : ErrorReference
     first_tvd : float

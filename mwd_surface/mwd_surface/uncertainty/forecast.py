@@ -2,11 +2,11 @@
 """
 Forecast of surveys along a plan: their sigmas, the limits of quality control, and the share that will be accepted.
 
-Sigmas are those of the tool code at each attitude. For the single-station correction of axial interference they are
-those of the sibling code with this correction (+AX). The corrected azimuth has no accuracy where the hole is nearly
-horizontal east-west, because the field across the tool then hardly depends on the azimuth. Limits are those of the tool
-code. For the share of accepted surveys, single stations are drawn from the errors of a healthy tool and judged by the
-rules of the estimator.
+Sigmas are those of the tool code at each attitude. The sigmas after the single-station correction of axial interference
+are those of the code with the same field model and with this correction (+AX), here called sibling. The corrected
+azimuth has no accuracy where the hole is nearly horizontal east-west, because the field across the tool then hardly
+depends on the azimuth. Limits are those of the tool code. For the share of accepted surveys, single stations are drawn
+from the errors of a healthy tool and judged by the rules of the estimator.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _LOG2_DRAWS = 5
 _APART = math.radians(5.0)
 _VERTICAL = math.radians(1.0)  # inclination below which the azimuth has no sigma, rad
 _STEP = 30.0  # distance between surveys, m
-# A correction that multiplies the azimuth's sigma by more than this is not useful.
+# Largest ratio of the azimuth's sigmas with and without correction for which the correction is useful.
 _MUCH = 1.5
 
 
@@ -59,7 +59,7 @@ class Forecast:
     sigma_inclination, sigma_azimuth : ndarray, shape (n,)
         1 sigma of inclination and azimuth by the tool code, rad; for the azimuth NaN within 1 deg of the vertical.
     sigma_corrected : ndarray, shape (n,)
-        1 sigma of the azimuth after single-station correction, rad; NaN if the code has no sibling with correction.
+        1 sigma of the azimuth after single-station correction, rad; NaN if `corrected_sibling` finds no code.
     limits : ndarray, shape (n, 3)
         Limits on the deviations of total gravity, total field and dip: m/s^2, T, rad; NaN for codes without these
         sensors.
@@ -141,7 +141,7 @@ def correction_map(
 
     points: number of azimuth steps, and number of inclinations. Return true azimuths, shape (m,), inclinations, shape
     (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`; also raise ValueError
-    for a code without a sibling with axial correction.
+    if `corrected_sibling` finds no code.
     """
     sibling = corrected_sibling(code)
     if not sibling:
