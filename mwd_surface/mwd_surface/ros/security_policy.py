@@ -14,7 +14,7 @@ from pathlib import Path
 import yaml
 
 Table = dict[str, dict[str, list[str]]]
-"""Names of topics, services and actions by node and kind of `KINDS`; relative to the well, or absolute outside it."""
+"""Names of topics, services and actions by node and key of `KINDS`; a relative name is in the namespace of the well."""
 
 # Element, attribute and inner element of the policy file for each kind of access.
 KINDS = {
