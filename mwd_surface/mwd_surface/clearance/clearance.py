@@ -38,7 +38,7 @@ _DOGLEG_LENGTH = 10.0
 # Variance added to every position, (10 um)^2 in m^2: the position of a first station may be exact, and rounding could
 # make its variance negative.
 _ROUNDING = 1e-10
-# Two wells that are closer than this at the same measured depth are the same hole, m.
+# Distance at the same measured depth below which two wells count as the same hole, m.
 _SAME_HOLE = 0.05
 
 
