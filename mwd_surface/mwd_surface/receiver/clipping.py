@@ -2,12 +2,12 @@
 """
 Samples at a limit of the gauge or its converter, replaced by the most probable pressure beyond the limit.
 
-A clipped sample is a bound: the pressure was at the limit or beyond it. The samples of some seconds follow an
-autoregressive model, and the clipped ones are those that make these seconds most probable without crossing the bound
-back (J. Tobin, Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986) 317,
-for the interpolation). Model and samples are estimated in turn. A limit is a value that occurs often and is hardly ever
-exceeded. The spans of the signal are times; the spans that the model needs to be estimated are numbers of samples. A
-gap in the times separates models.
+A clipped sample is a bound: the pressure was at the limit or beyond it. The samples of some seconds are modelled as an
+autoregressive process. The clipped samples get the values, at or beyond the limit, that make these seconds most
+probable (J. Tobin, Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986)
+317, for the interpolation). Model and samples are estimated in turn. A limit is a value that occurs often and is hardly
+ever exceeded. Lengths that belong to the signal are in s; lengths that belong to the estimate of the model are numbers
+of samples. After a gap in the times a new model begins.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Declipper:
         return self._released(True)
 
     def _released(self, finished: bool) -> tuple[Array, Array]:
-        """Return the complete part: samples before a clipped one, and blocks that begin with a clipped one."""
+        """Return the complete samples: those before a clipped sample, and whole blocks from a clipped sample on."""
         time, value, sides = self._open
         count, done = len(time), value.copy() if sides.any() else value
         gaps = np.append(np.flatnonzero(np.diff(time, prepend=self._last_s) > _GAP * self._spacing), count)
@@ -183,7 +183,7 @@ def unclipped(value: Array, sides: Array, order: int) -> Array:
 
 
 def _short(sides: Array, longest: int) -> Array:
-    """Return the sides without those of runs longer than a number of samples."""
+    """Return the sides, with 0 for the samples of runs longer than `longest` samples."""
     ends = np.flatnonzero(np.diff(sides)) + 1
     out = sides.copy()
     for run in np.split(np.arange(len(sides)), ends):
@@ -194,9 +194,10 @@ def _short(sides: Array, longest: int) -> Array:
 
 def _most_probable(out: Array, value: Array, sides: Array, at: Indices, lags: Array) -> Array:
     """
-    Return the samples at some places that make the prediction errors smallest within their bounds.
+    Return the most probable samples at the places `at`: with the smallest prediction errors and within their bounds.
 
-    out: all samples; value: the limits at those places; lags: autocorrelation of the prediction error filter.
+    out: present estimate of all samples; value: all samples as measured, so that those at `at` are the bounds; lags:
+    autocorrelation of the prediction error filter.
     """
     free = np.ones(at.size, dtype=bool)
     best: Array = value[at].copy()

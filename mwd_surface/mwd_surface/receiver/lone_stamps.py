@@ -17,7 +17,7 @@ STEP_S = 5.0
 """Largest step of time, forward or back, that needs no confirmation, s."""
 LONGEST_GAP_S = 3600.0
 """Longest gap over which a clock is believed to run on, s: no synchronisation with the tool lasts that long."""
-_MOST = 1e-3  # largest share of lone stamps; more of them are two interleaved clocks
+_MOST = 1e-3  # largest share of lone stamps; a larger share means two interleaved clocks
 
 
 def lone(times: Array) -> NDArray[np.bool_]:
@@ -42,7 +42,7 @@ def lone(times: Array) -> NDArray[np.bool_]:
 
 
 class SteadyTimes:
-    """Times of samples that arrive: drops lone wrong stamps, and lets the time run on where a clock was set."""
+    """Filter for the times of arriving samples: it drops lone wrong stamps, and runs on where a clock was set."""
 
     def __init__(self) -> None:
         self._last = -np.inf

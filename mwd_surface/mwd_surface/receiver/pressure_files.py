@@ -20,11 +20,12 @@ from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_surface.receiver.lone_stamps import lone
 
 _RECORDINGS = (".mcap", ".db3", ".bag", ".zstd", ".lz4")
-# WAV samples are fractions of full scale; this full-scale pressure keeps them far above any rounding.
+# Pressure of a WAV sample at full scale, Pa. WAV samples are fractions of full scale; with this value they are far
+# above any rounding.
 _WAV_FULL_SCALE = 1.0e7
-# Longest pause of a recording; a longer one means that the clock was set.
+# Longest pause of a recording, s; a longer pause means that the clock was set.
 _LONGEST_GAP_S = 86400.0
-# Longest usual time between samples. A gauge for pulses samples at least ten times per second.
+# Longest usual time between samples, s. A gauge for pulses samples at least ten times per second.
 _SLOWEST_S = 10.0
 # A recording longer than a day that consists mostly of pauses is refused: each pause would be filled with samples.
 _GAP_S, _MOST_GAPS = 60.0, 0.9
@@ -239,7 +240,7 @@ def _clipped(values: Array) -> list[str]:
     """
     Return notes on a highest or lowest value that the pressure reaches again and again, as a clipping converter does.
 
-    The lowest value near zero is that of pumps that are off.
+    A lowest value near zero is not reported: it is the pressure while the pumps are off.
     """
     notes = []
     size = float(np.max(np.abs(values), initial=0.0))
@@ -263,7 +264,7 @@ def _frozen(time: Array, values: Array) -> list[str]:
     held = time[ends] - time[begins]
     usual = float(np.percentile(held, 99))
     held_at = values[begins]
-    # At the highest value it may clip, and near zero the pumps are off.
+    # At its highest or lowest value the gauge may clip, and near zero the pumps are off.
     moving = (held_at < values.max()) & (held_at > values.min()) & (np.abs(held_at) > _OFF * np.max(np.abs(values)))
     stuck = (held > max(_FROZEN_S, 10.0 * usual)) & moving
     if not stuck.any():

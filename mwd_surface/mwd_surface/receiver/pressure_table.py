@@ -32,7 +32,7 @@ from mwd_surface.receiver import json_columns, table_times
 
 _TITLES = 100  # lines of titles above the names
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
-_FULL_SCALE = 1.0e7  # Pa of a gauge whose range is not known: 20 mA, or 1 in a WAV
+_FULL_SCALE = 1.0e7  # pressure at 20 mA of a gauge whose range is not known, Pa
 # A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR).
 _LIVE_ZERO, _SPAN, _BROKEN = 4e-3, 16e-3, 3.6e-3
 PRESSURES = {
@@ -72,7 +72,7 @@ _ELSEWHERE = re.compile(
 )
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
-_BAD_QUALITY = 64  # a quality below it is bad, by the numbers of OPC and in percent
+_BAD_QUALITY = 64  # least quality of a good sample, for OPC quality numbers and for percent
 _GOOD_QUALITIES = {192.0, 216.0, 100.0}
 # Columns of a table with a row for each value of each tag.
 _TAG = re.compile(
@@ -271,7 +271,7 @@ def untagged(row: Mapping[str, str]) -> dict[str, str]:
 
 
 class _TableFile:
-    """A table whose head is known: where its rows begin, how its cells are separated, and its columns."""
+    """File with a table, after its first lines were read: first row, separator of the cells, and columns."""
 
     def __init__(self, path: Path, columns: Mapping[str, str]) -> None:
         size = check_regular(path, budgets.PRESSURE)
@@ -467,7 +467,11 @@ class _TableFile:
         return cells if self._kept is None else [one.filter(self._kept) for one in cells]
 
     def is_cut(self, column: _Column) -> bool:
-        """Return whether the last line of a text lacks its end: no line end, and a shorter cell than all first rows."""
+        """
+        Return whether the last line of a text file is cut off.
+
+        The line is cut off if it has no line end, and its cell in the column is shorter than those in the first rows.
+        """
         if self._whole or self._las or self._json or self._kept is not None:
             return False
         with self.path.open("rb") as file:
@@ -481,7 +485,7 @@ class _TableFile:
         return len(cells[column.number].strip(' "')) < min(usual, default=0)
 
     def _all_cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns as `cells`, but of all rows, even if a tag is selected."""
+        """Return the cells of columns, as `cells`, in all rows, even if only the rows of one tag are selected."""
         import pyarrow as pa
 
         numbers = [one.number for one in wanted]
@@ -629,7 +633,7 @@ class _TableFile:
                 text = pc.binary_join_element_wise(date, text, " ")
         elif ":" not in self._first(column):
             numbers, notes = self.numbers(text, column)
-            # A word here and there is a missing sample.
+            # If most cells are numbers, a cell with a word is a missing sample.
             if np.isfinite(numbers).sum() * 2 > len(numbers):
                 return self._of_numbers(numbers, column), f"{column.name} of the file", notes
         if text is None:
@@ -688,7 +692,7 @@ def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) 
     seen = [decimal_mark(one[0]) for cell in others if (one := split(cell)) is not None]
     if any(seen):
         return max(",.", key=seen.count)
-    # Largest pressure if the mark separates thousands: a thousand times that with a decimal mark.
+    # Largest pressure if the mark separates thousands.
     size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * PRESSURES.get(unit, 1.0)
     if size > _HIGHEST:
         return "," if "," in grouped else "."

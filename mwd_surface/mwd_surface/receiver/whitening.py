@@ -18,7 +18,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 _LOCAL = 12  # samples on either side over which the noise power is averaged
-_ROUNDS = 3
+_ROUNDS = 3  # number of iterations over noise model and weights
 # Variances of the disturbance states: each 8 times the one before, up to the variance of starting pumps.
 _STATES, _LARGEST, _SQRT_8 = 6, 8.0**5, math.sqrt(8.0)
 # Transition rates per sample: a disturbance begins every five minutes with pulses of 0.5 s. In whitened pressure it
@@ -54,8 +54,8 @@ def prediction_error_filter(
     kept : float
         Share of the previous sample that is subtracted. Below 1 the noise must have zero mean.
     unsure : ndarray, shape (order + 2,), optional
-        Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it belongs to
-        the expected noise.
+        Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it is added to
+        the autocorrelation of the noise.
 
     Returns
     -------

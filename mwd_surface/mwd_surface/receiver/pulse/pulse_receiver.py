@@ -29,8 +29,8 @@ _BEFORE_S, _AFTER_S = 5.0, 15.0
 # Data before a hop for the noise model: at most the time between flow-on and sync. Its coefficients need many samples,
 # but data of starting pumps would spoil them.
 _NOISE_TU, _NOISE_S = 50, 40.0
-_SETTLED_S = 5.0
-_KEPT_TU = 500
+_SETTLED_S = 5.0  # time after flow-on until the pressure has settled, s
+_KEPT_TU = 500  # length of the pressure that is kept before a hop, TU
 # Samples per TU that the pulse code needs: 2 for each edge of a 2 TU pulse, and some margin for the filter.
 LEAST_PER_TU = 2.5
 # A sync scores about 20 at 6 dB per bit (`synchronisation`), and its score grows with its energy. The words after a

@@ -85,7 +85,7 @@ class _Codes:
 
 class SurveyMemory:
     """
-    Earlier surveys, against which the words of the next one are settled.
+    Earlier surveys, by which erased words of the next survey are decided.
 
     Parameters
     ----------

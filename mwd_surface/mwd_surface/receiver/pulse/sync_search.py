@@ -103,7 +103,7 @@ def _refined(top: Guess, time_s: Array, pressure_pa: Array) -> Guess:
 
 
 def _best(tool: ToolConfiguration, sync: Sync, width_s: float, time_s: Array, pressure_pa: Array) -> Guess:
-    """Return the best sync of a width; a score of -inf if there is none or the samples are too far apart."""
+    """Return the guess with the best sync for a width; its score is -inf without a sync, or with too few samples."""
     guess = dataclasses.replace(tool, pulse_width_s=width_s, sync=sync)
     search = _Syncs(guess)
     try:

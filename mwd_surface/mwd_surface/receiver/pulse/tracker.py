@@ -101,7 +101,7 @@ class Tracker:
         return min((one.keeps() for one in self._all), default=math.inf)
 
     def step(self, one: ReceivedTransmission) -> Reception:
-        """Take the next step of a hypothesis; return what can now be published."""
+        """Take the next step of a hypothesis; return the words and frames that can now be published."""
         done = Reception()
         off_s = self._off(one)
         if self._grid.seconds(one.at) >= off_s:
