@@ -64,7 +64,7 @@ class _Read(NamedTuple):
     one: Row
     evidence: Predicted
     doubts: tuple[float, float]  #: `RunFilter.gyro_doubts` before the station
-    turn: float  #: added to azimuths of the filters to get azimuths from the north of the station, rad
+    turn: float  #: angle to add to azimuths of the filters to get azimuths from the north of the station, rad
     repeats: int | None
     agreed: bool  #: whether gyro and field had agreed before the station
 
@@ -195,7 +195,11 @@ class RunModel:
         return 0.0 if self._aged is None else self._aged[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
-        """If the last station belongs to the seek begun at `began_ns`, restore the state before it and return it."""
+        """
+        Restore the state before the last station, if this station belongs to the seek that began at `began_ns`, ns.
+
+        Return the last station in this case, else None.
+        """
         if began_ns is None or self._last is None or self._last.began_ns != began_ns:
             return None
         model.state = self._last.before.copy()
@@ -212,7 +216,7 @@ class RunModel:
         return None if self._filter is None else self._filter.shared()
 
     def _north(self, measured: Measured) -> float:
-        """Return the angle from the north of the model to magnetic north, rad; 0 if the model counts from it."""
+        """Return the angle from the north of the model to magnetic north, rad; 0 if the model uses magnetic north."""
         reference = measured.station.reference
         if measured.station.north == "magnetic" or reference is None or reference.declination is None:
             return 0.0

@@ -39,9 +39,9 @@ _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
-# A filter with a smaller probability on a coarse grid is left out of the fine one.
+# Least probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
 _HOPELESS = 1e-6
-# Probability that a field from outside at one station is also there at the next.
+# Probability that an external field at one station is also present at the next station.
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
