@@ -111,7 +111,7 @@ class Provisional:
 
 class SurveyDecision:
     """
-    Decides the surveys of one run.
+    Decision on the surveys of one run.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ def measured(
 def _unjudged(
     readings: StationReadings, reference: Reference | None, settings: StationSettings, north: NorthTurn
 ) -> Station:
-    """Return the station with its uncorrected azimuth."""
+    """Return the station with its angles, totals and uncorrected azimuth, without a verdict."""
     inc, toolface = readings.inclination, readings.toolface
     alignment = settings.errors.alignment(inc)
     covariance = readings.jacobian @ readings.covariance @ readings.jacobian.T + alignment

@@ -169,7 +169,7 @@ class TurningString:
         self._mag.add(stamps, field)
 
     def close(self, index: int) -> None:
-        """Fit the samples up to the end of a half second; all samples of its time have arrived."""
+        """Use the samples of the half second `index`; call this when all samples of this time have arrived."""
         start, end = index * BIN_NS, (index + 1) * BIN_NS
         stamps, values = self._imu.between(start, end)
         mag_stamps, field = self._mag.between(start, end)

@@ -92,7 +92,7 @@ class Predicted(CircleEvidence):
 
 class RunFilter:
     """
-    Stations of one tool in one assembly.
+    Parallel filters of the errors that the stations of one tool in one assembly share.
 
     Parameters
     ----------
