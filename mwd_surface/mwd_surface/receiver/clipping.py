@@ -76,18 +76,18 @@ class Declipper:
         self._levels[:, :, 0] = -np.inf
 
     def push(self, time: Array, value: Array) -> tuple[Array, Array]:
-        """Add rising times, s, and samples, shape (n,); return those that are complete."""
+        """Add rising times, s, and samples, shape (n,); return the times and samples that are now final."""
         more = np.stack([time, value, np.zeros(len(value))])
         _mark(more[1], self._levels, math.exp(-self._spacing / _FORGOTTEN_S), more[2])
         self._open = np.concatenate([self._open, more], axis=1) if self._open.size else more
         return self._released(False)
 
     def finish(self) -> tuple[Array, Array]:
-        """Return the samples that are left."""
+        """Return the times, s, and samples that are left at the end."""
         return self._released(True)
 
     def _released(self, finished: bool) -> tuple[Array, Array]:
-        """Return the complete samples: those before a clipped sample, and whole blocks from a clipped sample on."""
+        """Return the final samples: those before a clipped sample, and whole blocks from a clipped sample on."""
         time, value, sides = self._open
         count, done = len(time), value.copy() if sides.any() else value
         gaps = np.append(np.flatnonzero(np.diff(time, prepend=self._last_s) > _GAP * self._spacing), count)
@@ -137,7 +137,7 @@ def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
 
 @compiled
 def _count(x: float, rows: Array) -> None:
-    """Count a sample at its value; a new extreme value replaces the value with the fewest samples."""
+    """Count a sample in a table of extreme values; a new extreme value replaces the value with the fewest samples."""
     fewest, known = 0, False
     for j in range(len(rows)):
         if x > rows[j, 0]:

@@ -74,7 +74,7 @@ class Grid:
 
     def samples(self, position: float, pace: float, count: int) -> tuple[Array, Array]:
         """
-        Interpolate values between those of the grid.
+        Return the pressure at even positions between the values of the grid, by interpolation.
 
         Parameters
         ----------

@@ -112,7 +112,7 @@ def _loaded(line: str) -> Any:
 
 
 def _rows(value: Any, names: Sequence[str]) -> Iterator[dict[str, str]]:
-    """Yield the samples in a value as cells by name; names: the names of the values, if it is a plain list."""
+    """Yield the samples in a JSON value as cells by name; names: names of the cells, if the value is a plain list."""
     if isinstance(value, list) and not any(isinstance(one, (dict, list)) for one in value):
         yield {(names[k] if k < len(names) else str(k + 1)): _cell(one) for k, one in enumerate(value)}
     elif isinstance(value, list):

@@ -51,7 +51,7 @@ class SteadyTimes:
 
     def steady(self, time_s: Array, value: Array) -> tuple[Array, Array]:
         """
-        Return the samples whose times are believed, with times that run on.
+        Return the samples with confirmed times; the times run on where a clock was set.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class SteadyTimes:
         return found[:, 0], found[:, 1]
 
     def _take(self, at: float, value: float) -> list[tuple[float, float]]:
-        """Return the samples that are believed now."""
+        """Add a sample; return the times and values of the samples whose times are now confirmed."""
         if not np.isfinite(at):
             return []
         out, before = [], self._unconfirmed

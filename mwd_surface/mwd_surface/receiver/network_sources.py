@@ -166,7 +166,7 @@ class _OfStream:
 
     @property
     def failure(self) -> str:
-        """Reason why no samples arrive."""
+        """Reason why no samples arrive; empty while samples may arrive."""
         return self._stream.failure or self._wrong
 
     @property

@@ -298,7 +298,7 @@ class _TableFile:
         self.headless = any(looks_like_number(name) for name in self._table.names)
 
     def found(self, quantity: str, pattern: re.Pattern[str]) -> list[_Column]:
-        """Return the columns of a quantity in order, or the one that the caller names."""
+        """Return the columns of a quantity in order, or only the column that the caller names for the quantity."""
         named = self._by_caller(quantity)
         return [named] if named else [one for one, words in self._columns() if pattern.match(_last(words))]
 
@@ -439,7 +439,7 @@ class _TableFile:
         return [*dates[:1], clock] if re.fullmatch(form, self._first(clock).strip()) else [clock]
 
     def counted(self, count: int) -> Array:
-        """Return the times, s, of rows at the rate that the caller states."""
+        """Return the times, s, of `count` rows at the rate that the caller states."""
         text = next(value for key, value in self._said.items() if key.startswith("rate"))
         try:
             rate = float(text)
@@ -776,7 +776,7 @@ def _last(words: str) -> str:
 
 
 def _nearest(column: _Column, others: Sequence[_Column]) -> list[_Column]:
-    """Return the other columns, first those of the same object as `column`, which probably belong to it."""
+    """Return the other columns, sorted so that columns of the same object as `column` come first."""
     above = column.name.rpartition(".")[0]
     return sorted(others, key=lambda one: one.name.rpartition(".")[0] != above)
 

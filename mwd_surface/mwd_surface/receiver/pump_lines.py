@@ -48,7 +48,7 @@ def _window(length: int) -> Array:
 
 def line_frequencies(noise: Array) -> Array:
     """
-    Return the frequencies of the lines, strongest first.
+    Return the frequencies of the spectral lines in the noise, strongest first.
 
     noise, shape (n,): pressure without its pulses, Pa. Returns shape (k,), rad per sample.
     """
@@ -88,7 +88,7 @@ def turning(omega: float, cosine: Array, sine: Array) -> None:
 @compiled
 def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory: float, out: Array) -> None:
     """
-    Subtract one line, if it stands out of its surroundings.
+    Subtract one spectral line, if the line is stronger than the noise around it.
 
     Parameters
     ----------

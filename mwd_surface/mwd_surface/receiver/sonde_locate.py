@@ -263,7 +263,7 @@ class _Model:
         )
 
     def residuals(self, x: Array) -> Array:
-        """Return errors over their sigmas, shape (m,)."""
+        """Return the errors of readings and prior knowledge over their sigmas, shape (m,), for unknowns x."""
         field = dipole_field(self._point - x[:3], math.exp(x[5]) * _axis(x)).real
         vectors = field[self._vector]
         sign = np.where(np.sum(vectors * self._field, axis=1) < 0.0, -1.0, 1.0)

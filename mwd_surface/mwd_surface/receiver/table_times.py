@@ -71,7 +71,7 @@ _MONTHS = {
 
 
 class UnknownUnitError(ValueError):
-    """Times without a unit whose steps may be seconds or milliseconds."""
+    """Raised for times without a unit whose steps may be seconds or milliseconds."""
 
 
 def of_numbers(numbers: Array, unit: str) -> Array:

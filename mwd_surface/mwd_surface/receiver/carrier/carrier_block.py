@@ -224,7 +224,7 @@ class BlockDecoder:
         symbols: tuple[Complex, Array],
         weight: Array,
     ) -> tuple[Complex, Array]:
-        """Return the filter that whitens the residual to unit variance, and the weight of each row."""
+        """Return the filter that whitens the residual to unit variance, and the weight of each envelope value."""
         mean, variance = symbols
         rest = data.envelope - offset - self._sent(mean, response)
         sure = weight * (np.repeat(variance, PER_SYMBOL) < 0.5)
@@ -292,7 +292,7 @@ def _normal_equations(
     symbol: tuple[Complex, int], lines: Complex, rest: Complex, weight: Array, gram: Complex, seen: Complex
 ) -> None:
     """
-    Fill the normal equations of symbols and lines. The design matrix is mostly zeros, so its product is written out.
+    Fill the normal equations of symbols and lines. Only the nonzero elements of the design matrix are multiplied.
 
     Parameters
     ----------

@@ -37,7 +37,12 @@ _MOST_LOST = 2  # largest number of blocks in a row that fail before tracking is
 
 @dataclasses.dataclass
 class _Lock:
-    """Block being tracked: start of the next block, steps per symbol, its expected name, noise filter and losses."""
+    """
+    State of the tracking of blocks.
+
+    start, name: start and expected name of the next block; symbol: steps per symbol; taps: noise filter;
+    blocks, lost: number of blocks received, and of blocks lost in a row; good_end: end of the last good block, steps.
+    """
 
     start: float
     symbol: float
@@ -425,7 +430,7 @@ def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
 
 
 def checked(tool: ToolConfiguration, bits: Array) -> tuple[BlockName, bytes] | None:
-    """Return name and words of a block if its check, name, parities and filling hold, else None; bits as decoded."""
+    """Return name and data of a block if check, name, parities and filling hold, else None; bits: log ratios."""
     block = air.read_block((bits < 0.0).astype(np.int64), tool.table_check)
     if block is None:
         return None

@@ -286,7 +286,7 @@ class Link:
         return SEARCHING, self._nothing_found(on_since, frame)
 
     def _survey_received(self, words: list[ReceivedWord]) -> tuple[int, str]:
-        """Return the state after the last survey of a tool that sends only surveys, from the share of usable words."""
+        """Return state and reason after the survey with these words, for a tool that sends only surveys."""
         count = max(len(words), min(len(items) for items in self._tool.surveys))
         good = sum(one.usable for one in words)
         if good == count:

@@ -29,7 +29,7 @@ from mwd_surface.receiver.words import LinkValue, ReceivedWord, value_of
 
 @dataclasses.dataclass(frozen=True)
 class AgeRules:
-    """Settings for how a value received over a link ages."""
+    """Settings for the largest age of values received over a link, and for the growth of their sigmas with age."""
 
     toolface_max_age_s: float = setting(
         120.0,

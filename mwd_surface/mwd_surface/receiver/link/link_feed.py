@@ -82,7 +82,7 @@ class LinkFeed:
 
     @property
     def link(self) -> Link:
-        """Link in force."""
+        """Link with the configuration in force."""
         return self.following.link
 
     def stamp_of(self, seconds: float) -> int:

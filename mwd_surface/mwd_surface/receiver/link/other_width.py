@@ -51,7 +51,7 @@ def believed_with(
 def received_with(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> Reception:
-    """Return the reception with a configuration; empty if the samples are too far apart for its pulses."""
+    """Return the words decoded with a configuration; empty if the samples are too far apart for its pulses."""
     receiver = PulseReceiver(tool)
     for pump, times in strokes.items():
         receiver.strokes(pump, times)

@@ -81,7 +81,7 @@ def basis(length: int, tu_s: float) -> Array:
 @compiled
 def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
     """
-    Fill the normal equations of the coefficients.
+    Fill the normal equations of the coefficients of the response.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
 @compiled
 def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
     """
-    Sum the probabilities that one pulse is at either of two places, by the distance of the places.
+    Sum the products of the probabilities of two places of one pulse, by the distance of the places.
 
     Parameters
     ----------

@@ -181,7 +181,7 @@ class PulseReceiver(SampledReceiver):
                 return
 
     def _add(self, done: Reception, more: Reception) -> None:
-        """Add the words of a step, after settling them against earlier surveys."""
+        """Add the words of a step to `done`, after earlier surveys have decided erased words."""
         if more.frames and self._tracker.leader is not None:
             self.channel = self._tracker.leader.channel
         for frame in more.frames:
@@ -195,7 +195,7 @@ class PulseReceiver(SampledReceiver):
 
     @property
     def _beyond(self) -> int:
-        """Pressure after a hop that its syncs need, TU."""
+        """Length of the pressure after a hop that is needed to find the syncs of the hop, TU."""
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
     @property

@@ -75,7 +75,7 @@ def _pulse(frequency: Array, width: float) -> Array:
 
 
 def _gain(frequency: Array, heard: Array, width: float) -> Array:
-    """Return the channel's gain: measured where the received pulses have energy, extrapolated as friction above."""
+    """Return the gain of the channel: measured at frequencies where pulses have energy, above them extrapolated."""
     measured = heard / np.maximum(_pulse(frequency, width), 1e-3 * width)
     low, high = (share / width for share in _FITTED)
     fitted = (frequency > low) & (frequency < high)

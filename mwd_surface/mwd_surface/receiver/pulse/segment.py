@@ -273,7 +273,7 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
 
 
 def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -> Array:
-    """Return the expected number of edges at each TU from `beyond` before the packets to `beyond` after their span."""
+    """Return the expected number of edges at each TU, from `beyond` TU before the packets to `beyond` TU after them."""
     edges = np.zeros(span + 2 * beyond)
     known = beyond + np.rint((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU).astype(np.int64)
     inside = (known >= 0) & (known < len(edges))
@@ -363,7 +363,7 @@ def _whitened_shapes(state: ChannelEstimate, shapes: Array) -> None:
 
 
 def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> Array:
-    """Return the pump noise of a stretch whose pulses are known from an earlier decoding."""
+    """Return the sum of level and pump noise of a stretch whose pulses are known from an earlier decoding."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
     return _background(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
@@ -436,7 +436,7 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
 
 
 def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array) -> Array:
-    """Fit the noise model to the pressure without pulses and pumps; return the level and pump noise."""
+    """Fit the noise model to the pressure without pulses and pumps; return the sum of level and pump noise."""
     explained = np.empty(len(weight))
     reconstruct(_train(stretch, pulses), state.response, explained)
     residual = stretch.pressure - explained
@@ -470,7 +470,7 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
 
 
 def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
-    """Return the level and the pump noise of a pressure without its pulses."""
+    """Return the sum of level and pump noise of a pressure without its pulses."""
     level = float(weight @ noise) / max(float(weight.sum()), 1e-300)
     return level + pump_noise(noise, weight, memory, angles)
 

@@ -39,7 +39,7 @@ _FALLS_S, _SEEN_S = 4.0, 2.0
 
 class Tracker:
     """
-    Hypotheses about one tool.
+    Hypotheses about the transmission of one tool.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Tracker:
         return needs, self._all[k]
 
     def oldest(self) -> float:
-        """Return the first position of the grid that a hypothesis needs."""
+        """Return the first position of the grid that any hypothesis still needs."""
         return min((one.keeps() for one in self._all), default=math.inf)
 
     def step(self, one: ReceivedTransmission) -> Reception:
