@@ -151,7 +151,7 @@ class Language:
 
     @functools.cached_property
     def decimal(self) -> str:
-        """Decimal mark."""
+        """Decimal mark of the language."""
         if self._decimal or self.code == ENGLISH:
             return self._decimal or "."
         # Import Babel only if needed: the import takes longer than printing the help of a command.

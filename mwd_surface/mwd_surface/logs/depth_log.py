@@ -197,7 +197,7 @@ class _DepthChannel:
 
 class DepthLog:
     """
-    Merge of the log samples of one well.
+    Log samples of one well, merged by depth.
 
     Parameters
     ----------

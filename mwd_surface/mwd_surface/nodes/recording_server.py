@@ -43,7 +43,7 @@ Attachment = tuple[str, str, bytes]
 
 class RecordingServer:
     """
-    Recordings of one well.
+    ROS interface for the recordings of one well.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class RecordingServer:
         self._alarm_log.clear_alarm("recording.start")
 
     def _start(self, name: str) -> Path:
-        """Begin a recording."""
+        """Begin a recording, and note its topics of samples for `tell_streams`; return the path of the recording."""
         path = self._recorder.start(name)
         over_link = self._live.parts.over_link
         resolve = self._node.resolve_topic_name
@@ -171,7 +171,7 @@ class RecordingServer:
             self._node.get_logger().error(printable(f"recording not finished: {error}"))
 
     def _attach_files(self) -> None:
-        """Attach the files to the recording before it ends."""
+        """Attach the files from `attachments` to the recording before the recording ends."""
         for name, media_type, data in self._attachments():
             try:
                 self._recorder.attach(name, media_type, data, time.time_ns(), _ATTACH_TIMEOUT_S)

@@ -21,7 +21,7 @@ _REMEDY = "count the rods in the hole, and correct the tally by their number"
 
 class RodServer:
     """
-    Rod tally of one well.
+    Rod tally of one well: count of the rods in the hole, from which the bit depth follows.
 
     Parameters
     ----------

@@ -473,7 +473,7 @@ _LONGEST_S, _FASTEST = 1e9, 1000.0  # largest time to go to, s, and largest rate
 
 def replay_handler(on_replay: OnReplay, timeout_s: float) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """
-    Return the handler of the request; its JSON may hold playing (true or false), rate (0.01 to 1000) and seek (s).
+    Return the handler of POST /replay; the JSON may have playing (true or false), rate (0.01 to 1000) and seek (s).
 
     on_replay: called with the given fields in the thread of the server. timeout_s: longest wait for the body.
     """

@@ -100,7 +100,7 @@ class StateJson:
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _measured(self, state: WellState) -> Iterator[tuple[str, Table]]:
-        """Yield name and table of each section whose values have a freshness of their own."""
+        """Yield name and table of each section with values of samples, which have a freshness each."""
         # Stream counts change all the time; updating them once per second is enough.
         if state.now - self._counted_at >= 1.0 or state.now < self._counted_at:
             self._counted_at = state.now
@@ -114,7 +114,7 @@ class StateJson:
             yield name, table
 
     def _views(self, state: WellState) -> dict[str, _View]:
-        """Return the sections that change only with new data."""
+        """Return, by name, the definitions of the sections that change only with new data."""
         section, north, most = state.section_azimuth, state.well.north_reference, self._settings.max_rows
         whole = ("surveys",)
         return {

@@ -43,7 +43,7 @@ _KINDS = {
 
 
 def _kind(signal: Signal) -> str:
-    """Return the kind of number on the page; the page converts the vertical angle by the convention of the well."""
+    """Return the kind of number of a signal on the page, such as "length"; "inclination" may be shown as a dip."""
     return "inclination" if signal.is_inclination else _KINDS[signal.listed_scale.symbol]
 
 
@@ -108,7 +108,7 @@ def _alternatives(s: Survey, north: North) -> list[list[float | None]]:
 
 
 def _verdict(record: SurveyRecord) -> tuple[str, str]:
-    """Return the verdict in force and its author."""
+    """Return the verdict in force, and the name of the person who gave it, or "automatic"."""
     if record.judgement == Judgement.ACCEPTED:
         return "accepted", record.operator_name
     if record.judgement == Judgement.REJECTED:

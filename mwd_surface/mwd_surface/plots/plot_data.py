@@ -74,7 +74,7 @@ class AllanOf:
 @dataclasses.dataclass
 class PlotData:
     """
-    Data to draw.
+    Data for the plot of a bag.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ def _pens(bag: Bag, stream: RecordingStream, what: Sequence[str], data: PlotData
 
 
 def _compared(trace: Trace, what: Sequence[str]) -> bool:
-    """Return whether a trace is the truth, and is read for comparison because the attitude is drawn."""
+    """Return whether a trace is the truth of the simulator, which is drawn for comparison if the attitude is drawn."""
     return trace.what == "truth" and "attitude" in what
 
 

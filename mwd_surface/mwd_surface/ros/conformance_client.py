@@ -86,7 +86,7 @@ class RosConformance:
 
     @property
     def state(self) -> Any:
-        """Newest state of control."""
+        """Newest received state of control."""
         del self._states[:-1]
         return self._states[-1][1]
 
@@ -194,7 +194,7 @@ class RosConformance:
 
 
 class RosPeer:
-    """Controller with a key of its own."""
+    """Controller that signs its messages with its own key."""
 
     def __init__(self, interface: RosConformance, name: str) -> None:
         self._interface = interface

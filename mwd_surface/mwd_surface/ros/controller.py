@@ -13,7 +13,7 @@ from mwd_surface.ros.seal import Sealer
 
 class Controller:
     """
-    ROS entities of one controller on a node.
+    Publisher and service clients of one controller of the rig.
 
     Parameters
     ----------

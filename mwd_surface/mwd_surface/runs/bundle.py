@@ -37,7 +37,7 @@ _MOST_BYTES = 20_000_000  # largest size of one text file other than a log
 
 @dataclasses.dataclass(frozen=True)
 class Bundle:
-    """Result: names in the zip, the recording whose end was copied (or None), and remarks on missing files."""
+    """Result of `write`: names in the zip, the recording whose end was copied (or None), and remarks on files."""
 
     names: list[str]
     recording: Path | None

@@ -281,7 +281,7 @@ def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
     """
     Return the domain of the graph to connect to.
 
-    It is the requested domain, else ROS_DOMAIN_ID, else the domain of the only run on this machine.
+    It is the requested domain, else ROS_DOMAIN_ID, else the domain of the only run on this machine, or 0 without a run.
 
     Raises
     ------

@@ -94,7 +94,7 @@ class _Simulated(WellOutlet):
     """Outlet of a well whose recorded data were made by a simulator."""
 
     def is_simulated(self) -> bool:
-        """Return True."""
+        """Return True, because a simulator made the data."""
         return True
 
 

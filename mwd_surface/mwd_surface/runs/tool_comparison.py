@@ -153,5 +153,5 @@ def _azimuth(survey: Survey, method: AzimuthMethod) -> tuple[float, float]:
 
 
 def azimuth_error(reading: ToolDirection, truth: ToolDirection) -> float:
-    """Return measured minus true azimuth, rad, within half a turn."""
+    """Return measured minus true azimuth, rad, from -pi to pi."""
     return float(wrap_pi(reading.azimuth - truth.azimuth))

@@ -298,5 +298,5 @@ def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> floa
 
 
 def azimuth_at(inclination: float, azimuth: float) -> float:
-    """Return the azimuth of the high side, rad; 0 in a vertical hole, so that its toolface is measured from north."""
+    """Return the azimuth of the high side, rad; 0 in a vertical hole, where the toolface is measured from north."""
     return 0.0 if math.sin(inclination) < mc.VERTICAL else azimuth

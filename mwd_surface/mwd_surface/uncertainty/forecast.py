@@ -169,7 +169,7 @@ def corrected_sibling(code: str) -> str:
 
 def error_reference(reference: Reference, latitude: float) -> ErrorReference:
     """
-    Return the local field in the form that the error models need.
+    Convert a reference and a latitude, rad, to the local field and gravity for the error models.
 
     Raise ValueError if the reference has no field.
     """

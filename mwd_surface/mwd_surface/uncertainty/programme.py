@@ -102,7 +102,7 @@ class SurveyProgramme:
 
     def errors(self, stations: ProgrammeStations) -> StationErrors:
         """
-        Return the tools of the stations of a well.
+        Return the tools of the stations of a well, their own sigmas where used, and the covariance of the tie-on.
 
         Raises
         ------
