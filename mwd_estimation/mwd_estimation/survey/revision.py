@@ -27,8 +27,8 @@ from mwd_estimation.survey.station_settings import StationSettings
 
 # A station with a larger probability of an external field is an outlier of its run.
 _OUTLIER = 0.5
-# A run is divided at a step between stations where the hazard of a change of the string is above this, if there is one,
-# otherwise in the middle.
+# A run is divided between two stations if the hazard of a change of the string between them is above this; without such
+# a pair, the run is divided in the middle.
 _GAP = 0.1
 
 

@@ -35,13 +35,13 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 _SAME = 0.7
 # Least 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
-# Largest difference of a reference from the first one of the run, in field, T, and declination, rad; a larger
-# difference is another place.
+# Largest differences of a reference from the first reference of the run, in field, T, and in declination, rad. With a
+# larger difference, the reference is that of another place.
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Largest angle between the gravities, and between the fields, of two stations with the same attitude, in tool axes,
 # rad.
 _STAYED = math.radians(0.5)
-# Estimate from a string that has never turned: no information.
+# Estimate without information, for a string that has never turned.
 _NOTHING = Across(np.zeros(2), math.inf)
 # Time between two stations if it is unknown, h: the time to drill a stand.
 _STAND = 0.5

@@ -28,7 +28,7 @@ from mwd_estimation.survey.station_record import Station, Verdicts
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
-# Probability of a disturbance above which the azimuth is doubtful.
+# Probability of a disturbance or of a wrong gyro above which the azimuth is doubtful.
 _DISTURBED = 0.5
 # An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0

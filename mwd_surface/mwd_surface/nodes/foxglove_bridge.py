@@ -12,7 +12,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
 from mwd_surface.ros.context import SurfaceContext
 
-_RETRY_S = 10.0  # between two attempts to start the server, s
+_RETRY_S = 10.0  # time between two attempts to start the server, s
 
 
 class FoxgloveBridge:

@@ -24,7 +24,7 @@ from mwd_surface.page.state_json import StateJson
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.worker import Answer
 
-_RETRY_S = 5.0  # between two attempts to start the server, s
+_RETRY_S = 5.0  # time between two attempts to start the server, s
 
 Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]
 """Type and callback of each service, by its name."""

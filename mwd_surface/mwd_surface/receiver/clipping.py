@@ -31,18 +31,18 @@ _BLOCK_S, _AHEAD_S, _EACH, _MOST = 5.0, 4.0, 20, 2048
 # even if the line is aliased: with 16 at 10 Hz the error is a third larger, with 8 at 5 Hz twice as large. `_FLOOR`:
 # white noise added to the model, as a share of its variance.
 _ORDER_S, _LEAST_ORDER, _MOST_ORDER, _FLOOR = 1.6, 24, 80, 1e-6
-# A value counts as a limit if it has at least `_VISITS` samples, and `_EXCEEDED` times as many samples as lie beyond
-# it. A value that noise reaches repeatedly by chance does no harm: the replaced samples then stay near their true
-# pressure.
+# A value counts as a limit if more than `_VISITS` samples have exactly this value, and more than `_EXCEEDED` times as
+# many as lie beyond the value. A value that noise reaches repeatedly by chance does no harm: the replaced samples then
+# stay near their true pressure.
 _VISITS, _EXCEEDED = 8.0, 8.0
 # Number of extreme values whose samples are counted, and time constant, s, with which the counts decay: longer than a
 # connection of drill pipe, so that the limit is still known after the connection.
 _LEVELS, _FORGOTTEN_S = 8, 1800.0
-# A limit at less than this share of the largest value is the zero of a gauge while the pumps are off.
+# A limit below this share of the largest value is ignored: it is the reading without pressure, while the pumps are off.
 _ZERO = 0.05
 # Longest run of samples at a limit, s, that is replaced; a longer run contains no information about the pressure.
 _LONGEST_S = 3.0
-# Smallest interval between samples that is a gap, relative to the usual interval.
+# An interval between two samples counts as a gap if it is more than this number of times the usual interval.
 _GAP = 4.0
 # Number of iterations over model and samples, and over the samples that are at their bounds.
 _ROUNDS, _BOUNDS = 3, 6

@@ -35,7 +35,7 @@ def lone(times: Array) -> NDArray[np.bool_]:
     wrong[1:-1] = (before <= after) & ((at < before - STEP_S) | (at > after + STEP_S))
     wrong[0] = times[1] <= times[2] < times[0] - STEP_S or times[1] - times[0] > LONGEST_GAP_S
     wrong[-1] = times[-1] + STEP_S < times[-3] <= times[-2] or times[-1] - times[-2] > LONGEST_GAP_S
-    # The neighbour of a wrong first or last time is right.
+    # The first or the last time counts as wrong only if the time next to it is not wrong.
     wrong[0] &= not wrong[1]
     wrong[-1] &= not wrong[-2]
     return wrong if wrong.sum() <= _MOST * len(times) + 1 else np.zeros_like(wrong)

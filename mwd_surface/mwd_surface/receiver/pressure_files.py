@@ -27,7 +27,8 @@ _WAV_FULL_SCALE = 1.0e7
 _LONGEST_GAP_S = 86400.0
 # Longest usual time between samples, s. A gauge for pulses samples at least ten times per second.
 _SLOWEST_S = 10.0
-# A recording longer than a day that consists mostly of pauses is refused: each pause would be filled with samples.
+# Shortest pause between two samples, s, and largest share of pauses in a recording. A recording with a larger share and
+# with more than a day of pauses is refused: each pause would be filled with samples.
 _GAP_S, _MOST_GAPS = 60.0, 0.9
 # Clipping is reported above this share of samples at a limit, and this number of times that the pressure reaches it.
 _CLIPPED, _VISITS = 0.001, 3
@@ -195,7 +196,8 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
     except BudgetError as error:
         raise ValueError(f"{path}: {error}") from error
     except (ValueError, EOFError, struct.error, ZeroDivisionError, UnboundLocalError) as error:
-        # scipy raises the last two for a file without a format or data chunk, or with a sample width of 0.
+        # scipy raises UnboundLocalError for a file without a format or data chunk, and ZeroDivisionError for a sample
+        # width of 0.
         raise ValueError(f"{path}: not a WAV that can be read (PCM or float): {error}") from error
     table = samples if samples.ndim == 2 else samples[:, np.newaxis]
     if gauge > table.shape[1]:

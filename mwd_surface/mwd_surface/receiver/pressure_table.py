@@ -33,7 +33,8 @@ from mwd_surface.receiver import json_columns, table_times
 _TITLES = 100  # lines of titles above the names
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
 _FULL_SCALE = 1.0e7  # pressure at 20 mA of a gauge whose range is not known, Pa
-# A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR).
+# Current loop of 4 to 20 mA: current at no pressure, its increase up to full pressure, and current below which the wire
+# is broken (NAMUR), A.
 _LIVE_ZERO, _SPAN, _BROKEN = 4e-3, 16e-3, 3.6e-3
 PRESSURES = {
     "pa": 1.0,
@@ -74,7 +75,7 @@ _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
 _BAD_QUALITY = 64  # least quality of a good sample, for OPC quality numbers and for percent
 _GOOD_QUALITIES = {192.0, 216.0, 100.0}
-# Columns of a table with a row for each value of each tag.
+# Column names in a table that has a separate row for each value of each measured quantity (tag).
 _TAG = re.compile(
     r"^(?:tag|point|channel|sensor|signal|mnemonic|parameter|variable|metric|measurement|item|node|curve|topic|name|id|messstelle|kanal|canal|etiqueta|标签|测点|位号)"
     r"(?: ?(?:name|id|no|number|path))?$"
@@ -88,7 +89,7 @@ _NUMBER = r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$"
 _GROUPED = r"^[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?$"
 _CLOCK = r"\d{1,2}:\d{2}(:\d{2}([.,:]\d*)?)?( ?[AaPp]\.?[Mm]\.?)?"
 _DIGITS = r"\d{3,6}(\.\d*)?"  # a clock HHMMSS next to a date
-_HIGHEST = 3.0e8  # Pa; no rig has more
+_HIGHEST = 3.0e8  # pressure that no rig exceeds, Pa
 
 
 @dataclasses.dataclass(frozen=True)

@@ -246,11 +246,11 @@ class _Model:
         found = scipy.optimize.least_squares(
             self.residuals, np.maximum(start, low + 0.01), bounds=(low, np.inf), x_scale=scale, max_nfev=200
         )
-        # A direction that no reading determines keeps a huge sigma; a pseudo-inverse would give it none.
+        # A combination of unknowns that no reading determines gets a very large sigma; a pseudo-inverse would give 0.
         _, weight, directions = np.linalg.svd(found.jac * scale, full_matrices=False)
         spread = scale[:, None] * directions.T / np.maximum(weight, _LEAST_WEIGHT * weight.max())
         x = found.x
-        # A tool axis beyond the vertical is the opposite azimuth.
+        # A tool axis tilted past the vertical points to the opposite azimuth.
         axis = _axis(x)
         return SondeFix(
             position=x[:3],

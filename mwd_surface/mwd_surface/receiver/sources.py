@@ -148,7 +148,7 @@ class ModbusGauge:
         try:
             answer: Any = self._client.read_input_registers(settings.register, count=1, device_id=settings.unit)
         except (ModbusException, OSError, IndexError, ValueError, struct.error) as error:
-            # pymodbus raises the last three for a malformed answer.
+            # pymodbus raises IndexError, ValueError or struct.error for a malformed answer.
             self._client.close()
             self.failure = f"{where}: {error}"
             return

@@ -19,10 +19,11 @@ from mwd_sensors.core.compiled import compiled
 
 _LOCAL = 12  # samples on either side over which the noise power is averaged
 _ROUNDS = 3  # number of iterations over noise model and weights
-# Variances of the disturbance states: each 8 times the one before, up to the variance of starting pumps.
+# Number of disturbance states, largest variance, and square root of the ratio of neighbouring variances. Each variance
+# is 8 times the one before, up to the variance of starting pumps.
 _STATES, _LARGEST, _SQRT_8 = 6, 8.0**5, math.sqrt(8.0)
-# Transition rates per sample: a disturbance begins every five minutes with pulses of 0.5 s. In whitened pressure it
-# lasts as long as its flanks, a second or less.
+# Probability that a disturbance begins at a sample, one every five minutes with pulses of 0.5 s; and mean length of a
+# disturbance, samples. In whitened pressure a disturbance lasts as long as its flanks, a second or less.
 _BEGINS, _LASTS = 1.0 / 5000.0, 8.0
 
 

@@ -24,7 +24,7 @@ from mwd_surface.trajectory.slide_sheet import SLIDE, DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
 STATION, CONTINUOUS, SLIDES, ARC = "station", "continuous", "slide sheet", "arc"
-# Longest gap in the continuous data of an interval with which the data still describe the interval, m.
+# Longest gap in the continuous data of an interval, m; with a longer gap the data are not used for the interval.
 _LONGEST_GAP = 10.0
 # Continuous data within this distance from a station are used to anchor the trajectory at the station, m.
 _AT_STATION = 3.0

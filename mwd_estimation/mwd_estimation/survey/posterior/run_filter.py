@@ -47,7 +47,7 @@ _GOES_ON = 0.5
 _BELIEVED = 20.0
 # Log weight of a filter with zero probability.
 _NEVER = math.log(1e-300)
-# A state of the gyro that is more probable than this at a station is counted for later stations.
+# Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
 _BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)

@@ -393,7 +393,7 @@ def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
 # Words of a carrier block and their confidence.
 
 
-# Odds that a block is present where one should follow the last.
+# Odds that a block is present at the place where the next block is expected after the last one.
 ODDS_EXPECTED = 10.0
 _PASSES_BY_CHANCE = 2.0**-16  # probability that the check of a wrong block holds
 _BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a symbol: one block in about 500 symbols, with flow half the time

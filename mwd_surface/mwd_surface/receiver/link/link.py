@@ -35,7 +35,7 @@ from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, bel
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits with parity are right (docs/benchmarks.md, limits of the code).
 NEEDED_DB = 6.0
-# The same Eb/N0 for carriers, whose blocks have an error-correcting code (docs/benchmarks.md, link).
+# Eb/N0 that is needed with a carrier, whose blocks have an error-correcting code (docs/benchmarks.md, link).
 _NEEDED_DB = {"psk": 3.5}
 _GOODPUT_S = 300.0  # time over which the rate of usable bits (goodput) is averaged, s
 _JUDGED_WORDS = 40  # largest number of final words from which the state and the quality are judged
@@ -343,7 +343,7 @@ class Link:
 # Decision whether the tool is silent because of the flow, from the pressure, the rig's flow and the received words.
 
 
-# A reported flow older than this is not used, s; rigs report it every second or every few seconds.
+# Greatest age of a reported flow that is used, s; rigs report the flow every second or every few seconds.
 _FRESH_S = 5.0
 # Lowest ratio of flow to the tool's threshold at which the pressure can still show running pumps. The pumps count as on
 # from OFF times the pressure while the tool sends, and friction varies with flow**1.75 (turbulent, Blasius).
@@ -366,8 +366,8 @@ class ToolFlow:
     def __init__(self, tool: ToolConfiguration, spans: FlowSpans) -> None:
         self._tool, self.spans = tool, spans
         self._switch: Switch | None = None
-        # Time of the rig's last flow, and since when the flow has been on this side of the threshold, s; -inf if
-        # unknown.
+        # Time of the last flow that the rig reported, and time at which the flow reached its present side of the
+        # threshold, s; -inf if unknown.
         self._at_s = self._since_s = -math.inf
         # Newest flow on the present side of the threshold, m^3/s, and whether later flows were on the other side, for
         # too short a time to change the side.

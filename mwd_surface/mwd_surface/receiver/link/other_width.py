@@ -31,7 +31,7 @@ _BEFORE_S = 20.0
 _LEAST_SCORE = 14.0
 # Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
 _NEAR = (1.0, 1.006, 0.994)
-_SAME = 0.01  # a width within this share of the configured one is the configured one
+_SAME = 0.01  # largest relative difference with which an estimated width counts as the configured width
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:

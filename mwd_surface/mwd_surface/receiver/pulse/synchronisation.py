@@ -45,9 +45,11 @@ _PROMISING, _ROUNDS = 2.0, 2
 _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 # Limit on the chi square (4 degrees of freedom) of the pulse sizes about their mean; the estimated response adds to it.
 _UNLIKE = 30.0
-# Limit on the log likelihood ratio for a missing pulse; at 6 dB noise exceeds it in one of a thousand syncs.
+# Log likelihood ratio above which a pulse of the sync counts as missing. At 6 dB, noise alone exceeds this limit in one
+# of a thousand syncs.
 _MISSING = 6.0
-# A pulse with less weighted energy than this share of the largest of the five is disturbed or in a data gap.
+# A pulse counts as disturbed, or as lost in a data gap, if its weighted energy is at most this share of the largest one
+# of the five pulses.
 _KNOWN = 0.5
 _MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
 _LEAST_NOISE = 200  # least number of samples for a noise model
