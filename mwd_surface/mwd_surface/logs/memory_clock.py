@@ -169,7 +169,7 @@ def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[f
 
 
 def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: float) -> list[tuple[float, float]]:
-    """Return run time and offset, s, at each start and stop of the rotation."""
+    """Return the time of the run and the offset of the memory clock, s, at each start and stop of the rotation."""
     found: list[tuple[float, float]] = []
     of_run, of_memory = _smoothed(run_s, run), _smoothed(memory_s, memory)
     room = _REACH_S + 0.5 * _SMOOTH_S

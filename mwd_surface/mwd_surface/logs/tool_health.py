@@ -169,7 +169,7 @@ _SUMS_OF_SERIES = {"end_ns": int, "newest_ns": int} | dict.fromkeys(
 
 
 class _Series:
-    """One quantity: its newest sample, and the time at each level."""
+    """History of one quantity: the newest sample, and the time for which the quantity was at each level."""
 
     def __init__(self, unit: str, limit: ExposureLimit | None) -> None:
         self.unit, self._limit = unit, limit

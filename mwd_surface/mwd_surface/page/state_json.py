@@ -100,7 +100,7 @@ class StateJson:
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _measured(self, state: WellState) -> Iterator[tuple[str, Table]]:
-        """Yield name and table of each section with values of samples, which have a freshness each."""
+        """Yield name and table of each section whose entries come from samples; an entry may be fresh or stale."""
         # Stream counts change all the time; updating them once per second is enough.
         if state.now - self._counted_at >= 1.0 or state.now < self._counted_at:
             self._counted_at = state.now

@@ -183,7 +183,7 @@ def unclipped(value: Array, sides: Array, order: int) -> Array:
 
 
 def _short(sides: Array, longest: int) -> Array:
-    """Return the sides, with 0 for the samples of runs longer than `longest` samples."""
+    """Return `sides`, with 0 in place of each run of equal values that is longer than `longest` samples."""
     ends = np.flatnonzero(np.diff(sides)) + 1
     out = sides.copy()
     for run in np.split(np.arange(len(sides)), ends):

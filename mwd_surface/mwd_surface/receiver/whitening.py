@@ -163,7 +163,7 @@ def precision(noise: Array, known: Array) -> Array:
 
 
 def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
-    """Return the mean square around each sample, and the median of these."""
+    """Return the mean square of the noise around each sample, and the median of the mean squares."""
     local = np.convolve(noise**2, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
     usual = float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0
     return local, max(usual, 1e-6 * float(local.mean()), 1e-12)
@@ -171,7 +171,7 @@ def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
 
 @compiled
 def _mean_precision(square: Array, known: Array, out: Array) -> None:
-    """Fill out with the mean of 1 / variance by a forward-backward pass; square: relative to steady noise."""
+    """Fill `out` with the mean of 1 / variance by a forward-backward pass; square: squared noise over steady noise."""
     n = len(square)
     likelihood, chance = np.ones((n, _STATES)), np.empty((n, _STATES))
     begun, ended, other = _BEGINS / (_STATES - 1), 0.5 / _LASTS, 0.5 / _LASTS / (_STATES - 1)

@@ -199,7 +199,11 @@ class GraphClient:
 
 
 def _settled(there: Callable[[], dict[str, str]]) -> dict[str, str]:
-    """Return what `there` returns once it has items and none was added for `_QUIET_S`, or after `DISCOVERY_S`."""
+    """
+    Return the items that `there` returns, when their number has not changed for `_QUIET_S`.
+
+    If there is no item, or the number continues to change, wait no longer than `DISCOVERY_S`.
+    """
     end, changed_at, found = time.monotonic() + DISCOVERY_S, time.monotonic(), there()
     while time.monotonic() < end and (not found or time.monotonic() - changed_at < _QUIET_S):
         time.sleep(0.1)

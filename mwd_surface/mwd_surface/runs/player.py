@@ -91,7 +91,7 @@ def recorded_source(bag: Bag) -> str:
 
 
 class _Simulated(WellOutlet):
-    """Outlet of a well whose recorded data were made by a simulator."""
+    """Receiver of the results of a well whose recorded data were made by a simulator."""
 
     def is_simulated(self) -> bool:
         """Return True, because a simulator made the data."""

@@ -211,7 +211,11 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: ErrorTool, refe
 def _of_tool(
     whole: _CourseStations, tool: ErrorTool, own: Mask, reference: ErrorReference, bare: Mask
 ) -> Iterator[ErrorTerm]:
-    """Yield the terms of one tool; own, bare, shape (n,): its stations, and stations without errors of angles."""
+    """
+    Yield the error terms of one tool.
+
+    own, bare : masks, shape (n,), of the stations of the tool, and of the stations without errors of angles.
+    """
     n = whole.md.size
     rows = np.flatnonzero(own)
     low, high = _inclination_limits(tool.code)

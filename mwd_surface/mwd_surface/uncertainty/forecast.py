@@ -190,7 +190,7 @@ def _to_true(north: str, reference: Reference) -> float:
 
 
 def _sigmas(code: str, stations: tuple[Array, Array, Array], field: ErrorReference) -> Array:
-    """Return the sigmas of inclination and azimuth by a code, shape (n, 2), rad."""
+    """Return the sigmas of inclination and azimuth from the error model of a tool code, shape (n, 2), rad."""
     inc = stations[1]
     covariance = angle_covariance(stations, ErrorTool(code), field)
     sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -131,7 +131,7 @@ class CarrierReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Search, lock and follow as far as the samples reach."""
+        """Search for markers and decode blocks in the samples that have arrived."""
         while True:
             if self._lock is not None:
                 if self._needs(self._lock.start, self._lock.symbol) > self._grid.end:
@@ -154,7 +154,7 @@ class CarrierReceiver(SampledReceiver):
         return math.ceil(start + (self._carrier.block_symbols + MARGIN) * symbol * 1.01 + self._band.reach) + REACH
 
     def _window(self, begin: float, end: float) -> tuple[Array, Array, int]:
-        """Return the samples with their mean removed, 1 where they are known, and the position of the first."""
+        """Return the samples without their mean, a mask (1 for known samples), and the position of the first sample."""
         first = math.floor(begin - self._band.reach) - 1
         value, known = self._grid.samples(float(first), 1.0, math.ceil(end + self._band.reach) + 1 - first)
         known = known * (np.arange(first, first + len(value)) >= self._grid.first)

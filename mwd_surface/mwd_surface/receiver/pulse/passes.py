@@ -208,7 +208,7 @@ def soft_words(
 
 
 def _worst(fits: Array) -> float:
-    """Return the log likelihood ratio of a word for the table; fits: the ratios against each kind of wrong table."""
+    """Return the log likelihood ratio of the table to all wrong tables; fits: the ratio to each kind of wrong table."""
     # A wrong table has the same kind of pulses in all packets of a word.
     least = np.min(fits)
     return float(least - np.log(np.mean(np.exp(least - fits))))

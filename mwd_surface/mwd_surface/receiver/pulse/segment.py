@@ -511,7 +511,7 @@ def _timing(
 
 
 def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
-    """Fill out, shape (n,), with a train of pulses whose weights may be negative."""
+    """Fill `out`, shape (n,), with a train of pulses whose weights may be negative."""
     negative = np.empty(len(out))
     reconstruct(train * np.maximum(weight, 0.0), response, out)
     reconstruct(train * np.maximum(-weight, 0.0), response, negative)
